@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.io.results import load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import reconstruct
-    from physic_core.types import Intrinsics, Person, Reconstruction, Scene
+    from physic_core.types import Intrinsics, PeoplePrompt, Person, Reconstruction, Scene
 
 __all__ = [
     "BackendError",
@@ -46,6 +46,7 @@ __all__ = [
     "Intrinsics",
     "NoPersonError",
     "OutputError",
+    "PeoplePrompt",
     "Person",
     "PhysicError",
     "Reconstruction",
@@ -65,6 +66,7 @@ _ON_FIRST_USE = {
     "CommandRecord": "physic_core.discovery.records",
     "Config": "physic_core.configuration.model",
     "Intrinsics": "physic_core.types",
+    "PeoplePrompt": "physic_core.types",
     "Person": "physic_core.types",
     "Reconstruction": "physic_core.types",
     "Registry": "physic_core.discovery.registry",

@@ -21,6 +21,7 @@ PUBLIC = [
     "Intrinsics",
     "NoPersonError",
     "OutputError",
+    "PeoplePrompt",
     "Person",
     "PhysicError",
     "Reconstruction",

@@ -23,18 +23,21 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 
-class _Intrinsics(click.ParamType[Any]):
-    """Four numbers fx,fy,cx,cy."""
+class _Numbers(click.ParamType[Any]):
+    """Numbers with commas between them, such as fx,fy,cx,cy."""
 
-    name = "fx,fy,cx,cy"
+    def __init__(self, names: str) -> None:
+        self.name = names
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        count = self.name.count(",") + 1
         try:
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             numbers = ()
-        if len(numbers) != 4:
-            self.fail(f"'{value}' is not four numbers with commas between them: fx,fy,cx,cy in px", param, ctx)
+        if len(numbers) != count:
+            how_many = {2: "two", 4: "four"}[count]
+            self.fail(f"'{value}' is not {how_many} numbers with commas between them: {self.name} in px", param, ctx)
         return numbers
 
 
@@ -53,7 +56,7 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
     """Add an option that sets the configuration value at a dotted path, in the context's object."""
 
     def store(ctx: click.Context, parameter: click.Parameter, given: Any) -> None:
-        if given is not None and given is not False:
+        if given is not None and given is not False and given != ():
             table, _, key = path.partition(".")
             value = False if option.startswith("--no-") else given
             ctx.ensure_object(dict)[option] = {table: {key: value}}
@@ -65,6 +68,8 @@ _OUT = (
     "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
 )
 
+_PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
+
 
 @click.command()
 @click.argument("photo", type=_Path())
@@ -74,7 +79,10 @@ _OUT = (
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
 @_setting("--focal-px", "photo.focal_px", type=float, metavar="PX", help="Focal length in px of the photo file.")
-@_setting("--intrinsics", "photo.intrinsics", type=_Intrinsics(), help="Camera in px of the photo file.")
+@_setting("--intrinsics", "photo.intrinsics", type=_Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
+@_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
+@_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same by a box around a person.")
+@_setting("--masks", "photo.masks", metavar="FILE", help="The same by an indexed PNG: 1 is the first person's pixels.")
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
 @_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")

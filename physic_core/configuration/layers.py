@@ -40,6 +40,9 @@ _VARIABLE_PREFIX = "PHYSIC__"
 _ALTERNATIVE_KEYS = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
 
+_PATHS = (("body_model", "path"), ("photo", "masks"))
+"""Table and key of the paths that are relative to their config file."""
+
 _MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
 """Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
 
@@ -139,9 +142,10 @@ def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer
     base = table.pop("extends", base)
     if not isinstance(base, str):
         raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
-    body = table.get("body_model")
-    if isinstance(body, dict) and isinstance(body.get("path"), str):
-        body["path"] = str(path.parent / Path(body["path"]).expanduser())
+    for name, key in _PATHS:
+        own = table.get(name)
+        if isinstance(own, dict) and isinstance(own.get(key), str):
+            own[key] = str(path.parent / Path(own[key]).expanduser())
     try:
         # An extended file builds on the preset "embedded", independently of the preset given for this one.
         extended = (

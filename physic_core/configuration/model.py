@@ -21,6 +21,7 @@ from pydantic import (
     PrivateAttr,
     Strict,
     ValidationError,
+    ValidationInfo,
     create_model,
     field_validator,
     model_validator,
@@ -82,7 +83,7 @@ class BackendChoice(_Table):
 
 
 class PhotoSettings(_Table):
-    """The table ``[photo]``: camera of the photo, and its size and masks for the pipeline."""
+    """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to reconstruct."""
 
     max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
     focal_px: float | None = Field(
@@ -90,6 +91,17 @@ class PhotoSettings(_Table):
     )
     intrinsics: tuple[float, float, float, float] | None = Field(
         default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
+    )
+    person: tuple[tuple[float, float], ...] = Field(
+        default=(), description="a pixel x, y on each person to reconstruct, px of the upright photo file"
+    )
+    box: tuple[tuple[float, float, float, float], ...] = Field(
+        default=(), description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file"
+    )
+    masks: str | None = Field(
+        default=None,
+        description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
+        "2 the second; relative to the config file",
     )
     mask_growth: float = Field(
         default=0.008, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
@@ -101,6 +113,18 @@ class PhotoSettings(_Table):
         numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) and math.isfinite(v) for v in value)
         if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
             raise ValueError(f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
+        return value
+
+    @field_validator("person", "box", mode="before")
+    @classmethod
+    def _lists_of_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        names = "x, y" if info.field_name == "person" else "x0, y0, x1, y1"
+        count = names.count(",") + 1
+        rows = value if isinstance(value, (list, tuple)) else [None]
+        for row in rows:
+            numbers = row if isinstance(row, (list, tuple)) else ()
+            if len(numbers) != count or not all(type(v) in (int, float) and math.isfinite(v) for v in numbers):
+                raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {value!r})")
         return value
 
     @model_validator(mode="after")
@@ -205,6 +229,8 @@ class Config(_Table):
         tables = self.model_dump(mode="json", exclude_none=True)
         if self.body_model.path is not None:
             tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
+        if self.photo.masks is not None:
+            tables["photo"]["masks"] = str(Path(self.photo.masks).expanduser().absolute())
         return tables
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_finite, check_type, check_unit_range, length
@@ -13,23 +13,41 @@ from physic_core.interfaces.keypoint_detector import check_keypoints
 from physic_core.types import Keypoints, People
 
 if TYPE_CHECKING:
-    from physic_core.types import UInt8Array
+    from physic_core.types import PeoplePrompt, UInt8Array
 
 __all__ = ["Segmenter", "SegmenterRequest"]
 
 
 @dataclass(frozen=True)
 class SegmenterRequest(Request[People]):
-    """Input of a Segmenter: the photo."""
+    """Input of a Segmenter: the photo, and the people whom the user chose in it.
+
+    ``prompt`` is None without a choice, and always for a backend that does not set ``takes_prompt``.
+    """
+
+    prompt: PeoplePrompt | None = field(default=None, kw_only=True)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Return the arguments of ``infer``: the image, and the prompt if there is one."""
+        return (self.image,) if self.prompt is None else (self.image, self.prompt)
 
 
 class Segmenter(Backend):
-    """Segments people and optionally the floor (paper: GroundingDINO + SAM2)."""
+    """Segments people and optionally the floor (paper: GroundingDINO + SAM2).
+
+    Attributes:
+        takes_prompt: whether ``infer`` also takes ``prompt: PeoplePrompt | None = None`` as second argument. With a
+            prompt it returns exactly one person per prompt, in the order of the prompts, and keeps the given masks. It
+            raises NoPersonError for a prompt that hits nobody. Without ``takes_prompt``, the pipeline selects the
+            chosen people from all people that the backend finds.
+    """
 
     interface = "segmenter"
     api = 1
     Request = SegmenterRequest
     Result = People
+    takes_prompt: ClassVar[bool] = False
 
     @abstractmethod
     def infer(self, image: UInt8Array) -> People:
@@ -50,6 +68,8 @@ class Segmenter(Backend):
         yield from wrong
         if not wrong and n:
             yield from _check_values(result, height, width)
+        if request.prompt is not None and n != len(request.prompt):
+            yield f"one person per prompt is needed, {len(request.prompt)} in all, got {n}"
         if result.keypoints is not None:
             wrong_type = list(check_type(result.keypoints, Keypoints, "keypoints"))
             yield from wrong_type or check_keypoints(result.keypoints, n)

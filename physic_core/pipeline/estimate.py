@@ -25,6 +25,7 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.backend import interface_of, violations
 from physic_core.interfaces.body_estimator import finite_bodies
+from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
 from physic_core.pipeline.nonfinite_results import (
     expand_contact,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BoolArray, FloatArray, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
 __all__ = ["Estimates", "dilate", "feet_pixels", "run_backends"]
 
@@ -92,7 +93,12 @@ class Estimates(ShortRepr):
 
 
 def run_backends(
-    image: UInt8Array, given: Intrinsics | None, plan: ResolvedPipeline, model: BodyModel, stages: StageRunner
+    image: UInt8Array,
+    given: Intrinsics | None,
+    plan: ResolvedPipeline,
+    model: BodyModel,
+    stages: StageRunner,
+    prompt: PeoplePrompt | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
@@ -102,15 +108,16 @@ def run_backends(
         plan: the backends and settings of the run.
         model: body model that all bodies are converted to.
         stages: calls the backends and records the run.
+        prompt: people whom the user chose, px of ``image``; None for all people.
 
     Raises:
-        NoPersonError: the segmenter found no person.
+        NoPersonError: the segmenter found no person, or a prompt hits nobody.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
     run = _BackendCalls(plan.backends, model, stages)
 
-    people = run.people(image)
+    people = run.people(image, prompt)
     keypoints = run.keypoints(image, people)
 
     hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
@@ -170,9 +177,11 @@ class _BackendCalls:
     stages: StageRunner
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
-    def people(self, image: UInt8Array) -> People:
-        """Segment the people in an image; raise NoPersonError if there are none."""
-        segmenter, request = self.backends["segmenter"], SegmenterRequest(image)
+    def people(self, image: UInt8Array, prompt: PeoplePrompt | None) -> People:
+        """Segment the people in an image, or those whom the user chose; raise NoPersonError if there are none."""
+        segmenter = self.backends["segmenter"]
+        takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
+        request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
         people = self.stages.call_backend("people", segmenter, request, unchecked=("floor",))
         if wrong := violations(interface_of(type(segmenter.backend)), people, request):
             self.stages.warn(
@@ -180,6 +189,8 @@ class _BackendCalls:
                 "the floor is searched without its mask"
             )
             people = replace(people, floor=None)
+        if prompt is not None and not takes_prompt:
+            people = select_chosen(people, prompt)
         if not len(people):
             height, width = image.shape[:2]
             raise NoPersonError(

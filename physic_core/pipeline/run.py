@@ -16,7 +16,7 @@ from physic_core.errors import InputError
 from physic_core.io.photo import Photo, check_image, limit_size, read_photo
 from physic_core.io.result_folder import image_digest, photo_digest
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.types import CameraTrust, Intrinsics, Person, Reconstruction
+from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
     import os
@@ -41,6 +41,7 @@ def reconstruct(
     *,
     registry: Registry | None = None,
     intrinsics: Intrinsics | None = None,
+    people: PeoplePrompt | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Reconstruct people, scene and contact from one image.
@@ -52,17 +53,19 @@ def reconstruct(
         registry: of the backends; the installed ones if None. Not used with a ResolvedPipeline.
         intrinsics: the camera of ``image``. It counts as known unless its ``trust`` is "guessed"; ``[photo]`` of the
             config replaces it.
+        people: the people to reconstruct, px of ``image``; ``[photo]`` of the config if None, where no choice means all
+            people.
         progress: called when each stage begins.
 
     Returns:
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
-        InputError: the image or its intrinsics cannot be used.
+        InputError: the image, its intrinsics or the chosen people cannot be used.
         ConfigError: the configuration is invalid.
         WeightsMissingError: files of backends are missing; the message lists all. Nothing was computed.
         DeviceError: the device does not exist.
-        NoPersonError: no person was found.
+        NoPersonError: no person was found, or one of ``people`` was not found.
         BackendError: a required backend failed, or returned an invalid result.
     """
     if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
@@ -73,7 +76,7 @@ def reconstruct(
     if intrinsics is not None and not intrinsics.guessed:
         intrinsics = replace(intrinsics, trust=CameraTrust.KNOWN)
     photo = Photo(check_image(image), intrinsics)
-    found = _reconstruct(photo, _plan(config, registry), progress)
+    found = _reconstruct(photo, _plan(config, registry), people, progress)
     return replace(found, photo=image_digest(photo.image))
 
 
@@ -82,15 +85,17 @@ def reconstruct_photo(
     config: Configuration = None,
     *,
     registry: Registry | None = None,
+    people: PeoplePrompt | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Reconstruct people, scene and contact from a photo file; its EXIF data may give camera and orientation.
 
-    The file is read after config, device and backends have been checked.
+    Arguments and errors are those of :func:`reconstruct`; ``people`` is in px of the upright photo file. The file is
+    read after config, device and backends have been checked.
     """
     plan = _plan(config, registry)
     photo = read_photo(path)
-    return replace(_reconstruct(photo, plan, progress), photo=photo_digest(path, photo.image))
+    return replace(_reconstruct(photo, plan, people, progress), photo=photo_digest(path, photo.image))
 
 
 def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
@@ -103,7 +108,9 @@ def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
     return plan
 
 
-def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None) -> Reconstruction:
+def _reconstruct(
+    photo: Photo, plan: ResolvedPipeline, people: PeoplePrompt | None, progress: Progress | None
+) -> Reconstruction:
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.cache.result_cache import ResultCache
@@ -111,7 +118,9 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
     from physic_core.pipeline.estimate import run_backends
     from physic_core.pipeline.optimise import run_engine
 
+    file_size = photo.file_size or photo.image.shape[1::-1]
     photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
+    prompt = _prompt(people, plan.photo, file_size, photo.image.shape[1::-1])
     run = plan.config.run
     stages = StageRunner(
         plan.device,
@@ -124,7 +133,7 @@ def _reconstruct(photo: Photo, plan: ResolvedPipeline, progress: Progress | None
     model = load_body(plan.body_model)
     with limited_threads(run.threads):
         try:
-            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages)
+            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, prompt)
         finally:
             stages.close()
         solution = run_engine(estimates, plan.engine, model, stages)
@@ -147,6 +156,25 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     else:
         return photo
     return replace(photo, intrinsics=given.resized(width, height))
+
+
+def _prompt(
+    people: PeoplePrompt | None, settings: PhotoSettings, file_size: tuple[int, int], size: tuple[int, int]
+) -> PeoplePrompt | None:
+    """Return the user's choice of people, in px of the image to reconstruct; None for all people.
+
+    Args:
+        people: in px of the upright file; the config's choice if None.
+        settings: of the config.
+        file_size: width and height of the upright file, px.
+        size: width and height of the image to reconstruct, px.
+    """
+    from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
+
+    if people is None and (settings.person or settings.box or settings.masks):
+        masks = None if settings.masks is None else read_masks(settings.masks)
+        people = PeoplePrompt(settings.person, settings.box, masks)
+    return None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, size)
 
 
 def _result(

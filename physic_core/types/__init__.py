@@ -14,6 +14,7 @@ from physic_core.types.camera import CameraTrust, Intrinsics
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.people import Keypoints, People
+from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, Provenance, StageRecord
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
@@ -39,6 +40,7 @@ __all__ = [
     "Keypoints",
     "Mesh",
     "People",
+    "PeoplePrompt",
     "Person",
     "Plane",
     "Pointmap",

@@ -1,0 +1,138 @@
+"""Read, validate and resize the user's choice of people."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from physic_core.errors import InputError
+from physic_core.types import PeoplePrompt
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray
+
+__all__ = ["check_prompt", "read_masks", "resize_prompt"]
+
+MAX_MASKS = 100
+"""Maximum number of people in a mask file. More values are shades of a smoothed edge."""
+
+_MODES = ("1", "L", "P", "I", "I;16", "I;16B")
+
+
+def read_masks(path: str | os.PathLike[str]) -> BoolArray:
+    """Read the masks of people from an image file with one channel, such as an indexed PNG.
+
+    The pixel value 0 is background. The other values that occur are the people, in ascending order.
+
+    Returns:
+        (M, H, W) bool.
+
+    Raises:
+        InputError: the file cannot be read, has several channels, has no value above 0 or more than ``MAX_MASKS``.
+    """
+    path = Path(path)
+    advice = "save an indexed or grey PNG: 0 for background, 1 for the first person, 2 for the second"
+    try:
+        with Image.open(path) as image:
+            if image.mode not in _MODES:
+                raise InputError(f"cannot use the masks {path}: the pixels are {image.mode}, not one number; {advice}")
+            values = np.asarray(image).astype(np.int64)
+    except FileNotFoundError:
+        raise InputError(f"cannot read the masks {path}: there is no such file; check the path") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"cannot read the masks {path}: it is no readable image ({error}); {advice}") from error
+    people = np.unique(values[values > 0])
+    if not len(people):
+        raise InputError(f"cannot use the masks {path}: every pixel is 0, the background; {advice}")
+    if len(people) > MAX_MASKS:
+        raise InputError(
+            f"cannot use the masks {path}: it has {len(people)} values above 0, more than {MAX_MASKS} people; "
+            f"{advice}, without smoothed edges or JPEG compression"
+        )
+    return np.stack([values == value for value in people])
+
+
+def check_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:
+    """Validate the prompts for a photo of ``width`` x ``height`` px, and return them as tuples and a bool array.
+
+    Raises:
+        InputError: there is no prompt; a point or box lies outside the photo; masks are of another size, are empty or
+            overlap.
+    """
+    points = tuple(_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
+    boxes = tuple(_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes)
+    masks = None if prompt.masks is None else np.asarray(prompt.masks)
+    checked = PeoplePrompt(points, boxes, masks)  # type: ignore[arg-type]
+    if not len(checked):
+        raise InputError("nobody is chosen: give at least one point, box or mask, or no choice for all people")
+    size = f"the photo of {width} x {height} px, upright as it is shown"
+    for i, (x, y) in enumerate(checked.points):
+        if not (-0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5):
+            raise InputError(f"{checked.describe(i)} lies outside {size}: give x, y in its px")
+    for i, (x0, y0, x1, y1) in enumerate(checked.boxes, len(points)):
+        if not (x0 < x1 and y0 < y1):
+            raise InputError(f"{checked.describe(i)} is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+        if not (x1 > 0 and y1 > 0 and x0 < width and y0 < height):
+            raise InputError(f"{checked.describe(i)} lies outside {size}: give x0, y0, x1, y1 in its px")
+    if masks is not None:
+        _check_masks(masks, width, height)
+    return checked
+
+
+def resize_prompt(prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[int, int]) -> PeoplePrompt:
+    """Convert prompts for an image of ``size`` (width, height) to the same image at ``new_size``.
+
+    Points are pixel centres at integers. Edges of boxes are half open. Masks are sampled at the nearest pixel.
+
+    Raises:
+        InputError: no pixel of a mask is left.
+    """
+    if size == new_size:
+        return prompt
+    import cv2
+
+    sx, sy = new_size[0] / size[0], new_size[1] / size[1]
+    masks = prompt.masks
+    if masks is not None:
+        masks = np.stack([cv2.resize(m.astype(np.uint8), new_size, interpolation=cv2.INTER_NEAREST) > 0 for m in masks])
+        if not masks.any((1, 2)).all():
+            lost = int((~masks.any((1, 2))).argmax()) + 1
+            raise InputError(
+                f"mask {lost} has no pixel at {new_size[0]} x {new_size[1]} px: paint it larger, or raise "
+                "photo.max_side"
+            )
+    return PeoplePrompt(
+        tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
+        tuple((x0 * sx, y0 * sy, x1 * sx, y1 * sy) for x0, y0, x1, y1 in prompt.boxes),
+        masks,
+    )
+
+
+def _numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(v) for v in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise InputError(f"{wanted}: give {count} finite numbers (got {values!r})")
+    return numbers
+
+
+def _check_masks(masks: Any, width: int, height: int) -> None:
+    if masks.ndim != 3 or masks.dtype != bool:
+        raise InputError(f"masks of people must be (M, H, W) bool, got {masks.shape} {masks.dtype}: convert them")
+    if masks.shape[1:] != (height, width):
+        raise InputError(
+            f"the masks have {masks.shape[2]} x {masks.shape[1]} px and the photo, upright as it is shown, has "
+            f"{width} x {height} px: give masks of the photo's size"
+        )
+    empty = [i + 1 for i in range(len(masks)) if not masks[i].any()]
+    if empty:
+        raise InputError(f"mask {empty[0]} has no pixel: leave it out, or mark the person's pixels")
+    if len(masks) and masks.sum(0, dtype=np.int64).max() > 1:
+        raise InputError("masks of two people overlap: give every pixel to one person at most")

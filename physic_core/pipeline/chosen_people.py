@@ -1,0 +1,109 @@
+"""Select the people whom the user chose, for a segmenter that takes no prompts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import boxes_from_masks
+from physic_core.errors import NoPersonError
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints, People, PeoplePrompt
+
+__all__ = ["person_at_point", "person_in_box", "select_chosen"]
+
+MIN_BOX_IOU = 0.3
+"""A found person whose box has less overlap with the user's box is somebody else."""
+
+MIN_MASK_IOU = 0.5
+"""Found keypoints are kept for a given mask that overlaps at least so much with the found one."""
+
+
+def select_chosen(people: People, prompt: PeoplePrompt) -> People:
+    """Return the people whom the prompts hit, in the order of the prompts, with the given masks as they are.
+
+    Args:
+        people: all people whom the segmenter found, (N, H, W) masks.
+        prompt: in px of the same image.
+
+    Raises:
+        NoPersonError: a point or box hits nobody, or two prompts hit the same person.
+    """
+    rows = [_required(person_at_point(people, p), prompt, i, people) for i, p in enumerate(prompt.points)]
+    rows += [_required(person_in_box(people, b), prompt, i, people) for i, b in enumerate(prompt.boxes, len(rows))]
+    for i, row in enumerate(rows):
+        if row in rows[:i]:
+            first, second = prompt.describe(rows.index(row)), prompt.describe(i)
+            raise NoPersonError(
+                f"{first} and {second} hit the same person: give one prompt for each person, or a box or mask where "
+                "people overlap"
+            )
+    chosen = people.masks[rows]
+    masks, scores, keypoints = chosen, people.scores[rows], _rows(people.keypoints, rows)
+    if prompt.masks is not None:
+        matches = [_best_match(mask, people.masks) for mask in prompt.masks]
+        masks = np.concatenate([chosen & ~prompt.masks.any(0), prompt.masks])
+        # The user is sure of a mask.
+        scores = np.concatenate([scores, np.ones(len(prompt.masks), scores.dtype)])
+        keypoints = _rows(people.keypoints, [*rows, *(m for m in matches if m is not None)])
+        if None in matches:
+            keypoints = None  # the keypoint detector finds those of all people
+    hidden = np.flatnonzero(~masks.any((1, 2)))
+    if len(hidden):
+        raise NoPersonError(f"the given masks hide all of {prompt.describe(int(hidden[0]))}: leave it out")
+    floor = None if people.floor is None else people.floor & ~masks.any(0)
+    boxes = boxes_from_masks(masks).astype(np.float32)
+    return replace(people, masks=masks, boxes=boxes, scores=scores, floor=floor, keypoints=keypoints)
+
+
+def person_at_point(people: People, point: tuple[float, float]) -> int | None:
+    """Return the person whose mask contains a pixel x, y; else the one with the smallest box around it; else None."""
+    x, y = point
+    on_mask = np.flatnonzero(people.masks[:, round(y), round(x)])
+    if len(on_mask):
+        return int(on_mask[0])
+    x0, y0, x1, y1 = people.boxes.T
+    inside = np.flatnonzero((x0 - 0.5 <= x) & (x < x1 - 0.5) & (y0 - 0.5 <= y) & (y < y1 - 0.5))
+    area = (x1 - x0) * (y1 - y0)
+    return int(inside[area[inside].argmin()]) if len(inside) else None
+
+
+def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
+    """Return the person whose box has the largest intersection over union with a box; None below ``MIN_BOX_IOU``."""
+    if not len(people):
+        return None
+    overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
+    best = int(overlap.argmax())
+    return best if overlap[best] >= MIN_BOX_IOU else None
+
+
+def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People) -> int:
+    if row is None:
+        height, width = people.masks.shape[1:]
+        boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
+        found = f"people were found in the boxes {boxes}" if boxes else "nobody was found"
+        raise NoPersonError(
+            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x {height} px; {found}: "
+            "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
+        )
+    return row
+
+
+def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
+    """Return the row of the mask with the largest intersection over union; None below ``MIN_MASK_IOU``."""
+    if not len(masks):
+        return None
+    overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))
+    best = int(overlap.argmax())
+    return best if overlap[best] >= MIN_MASK_IOU else None
+
+
+def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:
+    if keypoints is None:
+        return None
+    world = None if keypoints.world is None else keypoints.world[rows]
+    return replace(keypoints, points=keypoints.points[rows], confidence=keypoints.confidence[rows], world=world)

@@ -1,0 +1,124 @@
+"""The user's choice of people: mask files, validation, and px of the photo file turned into px of the image."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core.errors import InputError
+from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
+from physic_core.types import PeoplePrompt
+
+
+def values(*rows: list[int]) -> np.ndarray:
+    return np.array(rows, np.uint8)
+
+
+def test_the_values_of_an_indexed_png_are_people_in_ascending_order(tmp_path: Path) -> None:
+    image = Image.fromarray(values([0, 2, 2], [1, 0, 0]), "L").convert("P")
+    image.putdata([0, 2, 2, 1, 0, 0])
+    image.save(tmp_path / "people.png")
+    masks = read_masks(tmp_path / "people.png")
+    assert masks.tolist() == [[[0, 0, 0], [1, 0, 0]], [[0, 1, 1], [0, 0, 0]]]
+
+
+def test_a_mask_in_black_and_white_is_one_person(tmp_path: Path) -> None:
+    Image.fromarray(values([0, 255], [255, 0])).save(tmp_path / "person.png")
+    assert read_masks(tmp_path / "person.png").tolist() == [[[False, True], [True, False]]]
+
+
+@pytest.mark.parametrize(
+    ("pixels", "message"),
+    [
+        (np.zeros((4, 4), np.uint8), "every pixel is 0, the background"),
+        (np.arange(144, dtype=np.uint8).reshape(12, 12), "it has 143 values above 0, more than 100 people"),
+        (np.zeros((4, 4, 3), np.uint8), "the pixels are RGB, not one number"),
+    ],
+)
+def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarray, message: str) -> None:
+    Image.fromarray(pixels).save(tmp_path / "m.png")
+    with pytest.raises(InputError, match=message):
+        read_masks(tmp_path / "m.png")
+
+
+def test_a_file_that_is_missing_or_no_image_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        read_masks(tmp_path / "m.png")
+    assert str(error.value) == f"cannot read the masks {tmp_path}/m.png: there is no such file; check the path"
+    (tmp_path / "m.png").write_text("people")
+    with pytest.raises(InputError, match="it is no readable image"):
+        read_masks(tmp_path / "m.png")
+
+
+@pytest.mark.parametrize(
+    ("prompt", "message"),
+    [
+        (PeoplePrompt(), "nobody is chosen: give at least one point, box or mask, or no choice for all people"),
+        (
+            PeoplePrompt(points=((3, 3), (40, 3))),
+            "point 2 (40, 3) lies outside the photo of 40 x 30 px, upright as it is shown: give x, y in its px",
+        ),
+        (
+            PeoplePrompt(points=((1, float("nan")),)),
+            "a point needs x, y in px: give 2 finite numbers (got (1, nan))",
+        ),
+        (
+            PeoplePrompt(boxes=((9, 2, 3, 8),)),
+            "box 1 (9, 2, 3, 8) is empty: give x0, y0, x1, y1 with x0 < x1 and y0 < y1",
+        ),
+        (
+            PeoplePrompt(boxes=((40, 2, 50, 8),)),
+            "box 1 (40, 2, 50, 8) lies outside the photo of 40 x 30 px, upright as it is shown: "
+            "give x0, y0, x1, y1 in its px",
+        ),
+        (
+            PeoplePrompt(masks=np.ones((1, 40, 30), bool)),
+            "the masks have 30 x 40 px and the photo, upright as it is shown, has 40 x 30 px: "
+            "give masks of the photo's size",
+        ),
+        (
+            PeoplePrompt(masks=np.ones((2, 30, 40), bool)),
+            "masks of two people overlap: give every pixel to one person at most",
+        ),
+        (
+            PeoplePrompt(masks=np.zeros((1, 30, 40), bool)),
+            "mask 1 has no pixel: leave it out, or mark the person's pixels",
+        ),
+        (
+            PeoplePrompt(masks=np.ones((30, 40), np.uint8)),
+            "masks of people must be (M, H, W) bool, got (30, 40) uint8: convert them",
+        ),
+    ],
+)
+def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        check_prompt(prompt, 40, 30)
+    assert str(error.value) == message
+
+
+def test_lists_become_tuples() -> None:
+    prompt = check_prompt(PeoplePrompt(points=[[3, 4]], boxes=np.array([[1, 2, 8, 9]])), 40, 30)  # type: ignore[arg-type]
+    assert (prompt.points, prompt.boxes, len(prompt)) == (((3.0, 4.0),), ((1.0, 2.0, 8.0, 9.0),), 2)
+
+
+def test_prompts_follow_the_size_of_the_image() -> None:
+    mask = np.zeros((1, 30, 40), bool)
+    mask[0, 10:20, 20:30] = True
+    smaller = resize_prompt(PeoplePrompt(((0, 0), (39, 29)), ((20, 10, 30, 20),), mask), (40, 30), (20, 15))
+    # The centre of the first pixel lies a quarter of a larger pixel before that of the first large one.
+    assert smaller.points == ((-0.25, -0.25), (19.25, 14.25))
+    assert smaller.boxes == ((10.0, 5.0, 15.0, 10.0),)
+    assert smaller.masks is not None
+    rows, columns = np.nonzero(smaller.masks[0])
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (5, 9, 10, 14)
+
+
+def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported() -> None:
+    mask = np.zeros((1, 30, 40), bool)
+    mask[0, 29, 39] = True
+    with pytest.raises(InputError) as error:
+        resize_prompt(PeoplePrompt(masks=mask), (40, 30), (8, 6))
+    assert str(error.value) == "mask 1 has no pixel at 8 x 6 px: paint it larger, or raise photo.max_side"

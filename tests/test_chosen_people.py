@@ -1,0 +1,147 @@
+"""People whom the user chose, with segmenters that take prompts and with those that do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core import load_config, reconstruct
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord
+from physic_core.errors import BackendOutputError, ConfigError, InputError, NoPersonError
+from physic_core.interfaces import SegmenterRequest
+from physic_core.pipeline.chosen_people import select_chosen
+from physic_core.types import Keypoints, People, PeoplePrompt
+from physic_mock import backends
+from physic_testing.worlds import World, build_world
+
+HEIGHT, WIDTH = 60, 100
+
+
+def rectangle(x0: int, y0: int, x1: int, y1: int) -> np.ndarray:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[y0:y1, x0:x1] = True
+    return mask
+
+
+@pytest.fixture
+def people() -> People:
+    """Return a person on the left with a hidden right half, and one on the right; keypoints are the person's number."""
+    boxes = np.array([[10, 10, 30, 50], [60, 10, 80, 50]], np.float32)
+    points = np.arange(2, dtype=np.float32)[:, None, None].repeat(17, 1).repeat(2, 2)
+    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
+    masks = np.stack([rectangle(10, 10, 20, 50), rectangle(60, 10, 80, 50)])
+    return People(masks, boxes, np.array([0.9, 0.8], np.float32), rectangle(0, 50, WIDTH, HEIGHT), keypoints)
+
+
+def test_points_and_boxes_select_in_the_order_of_the_prompts(people: People) -> None:
+    chosen = select_chosen(people, PeoplePrompt(points=((70, 20),), boxes=((8, 8, 28, 52),)))
+    assert chosen.scores.tolist() == pytest.approx([0.8, 0.9])
+    assert chosen.keypoints is not None
+    assert chosen.keypoints.points[:, 0, 0].tolist() == [1, 0]
+    assert np.array_equal(chosen.masks, people.masks[::-1])
+
+
+def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people: People) -> None:
+    chosen = select_chosen(people, PeoplePrompt(points=((28, 20),)))
+    assert np.array_equal(chosen.masks, people.masks[:1])
+
+
+def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People) -> None:
+    mine = rectangle(70, 10, 100, 60)
+    chosen = select_chosen(people, PeoplePrompt(points=((65, 20),), masks=mine[None]))
+    assert np.array_equal(chosen.masks, np.stack([rectangle(60, 10, 70, 50), mine]))
+    assert chosen.boxes.tolist() == [[60, 10, 70, 50], [70, 10, 100, 60]]
+    assert chosen.floor is not None
+    assert np.array_equal(chosen.floor, rectangle(0, 50, 70, 60))
+    assert chosen.keypoints is None  # nobody was found where the mask is
+    found = select_chosen(people, PeoplePrompt(masks=rectangle(60, 10, 78, 50)[None]))
+    assert found.keypoints is not None
+    assert found.keypoints.points[:, 0, 0].tolist() == [1]
+
+
+def test_a_prompt_that_hits_nobody_is_named(people: People) -> None:
+    with pytest.raises(NoPersonError) as error:
+        select_chosen(people, PeoplePrompt(points=((70, 20), (50, 30))))
+    assert str(error.value) == (
+        "no person was found at point 2 (50, 30), in px of the photo at 100 x 60 px; people were found in the boxes "
+        "(10, 10, 30, 50), (60, 10, 80, 50): choose one of them, mark the person with a mask, or use a segmenter that "
+        "takes prompts"
+    )
+    with pytest.raises(NoPersonError, match=r"at box 1 \(40, 10, 55, 50\), .*"):
+        select_chosen(people, PeoplePrompt(boxes=((40, 10, 55, 50),)))
+
+
+def test_two_prompts_on_one_person_are_refused(people: People) -> None:
+    with pytest.raises(NoPersonError) as error:
+        select_chosen(people, PeoplePrompt(points=((70, 20), (72, 40))))
+    assert str(error.value) == (
+        "point 1 (70, 20) and point 2 (72, 40) hit the same person: give one prompt for each person, or a box or mask "
+        "where people overlap"
+    )
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand")
+
+
+class Prompted(backends.MockSegmenter):
+    takes_prompt = True
+
+    def infer(self, image, prompt=None):
+        found = super().infer(image)
+        return found if prompt is None else select_chosen(found, prompt)
+
+
+class Disobedient(Prompted):
+    def infer(self, image, prompt=None):
+        found = super().infer(image)
+        none = np.zeros(0, int)
+        return replace(found, masks=found.masks[none], boxes=found.boxes[none], scores=found.scores[none])
+
+
+@pytest.mark.parametrize("kind", [backends.MockSegmenter, Prompted])
+def test_a_run_reconstructs_the_chosen_person(world: World, kind: type) -> None:
+    registry = discover()
+    registry.register(BackendRecord("segmenter", "own", kind, api=1))
+    config = load_config(preset="mock", overrides=["segmenter.backend=own"])
+    y, x = np.argwhere(world.masks[0])[len(np.argwhere(world.masks[0])) // 2]
+    result = reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((x, y),)))
+    assert [bool(person.mask[y, x]) for person in result.people] == [True]
+    with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
+        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((1, 1),)))
+    by_config = load_config(preset="mock", overrides=["segmenter.backend=own", "photo.person=[[1, 1]]"])
+    with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
+        reconstruct(world.image, by_config, registry=registry)
+    with pytest.raises(InputError, match=r"point 1 \(9999, 1\) lies outside the photo"):
+        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((9999, 1),)))
+
+
+def test_a_segmenter_that_takes_prompts_has_to_obey_them(world: World) -> None:
+    registry = discover()
+    registry.register(BackendRecord("segmenter", "own", Disobedient, api=1))
+    config = load_config(preset="mock", overrides=["segmenter.backend=own"])
+    with pytest.raises(BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"):
+        reconstruct(world.image, config, registry=registry, people=PeoplePrompt(points=((1, 1),)))
+
+
+def test_the_prompt_is_an_argument_of_infer_only_if_there_is_one() -> None:
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    assert SegmenterRequest(image).arguments == (image,)
+    prompt = PeoplePrompt(points=((1, 1),))
+    assert SegmenterRequest(image, prompt=prompt).arguments == (image, prompt)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("photo.person=[3, 4]", r"photo.person +should be a list of \[x, y\] with finite numbers, px"),
+        ("photo.box=[[1, 2, 3]]", r"photo.box +should be a list of \[x0, y0, x1, y1\] with finite numbers, px"),
+    ],
+)
+def test_a_config_with_another_form_is_refused(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_config(overrides=[setting])
