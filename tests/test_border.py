@@ -27,6 +27,7 @@ from physic_core.types import (
     Keypoints,
     People,
     Pointmap,
+    SurfaceLabels,
 )
 from physic_testing import violations
 
@@ -155,6 +156,39 @@ def test_numbers_that_are_lost_for_some_people_only_are_no_fault() -> None:
     assert violations(HandEstimator, Hands(rotvecs, np.full((2, 2), 0.9)), people=2) == [
         "rotvecs must be finite, 180 values are not"
     ]
+
+
+def surfaces() -> SurfaceLabels:
+    return SurfaceLabels(np.zeros((H, W), np.uint8))
+
+
+def test_surfaces_are_optional_and_indices_into_known_names() -> None:
+    for valid in (None, surfaces(), SurfaceLabels(surfaces().labels + np.uint8(1), ("wall", "floor"))):
+        assert violations(Segmenter, replace(people(), surfaces=valid), height=H, width=W) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "violation"),
+    [
+        (SurfaceLabels(np.zeros((H, W), np.int64)), "surfaces.labels must be uint8, got int64"),
+        (SurfaceLabels(np.zeros((H, 2), np.uint8)), f"surfaces.labels must be ({H}, {W}), got ({H}, 2)"),
+        (replace(surfaces(), names=("floor", "lava")), "surfaces.names has 'lava'; the names of surfaces are "),
+        (replace(surfaces(), names=("floor", "floor")), "surfaces.names must not name a surface twice"),
+        (replace(surfaces(), names=["floor"]), "surfaces.names must be a tuple of texts, got ['floor']"),
+        (SurfaceLabels(np.full((H, W), 2, np.uint8), ("wall",)), "surfaces.labels must be below the 1 names, got 2"),
+        (np.zeros((H, W), np.uint8), "surfaces must be SurfaceLabels, got ndarray"),
+    ],
+)
+def test_wrong_surfaces(wrong: SurfaceLabels, violation: str) -> None:
+    (found,) = violations(Segmenter, replace(people(), surfaces=wrong), height=H, width=W)
+    assert found.startswith(violation)
+
+
+def test_the_mask_of_surfaces_takes_every_name_of_the_vocabulary() -> None:
+    labels = SurfaceLabels(np.array([[0, 1], [1, 2]], np.uint8), ("wall", "floor", "rug"))
+    assert labels.mask("floor", "rug", "bed").tolist() == [[False, True], [True, True]]
+    with pytest.raises(ValueError, match=r"^no surface is named 'lava': use unknown, floor, ground, "):
+        labels.mask("floor", "lava")
 
 
 def test_keypoints_of_another_number_of_people() -> None:

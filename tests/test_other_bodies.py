@@ -24,7 +24,17 @@ from physic_core.pipeline.nonfinite_results import (
     invalidate_nonfinite_hands,
     select_people,
 )
-from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
+from physic_core.types import (
+    Bodies,
+    BodyParameters,
+    ContactProbability,
+    Hands,
+    Mesh,
+    People,
+    Reconstruction,
+    RestMesh,
+    SurfaceLabels,
+)
 from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World, build_world
@@ -176,6 +186,16 @@ def test_some_of_the_bodies_share_their_faces() -> None:
     assert some.mesh.rest is not None
     assert (len(some.joints), some.mesh.vertices.shape, some.mesh.rest.shape) == (1, (1, 4, 3), (4, 3))
     np.testing.assert_array_equal(some.mesh.faces, FACES)
+
+
+def test_some_of_the_people_share_floor_and_surfaces() -> None:
+    surfaces = SurfaceLabels(np.zeros((2, 3), np.uint8))
+    people = People(
+        np.ones((2, 2, 3), bool), np.zeros((2, 4)), np.zeros(2), floor=np.zeros((2, 3), bool), surfaces=surfaces
+    )
+    some = select_people(people, np.array([False, True]))
+    assert some.surfaces is not None
+    assert (len(some), some.floor is people.floor, some.surfaces.labels is surfaces.labels) == (1, True, True)
 
 
 @pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)

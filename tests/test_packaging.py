@@ -159,6 +159,6 @@ def test_the_core_wheel_holds_presets_and_the_body():
 
 def test_the_embedded_wheel_holds_the_networks_and_their_notices():
     files = wheel_files(ROOT / "plugins" / "physic-embedded")
-    assert len([f for f in files if f.endswith(".onnx")]) == 10
+    assert len([f for f in files if f.endswith(".onnx")]) == 11
     assert "physic_embedded/weights/MANIFEST.json" in files
     assert any("notice" in f.lower() or "license" in f.lower() for f in files)

@@ -58,6 +58,7 @@ _CLASSES = (
     types.Pointmap,
     types.RestMesh,
     types.Skeleton,
+    types.SurfaceLabels,
 )
 
 

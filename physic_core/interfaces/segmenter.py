@@ -1,4 +1,4 @@
-"""Interface Segmenter: masks of the people in a photo, and of the floor."""
+"""Interface Segmenter: masks of the people in a photo and of the floor, and semantic labels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_finite, check_type, check_unit_range, length
 from physic_core.interfaces.keypoint_detector import check_keypoints
-from physic_core.types import Keypoints, People
+from physic_core.types import SURFACE_NAMES, Keypoints, People, SurfaceLabels
 
 if TYPE_CHECKING:
     from physic_core.types import PeoplePrompt, UInt8Array
@@ -34,7 +34,7 @@ class SegmenterRequest(Request[People]):
 
 
 class Segmenter(Backend):
-    """Segments people and optionally the floor (paper: GroundingDINO + SAM2).
+    """Segments people, optionally the floor and surfaces by their kind (paper: GroundingDINO + SAM2).
 
     Attributes:
         takes_prompt: whether ``infer`` also takes ``prompt: PeoplePrompt | None = None`` as second argument. With a
@@ -55,7 +55,7 @@ class Segmenter(Backend):
 
     @classmethod
     def check(cls, result: People, request: SegmenterRequest) -> Iterator[str]:
-        """Check masks (disjoint), boxes and scores of N people, and optional floor mask and keypoints."""
+        """Check masks (disjoint), boxes and scores of N people, and optional floor mask, keypoints and surfaces."""
         height, width = request.image.shape[:2]
         n = length(result.masks)
         wrong = [
@@ -73,6 +73,24 @@ class Segmenter(Backend):
         if result.keypoints is not None:
             wrong_type = list(check_type(result.keypoints, Keypoints, "keypoints"))
             yield from wrong_type or check_keypoints(result.keypoints, n)
+        if result.surfaces is not None:
+            wrong_type = list(check_type(result.surfaces, SurfaceLabels, "surfaces"))
+            yield from wrong_type or _check_surfaces(result.surfaces, height, width)
+
+
+def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterator[str]:
+    names = surfaces.names
+    wrong = list(check_array("surfaces.labels", surfaces.labels, (height, width), "uint8"))
+    if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+        wrong.append(f"surfaces.names must be a tuple of texts, got {names!r}")
+    elif unknown := [name for name in names if name not in SURFACE_NAMES]:
+        known = ", ".join(SURFACE_NAMES)
+        wrong.append(f"surfaces.names has {', '.join(map(repr, unknown))}; the names of surfaces are {known}")
+    elif len(set(names)) < len(names):
+        wrong.append("surfaces.names must not name a surface twice")
+    yield from wrong
+    if not wrong and surfaces.labels.size and (highest := int(surfaces.labels.max())) >= len(names):
+        yield f"surfaces.labels must be below the {len(names)} names, got {highest}"
 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:

@@ -18,6 +18,7 @@ from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, Provenance, StageRecord
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
+from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SKELETONS",
+    "SURFACE_NAMES",
     "AffineAmbiguity",
     "Bodies",
     "BodyParameters",
@@ -50,5 +52,6 @@ __all__ = [
     "Scene",
     "Skeleton",
     "StageRecord",
+    "SurfaceLabels",
     "skeleton_named",
 ]

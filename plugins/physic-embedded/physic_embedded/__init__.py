@@ -19,8 +19,8 @@ def physic_backends() -> list[BackendRecord]:
             "embedded",
             "physic_embedded.segmenter:EmbeddedSegmenter",
             api=1,
-            summary="People by BlazePose, masks by MobileSAM, floor from points beside the feet",
-            weights_license="Apache-2.0 (MediaPipe BlazePose, MobileSAM), MIT (TinyViT)",
+            summary="People by YOLOX and BlazePose, masks by MobileSAM, surfaces by DeepLabv3 on ADE20K",
+            weights_license="Apache-2.0 (YOLOX, MediaPipe BlazePose, MobileSAM, DeepLabv3), MIT (TinyViT)",
         ),
         BackendRecord(
             "inpainter",

@@ -1,4 +1,4 @@
-"""Segment people and floor: YOLOX and BlazePose detect people, MobileSAM segments them."""
+"""Segment people, floor and surfaces: YOLOX and BlazePose detect people, MobileSAM segments them, DeepLab labels."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from physic_core.adapters.people import boxes_from_masks
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
+from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import encode_image
 from physic_embedded.networks.sessions import PackagedNetworks
 from physic_embedded.segmentation.floor_mask import floor_mask
@@ -23,7 +24,14 @@ if TYPE_CHECKING:
 
 __all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
 
-NETWORKS = ("yolox_nano", "pose_detection", "pose_landmark_heavy", "mobilesam_encoder", "mobilesam_decoder")
+NETWORKS = (
+    "yolox_nano",
+    "pose_detection",
+    "pose_landmark_heavy",
+    "mobilesam_encoder",
+    "mobilesam_decoder",
+    "deeplabv3_mnv2_ade20k",
+)
 
 
 class EmbeddedSegmenterOptions(Options):
@@ -52,13 +60,15 @@ class EmbeddedSegmenterOptions(Options):
     max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
     min_height_px: float = Field(default=40, ge=0, description="People whose mask is lower than this are left out.")
     floor: bool = Field(default=True, description="Look for the floor beside the feet.")
+    surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
     threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
 class EmbeddedSegmenter(Segmenter):
     """Segmenter: the single-person BlazePose detects people, MobileSAM predicts the masks of people and floor.
 
-    Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks).
+    Also returns the joints (``People.keypoints``, "blazepose33", with world landmarks) and the surfaces that DeepLabv3
+    labels (``People.surfaces``).
     """
 
     Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
@@ -69,7 +79,7 @@ class EmbeddedSegmenter(Segmenter):
         self._networks = PackagedNetworks(*NETWORKS)
 
     def load(self, device: str = "cpu") -> None:
-        """Open the five networks.
+        """Open the networks.
 
         Raises:
             DeviceError: the device is not there.
@@ -98,6 +108,9 @@ class EmbeddedSegmenter(Segmenter):
         )
         poses = [person.pose for person in found]
         masks, floor = self._masks(image, poses)
+        surfaces = None
+        if options.surfaces:
+            surfaces = label_surfaces(networks["deeplabv3_mnv2_ade20k"], image, np.asarray(masks.any(axis=0)))
         boxes = boxes_from_masks(masks).astype(np.float32)
         tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
         return People(
@@ -106,6 +119,7 @@ class EmbeddedSegmenter(Segmenter):
             scores=np.array([person.score for person in found], np.float32)[tall],
             floor=floor,
             keypoints=keypoints_from_poses([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
+            surfaces=surfaces,
         )
 
     def _masks(self, image: UInt8Array, poses: list[Pose]) -> tuple[BoolArray, BoolArray | None]:

@@ -46,9 +46,10 @@ def test_a_network_that_is_not_there_is_named_with_those_that_are() -> None:
     with pytest.raises(BackendError) as error:
         weights_path("yolo")
     assert str(error.value) == (
-        "physic-embedded contains no network 'yolo' (it contains: depth_anything_v2_vits, hand_landmark_full, "
-        "migan_512_places2, mlsd_large_512, mobilesam_decoder, mobilesam_encoder, palm_detection_full, "
-        "pose_detection, pose_landmark_heavy, yolox_nano): install the package again from its wheel"
+        "physic-embedded contains no network 'yolo' (it contains: deeplabv3_mnv2_ade20k, depth_anything_v2_vits, "
+        "hand_landmark_full, migan_512_places2, mlsd_large_512, mobilesam_decoder, mobilesam_encoder, "
+        "palm_detection_full, pose_detection, pose_landmark_heavy, yolox_nano): "
+        "install the package again from its wheel"
     )
 
 

@@ -1,0 +1,86 @@
+"""DeepLabv3 on ADE20K: surfaces lie where the network has its logits, and people are no surface of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.types import SURFACE_NAMES
+from physic_embedded.networks.ade20k import ADE20K_CLASSES, PADDING_VALUE, label_surfaces, predict_surfaces
+from physic_embedded.networks.sessions import open_session
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+FLOOR, WALL, PERSON, SEAT = (SURFACE_NAMES.index(name) for name in ("floor", "wall", "person", "seat"))
+
+
+class Network:
+    """Class 4 (floor) where the input is red, class 1 (wall) elsewhere, with a given margin of the logits."""
+
+    def __init__(self, margin: float = 8.0) -> None:
+        self.margin = margin
+        self.input: NDArray[np.float32] = np.zeros((0,), np.float32)
+
+    def run(self, names: list[str], inputs: dict[str, NDArray[np.float32]]) -> list[Any]:
+        assert names == ["logits"]
+        self.input = inputs["image"][0]
+        red = self.input[::4, ::4, 0] > 200
+        logits = np.zeros((1, 128, 128, 32), np.float32)
+        logits[..., 0] = 100  # is no class
+        logits[0, ..., 4] = np.where(red, self.margin, 0)
+        logits[0, ..., 1] = np.where(red, 0, self.margin)
+        return [logits]
+
+
+def photo(rows: int = 300, columns: int = 600, below: int = 180) -> NDArray[np.uint8]:
+    image = np.full((rows, columns, 3), 90, np.uint8)
+    image[below:] = (255, 0, 0)
+    return image
+
+
+def test_a_surface_lies_at_the_pixels_of_its_logits() -> None:
+    """One cell of the grid is 4.7 px of this photo."""
+    nobody = np.zeros((300, 600), bool)
+    labels = label_surfaces(Network(), photo(), nobody).labels  # type: ignore[arg-type]
+    assert (labels[:175] == WALL).all()
+    assert (labels[185:] == FLOOR).all()
+
+
+def test_a_cell_of_the_grid_is_four_pixels_of_the_input() -> None:
+    _, to_grid = predict_surfaces(Network(), photo(256, 512))  # type: ignore[arg-type]
+    np.testing.assert_allclose(to_grid, [[0.25, 0, 0], [0, 0.25, 0]], atol=1e-12)
+
+
+def test_pixels_of_people_are_people_and_grey_to_the_network() -> None:
+    image, people, network = photo(512, 512), np.zeros((512, 512), bool), Network()
+    people[200:300, 100:200] = True
+    labels = label_surfaces(network, image, people).labels  # type: ignore[arg-type]
+    assert (labels[people] == PERSON).all()
+    assert (labels[~people] != PERSON).all()
+    assert (network.input[200:300, 100:200] == PADDING_VALUE).all()
+    assert (image[200:300, 100:200] != PADDING_VALUE).all()
+
+
+def test_an_improbable_surface_is_unknown() -> None:
+    """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
+    labels = label_surfaces(Network(margin=0), photo(), np.zeros((300, 600), bool)).labels  # type: ignore[arg-type]
+    assert (labels == 0).all()
+
+
+def test_every_class_has_one_surface() -> None:
+    classes = [k for group in ADE20K_CLASSES.values() for k in group]
+    assert sorted(classes) == list(range(1, 32))
+    assert set(ADE20K_CLASSES) <= set(SURFACE_NAMES)
+
+
+def test_the_court_of_the_example_is_floor_or_ground() -> None:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    image = np.ascontiguousarray(bgr[..., ::-1])
+    surfaces = label_surfaces(open_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool))
+    court = surfaces.mask("floor", "ground")
+    assert court[-10:].mean() > 0.8
+    assert court[: len(court) // 4].mean() < 0.05
