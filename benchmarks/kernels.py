@@ -192,7 +192,7 @@ def answer(item: str, preset: str, size: list[int]) -> Answer:
         joints=np.array([person.joints for person in result.people]),
         floor=None if floor is None else np.array([*floor.normal, floor.offset]),
         contact=np.array([person.contact for person in result.people]),
-        checks={(check.name, check.person): check.ok for check in result.checks},
+        checks={(check.name, check.person): check.state for check in result.checks},
     )
 
 

@@ -98,6 +98,7 @@ def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
         "0 people in 3.2 s, and 0.5 s to load models\n"
         "note: focal length is a default\n"
         "warning: no floor was found\n"
+        "checks: no checks were run\n"
         "results: photo-physic/  (look at preview.png first)\n"
     )
     assert done.stderr == "[1/2] people\n[2/2] scene\n"
@@ -113,12 +114,13 @@ def test_run_says_where_each_person_stands_and_touches(pipeline):
         joints: Any
         contact: Any
         failed_checks: tuple[str, ...]
+        unknown_checks: tuple[str, ...]
 
     joints = numpy.full((55, 3), 2.5)
-    pipeline.result.people = (One(joints, numpy.array([True, False, True]), ("reprojection",)),)
+    pipeline.result.people = (One(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean")),)
     assert physic(*run()).stdout.splitlines()[:2] == [
         "1 person in 3.2 s, and 0.5 s to load models",
-        "  person 0: 2.5 m away, 2 of 3 vertices touch; check: reprojection",
+        "  person 0: 2.5 m away, 2 of 3 vertices touch; check: reprojection; not measured: floating, lean",
     ]
 
 

@@ -17,11 +17,13 @@ import torch
 from physic_core.body import load_body
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
+from physic_core.files.strict_json import to_json
 from physic_core.geometry.visibility import vertex_normals
-from physic_core.pipeline import checks as diagnosis
-from physic_core.pipeline.checks import CHECKS, check_warnings, failed_checks, run_checks
+from physic_core.io.check_records import check_record, parse_checks
+from physic_core.pipeline.checks import CHECKS, check_warnings, failed_checks, run_checks, unknown_checks
+from physic_core.pipeline.checks.result import check_value
 from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
-from physic_core.types import CameraTrust, CheckResult, Intrinsics, Plane
+from physic_core.types import CameraTrust, CheckResult, CheckState, Intrinsics, Plane
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
@@ -73,13 +75,13 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
 
 
 def failing(**changes: Any) -> list[tuple[str, int | None]]:
-    return [(d.name, d.person) for d in run_checks(*case(**changes)) if not d.ok]
+    return [(d.name, d.person) for d in run_checks(*case(**changes)) if d.failed]
 
 
 def test_nothing_fails_where_all_is_well() -> None:
     found = run_checks(*case())
     assert [d.name for d in found] == list(CHECKS)
-    assert all(d.ok for d in found)
+    assert not any(d.failed for d in found)
     assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
     assert failed_checks(found, 0) == ()
     assert check_warnings(found) == ()
@@ -108,7 +110,7 @@ def test_nothing_fails_where_all_is_well() -> None:
     ],
 )
 def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float) -> None:
-    (failed,) = [d for d in run_checks(*case(**changes)) if not d.ok]
+    (failed,) = [d for d in run_checks(*case(**changes)) if d.failed]
     assert (failed.name, failed.person) == (name, None)
     assert failed.value == pytest.approx(value)
     assert check_warnings([failed]) == (failed.message,)
@@ -142,7 +144,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
 def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...]) -> None:
     found = run_checks(*case(**changes))
     assert failed_checks(found, 0) == names
-    assert [d.name for d in found if not d.ok] == list(names)
+    assert [d.name for d in found if d.failed] == list(names)
     assert failed_checks(found, 1) == ()
 
 
@@ -170,7 +172,7 @@ def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
 def test_a_point_map_that_is_not_used_need_not_agree() -> None:
     evidence, solution, settings = case(scene_share=0.0)
     settings = replace(settings, scene=replace(settings.scene, source="metric_depth"))
-    assert [d.name for d in run_checks(evidence, solution, settings) if not d.ok] == []
+    assert [d.name for d in run_checks(evidence, solution, settings) if d.failed] == []
 
 
 @pytest.mark.parametrize(
@@ -233,7 +235,7 @@ def test_warnings(changes: dict[str, Any], warning: str) -> None:
 def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
     found = run_checks(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
     assert check_warnings(found) == ()
-    told = {d.name: d.message for d in found if not d.ok}
+    told = {d.name: d.message for d in found if d.failed}
     assert told["lean"] == (
         "this person stands and leans 20 degrees towards the camera: one photo hardly shows that, the pose or the "
         "floor is doubtful"
@@ -242,11 +244,51 @@ def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
 
 def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
     for name, check in CHECKS.items():
-        beyond = check.threshold + (1e-6 if check.bound == "most" else -1e-6)
-        assert diagnosis._check(name, check.threshold, "advice").ok
-        assert not diagnosis._check(name, beyond, "advice").ok
-        unknown = diagnosis._check(name, None, "advice")
-        assert (unknown.ok, unknown.value, unknown.message) == (True, None, f"not measured: {check.meaning}")
+        beyond = check.threshold + (1e-6 if check.direction == "at most" else -1e-6)
+        assert check_value(name, check.threshold, "advice").state == "ok"
+        assert check_value(name, beyond, "advice").state == "failed"
+        assert check_value(name, beyond, "advice").direction == check.direction
+        unknown = check_value(name, math.nan, "advice", unmeasured="no floor")
+        assert (unknown.state, unknown.value, unknown.message) == ("unknown", None, "not measured: no floor")
+        assert (unknown.ok, unknown.failed) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "reason"),
+    [
+        ({"floor": "no_pixels"}, "placed", "no floor was found: the position is by size and scene alone"),
+        ({"floor": "no_pixels"}, "floating", "no floor was found"),
+        ({"floor": "no_pixels"}, "lean", "no floor was found"),
+        ({"floor": "no_pixels"}, "floor_mask", "no floor was found"),
+        ({"floor": "switched_off"}, "floor", "the settings of the engine search no floor"),
+        ({"legs": False}, "floating", "a leg is not visible"),
+        ({"legs": False}, "lean", "a leg is not visible"),
+        ({"joints": standing() @ np.diag([1, 0.2, 1])}, "depth_order", "there is no body, or nothing of it to measure"),
+        ({"joints": np.full((55, 3), np.nan)}, "lean", "there is no body, or nothing of it to measure"),
+        ({"sigma": None}, "scale_sigma", "the metric depth backend estimates no error of its scale"),
+        ({"scene_camera": None}, "focal_agreement", "no backend estimates a focal length"),
+        ({}, "person_depth", "too few visible vertices have a depth"),
+    ],
+)
+def test_what_is_not_measured_is_unknown_for_a_reason(changes: dict[str, Any], name: str, reason: str) -> None:
+    (check,) = [d for d in run_checks(*case(**changes)) if d.name == name]
+    assert (check.state, check.value, check.message) == (CheckState.UNKNOWN, None, f"not measured: {reason}")
+
+
+def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:
+    estimates, solution, settings = case(told={"support_gap_m": 0.0})
+    solution.diagnostics["scene"]["floor"] = {"reason": "no_consensus", "source": "people", "mask_reason": None}
+    found = {d.name: d for d in run_checks(estimates, solution, settings)}
+    assert found["floor"].failed
+    for name in ("floating", "lean"):
+        assert found[name].message == "not measured: the floor is only assumed at the people's feet"
+
+
+def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
+    found = run_checks(*case(floor="no_consensus", told={"reprojection_share": 0.05, "seen_share": 0.9}))
+    assert failed_checks(found, 0) == ("reprojection",)
+    assert {"placed", "floating", "lean"} <= set(unknown_checks(found, 0))
+    assert not {"reprojection", "visible", "optimised"} & set(unknown_checks(found, 0))
 
 
 def test_the_table_of_the_documentation_lists_the_checks(repository: Path) -> None:
@@ -255,22 +297,42 @@ def test_the_table_of_the_documentation_lists_the_checks(repository: Path) -> No
     units = {"1: yes": "1 = yes", "deg": "degrees"}
     assert row.findall(section) == [
         (
-            *(name, check.of, "≤" if check.bound == "most" else "≥"),
+            *(name, check.of, "≤" if check.direction == "at most" else "≥"),
             *(f"{check.threshold:g}", units.get(check.unit, check.unit)),
         )
         for name, check in CHECKS.items()
     ]
 
 
-def test_diagnostics_are_written_and_read_back() -> None:
-    from physic_core.files.strict_json import to_json
-    from physic_core.io.document import _check, parse_checks
+RECORDS = (
+    CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body hangs in the air", 1),
+    CheckResult("visible", CheckState.OK, 0.9, 0.4, "at least", "share", "visible", 1),
+    CheckResult("depth_vs_bodies", CheckState.UNKNOWN, None, 0.5, "at most", "share", "not measured: no depth"),
+)
 
-    found = (
-        CheckResult("floating", 0.2, 0.05, "m", False, "the body hangs in the air", 1),
-        CheckResult("depth_vs_bodies", None, 0.5, "share", True, "not measured"),
-    )
-    assert parse_checks(json.loads(json.dumps(to_json([_check(d) for d in found])))) == found
+
+def test_checks_are_written_and_read_back() -> None:
+    records = json.loads(json.dumps(to_json([check_record(d) for d in RECORDS])))
+    assert records[0] == {
+        "name": "floating",
+        "state": "failed",
+        "value": 0.2,
+        "threshold": 0.05,
+        "direction": "at most",
+        "unit": "m",
+        "message": "the body hangs in the air",
+        "person": 1,
+    }
+    assert parse_checks(records, 2) == RECORDS
+
+
+def test_version_1_called_what_was_not_measured_ok() -> None:
+    records = [
+        {"name": r.name, "person": r.person, "ok": r.state != "failed", "value": r.value}
+        | {"threshold": r.threshold, "unit": r.unit, "message": r.message}
+        for r in RECORDS
+    ]
+    assert parse_checks(records, 1) == RECORDS
 
 
 # ---- what is measured on the mesh ------------------------------------------------------------------------------------

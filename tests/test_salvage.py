@@ -167,7 +167,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
 ) -> None:
     result = run(world, kind, interface)
-    told = [c for c in result.checks if c.name == "missing_outputs" and not c.ok]
+    told = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
     assert [(c.person, c.value) for c in told] == [(LOST, 1)]
     assert f"person 0: no finite values for this person from {interface}" in "\n".join(result.warnings)
     assert all(np.isfinite(person.vertices).all() for person in result.people)

@@ -61,7 +61,7 @@ def result(people: int, found: Scene, **further: object) -> Reconstruction:
 
 def test_a_reconstruction_says_in_a_line_what_it_holds():
     floor = Plane(np.array([0, -1.0, 0]), 1.5)
-    unsure = CheckResult("floor", 0.0, 0.15, "share", False, "no floor was found")
+    unsure = CheckResult("floor", "failed", 0.0, 0.15, "at least", "share", "no floor was found")
     assert repr(result(2, scene(floor, 0.08), warnings=("no scale",))) == (
         "Reconstruction(2 people, 640 x 480, floor found, scale ±8 %, 1 warning)"
     )

@@ -119,7 +119,9 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
         "people": people,
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
         "floor": None if floor is None else [*(float(v) for v in floor.normal), float(floor.offset)],
-        "checks": [{"name": c.name, "person": c.person, "value": c.value, "ok": bool(c.ok)} for c in result.checks],
+        "checks": [
+            {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)} for c in result.checks
+        ],
         "warnings": list(result.warnings),
     }
     if "depth_file" in sample.truth:

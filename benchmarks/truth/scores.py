@@ -48,8 +48,8 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
 
 def photo_record(sample: Sample, answer: Answer) -> Record:
     """Time and checks."""
-    failed = sorted({check["name"] for check in answer["checks"] if not check["ok"]})
-    unknown = sorted({check["name"] for check in answer["checks"] if check["value"] is None})
+    failed = sorted({check["name"] for check in answer["checks"] if check["state"] == "failed"})
+    unknown = sorted({check["name"] for check in answer["checks"] if check["state"] == "unknown"})
     return {
         "set": sample.set,
         "photo": sample.name,
@@ -204,7 +204,7 @@ def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: M
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
     """A floor that the tool only assumes, because its own check refused what it saw, counts as missing."""
-    refused = any(check["name"] == "floor" and not check["ok"] for check in answer["checks"])
+    refused = any(check["name"] == "floor" and check["state"] == "failed" for check in answer["checks"])
     floor = None if answer["floor"] is None or refused else np.array(answer["floor"], np.float64)
     record = {**_of(sample), **floor_errors(floor, up, height), "refused": refused}
     record["missing"] = not record["floor"]

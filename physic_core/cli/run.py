@@ -268,6 +268,8 @@ def _show_progress() -> Iterator[Callable[[str, int, int], None]]:
 
 
 def _summary(result: Reconstruction, folder: Path) -> str:
+    from physic_core.types import summarize_checks
+
     people = len(result.people)
     seconds = sum(s.seconds for s in result.stages)
     loading = sum(s.load_seconds for s in result.stages)
@@ -279,13 +281,15 @@ def _summary(result: Reconstruction, folder: Path) -> str:
     for i, person in enumerate(result.people):
         touching = int(person.contact.sum())
         failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""
+        unknown = f"; not measured: {', '.join(person.unknown_checks)}" if person.unknown_checks else ""
         distance = float(person.joints[0, 2])
         if math.isfinite(distance):
             place = f"{distance:.1f} m away, {touching} of {len(person.contact)} vertices touch"
         else:
             place = "no body"
-        lines.append(f"  person {i}: {place}{failed}")
+        lines.append(f"  person {i}: {place}{failed}{unknown}")
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
+    lines.append(f"checks: {summarize_checks(result.checks)}")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
     return "\n".join(lines)

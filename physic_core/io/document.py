@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,25 +14,29 @@ from physic_core.errors import InputError
 from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.check_records import check_record
 from physic_core.io.result_folder import SCHEMA
-from physic_core.types import CameraTrust, CheckResult, Provenance, Skeleton, StageRecord
+from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
 
 __all__ = [
+    "READABLE_VERSIONS",
     "SCHEMA",
     "SCHEMA_VERSION",
     "decode_document",
     "encode_document",
-    "parse_checks",
     "parse_skeleton",
     "parse_stages",
     "parse_trust",
     "to_document",
 ]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""Of written documents. Version 2 gives each check a state and a direction; version 1 has ``ok`` instead."""
+
+READABLE_VERSIONS = (1, 2)
 
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
@@ -64,7 +68,7 @@ def to_document(
         "photo": reconstruction.photo,
         "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
         "intrinsics": asdict(reconstruction.intrinsics),
-        "checks": [_check(check) for check in reconstruction.checks],
+        "checks": [check_record(check) for check in reconstruction.checks],
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
@@ -121,9 +125,10 @@ def decode_document(content: bytes, name: str) -> dict[str, Any]:
             f"cannot read {name}: it does not describe a reconstruction; name the folder of a finished run"
         )
     version = document.get("schema_version")
-    if version != SCHEMA_VERSION:
+    if version not in READABLE_VERSIONS:
         raise InputError(
-            f"cannot read {name}: its schema version is {version!r}, and this PhySIC reads {SCHEMA_VERSION}; "
+            f"cannot read {name}: its schema version is {version!r}, and this PhySIC reads "
+            f"{' and '.join(map(str, READABLE_VERSIONS))}; "
             "load it with the PhySIC that wrote it, or run the reconstruction again"
         )
     return document
@@ -153,15 +158,6 @@ def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
     return CameraTrust.GUESSED if camera["source"].startswith("default") else CameraTrust.ESTIMATED
 
 
-def parse_checks(records: Sequence[Mapping[str, Any]]) -> tuple[CheckResult, ...]:
-    """Parse the ``checks`` of a document."""
-    numbers = ("value", "threshold")
-    return tuple(
-        CheckResult(**{f.name: from_json(r[f.name]) if f.name in numbers else r[f.name] for f in fields(CheckResult)})
-        for r in records
-    )
-
-
 def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:
     """Parse ``skeleton`` of a document, and ``skeleton_points`` if it is not a standard skeleton."""
     points = document.get("skeleton_points")
@@ -183,21 +179,10 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "box": np.asarray(person.box),
         "score": person.score,
         "failed_checks": person.failed_checks,
+        "unknown_checks": person.unknown_checks,
         "pelvis": np.asarray(person.joints)[0] if len(person.joints) else None,
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
-    }
-
-
-def _check(check: CheckResult) -> dict[str, Any]:
-    return {
-        "name": check.name,
-        "person": check.person,
-        "ok": check.ok,
-        "value": check.value,
-        "threshold": check.threshold,
-        "unit": check.unit,
-        "message": check.message,
     }
 
 

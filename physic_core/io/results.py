@@ -19,10 +19,10 @@ from physic_core.io.arrays import (
     npz_checksum,
     to_arrays,
 )
+from physic_core.io.check_records import parse_checks
 from physic_core.io.document import (
     decode_document,
     encode_document,
-    parse_checks,
     parse_skeleton,
     parse_stages,
     parse_trust,
@@ -36,12 +36,14 @@ from physic_core.io.result_folder import (
     file_digest,
     unchanged_result_files,
 )
-from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
+from physic_core.types import BodyParameters, CheckState, Intrinsics, Person, Plane, Reconstruction, Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
+
+    from physic_core.types import CheckResult
 
 __all__ = [
     "ARRAYS_FILE",
@@ -171,6 +173,8 @@ def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
     camera, scene = document["intrinsics"], document["scene"]
     floor = scene["floor"]
+    # The first results were written without checks.
+    checks = parse_checks(document.get("checks", ()), document["schema_version"])
     return Reconstruction(
         image=arrays["image"],
         intrinsics=Intrinsics(
@@ -193,7 +197,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
             scale=from_json(scene["scale"]),
             scale_sigma=from_json(scene["scale_sigma"]),
         ),
-        people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
+        people=tuple(_person(record, index, arrays, checks) for index, record in enumerate(document["people"])),
         faces=arrays["faces"],
         body_model=document["body_model"],
         skeleton=parse_skeleton(document),
@@ -202,15 +206,19 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
         config=from_json(document["config"]),
-        checks=parse_checks(document.get("checks", ())),  # results of before they were written have none
+        checks=checks,
         photo=document.get("photo", ""),
     )
 
 
-def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]]) -> Person:
+def _person(
+    record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]], checks: Sequence[CheckResult]
+) -> Person:
     def of(name: str) -> NDArray[Any]:
         return arrays[f"person_{index}_{name}"]
 
+    # Documents of version 1 do not list them.
+    unknown = [check.name for check in checks if check.person == index and check.state is CheckState.UNKNOWN]
     return Person(
         box=of("box"),
         score=from_json(record["score"]),
@@ -223,4 +231,5 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
         contact=of("contact"),
         distance=of("distance"),
         failed_checks=tuple(record["failed_checks"]),
+        unknown_checks=tuple(record.get("unknown_checks", unknown)),
     )

@@ -186,7 +186,7 @@ def _result(
     config: Config,
     stages: StageRunner,
 ) -> Reconstruction:
-    from physic_core.pipeline.checks import check_warnings, failed_checks
+    from physic_core.pipeline.checks import check_warnings, failed_checks, unknown_checks
 
     people = []
     for i in range(len(estimates.people)):
@@ -203,6 +203,7 @@ def _result(
                 contact=solution.contact[i],
                 distance=solution.distance[i],
                 failed_checks=failed_checks(checks, i),
+                unknown_checks=unknown_checks(checks, i),
             )
         )
     stages.warn(*check_warnings(checks))

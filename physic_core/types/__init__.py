@@ -15,7 +15,7 @@ from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.people import Keypoints, People
 from physic_core.types.prompt import PeoplePrompt
-from physic_core.types.records import CheckResult, Provenance, StageRecord
+from physic_core.types.records import CheckResult, CheckState, Provenance, StageRecord, summarize_checks
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
@@ -34,6 +34,7 @@ __all__ = [
     "BodyParameters",
     "CameraTrust",
     "CheckResult",
+    "CheckState",
     "ContactProbability",
     "DepthMap",
     "Hands",
@@ -54,4 +55,5 @@ __all__ = [
     "StageRecord",
     "SurfaceLabels",
     "skeleton_named",
+    "summarize_checks",
 ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from enum import StrEnum
+from typing import Any, Literal
 
-__all__ = ["CheckResult", "Provenance", "StageRecord"]
+__all__ = ["CheckResult", "CheckState", "Provenance", "StageRecord", "summarize_checks"]
 
 
 @dataclass(frozen=True)
@@ -46,24 +48,62 @@ class StageRecord:
     failed: bool = False
 
 
+class CheckState(StrEnum):
+    """Outcome of a self-check."""
+
+    OK = "ok"
+    """The value was measured and is within the threshold."""
+
+    FAILED = "failed"
+    """The value was measured and is beyond the threshold."""
+
+    UNKNOWN = "unknown"
+    """Nothing was measured; the message says why."""
+
+
 @dataclass(frozen=True)
 class CheckResult:
     """Result of one self-check of a reconstruction; :mod:`physic_core.pipeline.checks` lists all checks.
 
     Attributes:
         name: of the check; stable, so that results can be filtered by it.
-        value: the measured number, or None if there was nothing to measure; then ``ok`` is True.
+        state: a :class:`CheckState` or its value.
+        value: the measured number, or None if nothing was measured.
         threshold: the bound on ``value``.
-        unit: of both.
-        ok: whether the check passed.
-        message: meaning of the value; if the check failed, also what to do.
+        direction: whether ``value`` must be "at most" or "at least" the threshold.
+        unit: of value and threshold.
+        message: meaning of the value; what to do if the check failed; the reason if nothing was measured.
         person: index into ``Reconstruction.people``, or None if the check is about the photo.
     """
 
     name: str
+    state: CheckState
     value: float | None
     threshold: float
+    direction: Literal["at most", "at least"]
     unit: str
-    ok: bool
     message: str
     person: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", CheckState(self.state))
+
+    @property
+    def ok(self) -> bool:
+        """Whether the value was measured and is within the threshold."""
+        return self.state is CheckState.OK
+
+    @property
+    def failed(self) -> bool:
+        """Whether the value was measured and is beyond the threshold."""
+        return self.state is CheckState.FAILED
+
+
+def summarize_checks(checks: Sequence[CheckResult]) -> str:
+    """Return how many checks failed, were not measured, and are ok: "2 failed, 3 not measured, 24 ok"."""
+    if not checks:
+        return "no checks were run"
+    count = Counter(check.state for check in checks)
+    parts = [f"{count[CheckState.FAILED]} failed"] * bool(count[CheckState.FAILED])
+    parts += [f"{count[CheckState.UNKNOWN]} not measured"] * bool(count[CheckState.UNKNOWN])
+    return ", ".join([*parts, f"{count[CheckState.OK]} ok"])

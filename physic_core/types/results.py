@@ -66,6 +66,7 @@ class Person(ShortRepr):
         distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf beyond the
             search radius.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
+        unknown_checks: names of those for which nothing could be measured.
     """
 
     box: FloatArray
@@ -79,6 +80,7 @@ class Person(ShortRepr):
     contact: BoolArray
     distance: FloatArray
     failed_checks: tuple[str, ...] = ()
+    unknown_checks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Reconstruction(ShortRepr):
             body.
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
-        checks: all self-checks of the result, passed or failed.
+        checks: all self-checks of the result: ok, failed or unknown.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
     """
 
@@ -119,7 +121,7 @@ class Reconstruction(ShortRepr):
 
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
-        rejected = any(check.name == "floor" and not check.ok for check in self.checks)
+        rejected = any(check.name == "floor" and check.failed for check in self.checks)
         parts = (
             "1 person" if people == 1 else f"{people} people",
             f"{self.intrinsics.width} x {self.intrinsics.height}",

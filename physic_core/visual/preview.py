@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
+from physic_core.types import summarize_checks
 from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, side_view, top_view
 from physic_core.visual.panels import (
     colored_depth,
@@ -26,7 +27,7 @@ from physic_core.visual.preview_geometry import build_preview_geometry, person_c
 from physic_core.visual.render import Perspective
 
 if TYPE_CHECKING:
-    from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.types import Person, Reconstruction, UInt8Array
 
 __all__ = ["preview_image", "preview_png", "summary_line"]
 
@@ -113,15 +114,17 @@ def summary_line(reconstruction: Reconstruction) -> str:
     seconds = sum(stage.seconds for stage in reconstruction.stages)
     if seconds:
         facts.append(f"{seconds:.1f} s")
-    failing = sum(bool(person.failed_checks) for person in reconstruction.people)
-    facts.append(
-        f"{failing} of {len(reconstruction.people)} fail{'s' if failing == 1 else ''} a check"
-        if failing
-        else "all checks passed"
-    )
+    facts.append(f"checks: {summarize_checks(reconstruction.checks)}")
     count = len(reconstruction.warnings)
     facts.append(f"{count} warning{'' if count == 1 else 's'}" if count else "no warnings")
     return "  ·  ".join(facts)
+
+
+def person_checks(person: Person) -> str:
+    """Return the names of a person's checks that failed or were not measured, as one line; "" if all are ok."""
+    parts = [f"fails: {', '.join(person.failed_checks)}"] * bool(person.failed_checks)
+    parts += [f"not measured: {', '.join(person.unknown_checks)}"] * bool(person.unknown_checks)
+    return "; ".join(parts)
 
 
 def _title(people: int) -> str:
@@ -255,7 +258,7 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
         return
     across, down = _grid(shown, frame)
     width, height = frame.width // across, frame.height // down
-    head = 50 if any(person.failed_checks for person in people[:shown]) else 30
+    head = 50 if any(person_checks(person) for person in people[:shown]) else 30
     for index in range(shown):
         x, y = frame.x + index % across * width, frame.y + index // across * height
         shown_person = render_contact_views(reconstruction, index, width - 8, height - head - 24)
@@ -266,9 +269,10 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
         person = people[index]
         share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
         pen.text((x + 36, y + 16), f"{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm")
-        if person.failed_checks:
-            line = _shorten(f"fails: {', '.join(person.failed_checks)}", 14, width - 16)
-            pen.text((x + 8, y + 38), line, font=_font(14), fill=_ALERT, anchor="lm")
+        if line := person_checks(person):
+            line = _shorten(line, 14, width - 16)
+            color = _ALERT if person.failed_checks else _SOFT
+            pen.text((x + 8, y + 38), line, font=_font(14), fill=color, anchor="lm")
 
 
 def _grid(count: int, frame: _Frame) -> tuple[int, int]:

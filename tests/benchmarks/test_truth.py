@@ -398,7 +398,7 @@ def test_a_person_too_near_comes_out_in_the_table(truth, joints):
 
 def test_who_has_no_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
     bodiless = person_of(truth, np.full((12, 3), np.nan)) | {"keypoints": person_of(truth, joints)["keypoints"]}
-    refused = [{"name": "floor", "ok": False, "value": 0.1, "person": None}]
+    refused = [{"name": "floor", "state": "failed", "value": 0.1, "person": None}]
     records = truth.main.compared([alone(truth, joints)], [answer_with(bodiless, checks=refused)])
     rows = rows_by_name(truth, records)
     assert (rows["people found, mpi_inf_3dhp"], rows["missing"]) == (0, 1)

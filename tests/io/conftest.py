@@ -146,6 +146,7 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         contact=heights < 0.02,
         distance=np.where(heights < 0.15, heights, np.inf).astype(np.float32),
         failed_checks=("stands apart from the floor",),
+        unknown_checks=("lean",),
     )
     return person, faces
 

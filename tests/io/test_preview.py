@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_core.types import Intrinsics
+from physic_core.types import CheckResult, Intrinsics
 from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, side_view, top_view
 from physic_core.visual.panels import depth_panel, depth_range, overlay_panel, render_contact_views
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
@@ -235,8 +235,13 @@ def test_nobody_and_nothing_make_empty_plans(make):
 # --- the whole --------------------------------------------------------------------------------------------------------
 
 
+def checks(*states):
+    return tuple(CheckResult(f"check {i}", s, None, 1.0, "at most", "m", "", 0) for i, s in enumerate(states))
+
+
 def test_the_headline_states_the_facts(reconstruction):
-    assert summary_line(reconstruction) == "  ·  ".join(
+    judged = replace(reconstruction, checks=checks("failed", "unknown", "ok"))
+    assert summary_line(judged) == "  ·  ".join(
         [
             "160 x 120 px",
             "focal length 128 px (given)",
@@ -244,7 +249,7 @@ def test_the_headline_states_the_facts(reconstruction):
             "changed by +6.2 % in the joint fit",
             "camera 1.40 m above the floor, looking 12° down",
             "0.6 s",
-            "2 of 2 fail a check",
+            "checks: 1 failed, 1 not measured, 1 ok",
             "2 warnings",
         ]
     )
@@ -253,15 +258,14 @@ def test_the_headline_states_the_facts(reconstruction):
 def test_the_headline_of_a_bare_result(make):
     bare = make(people=1)
     scene = replace(bare.scene, floor=None, scale=1.0, scale_sigma=None)
-    people = tuple(replace(person, failed_checks=()) for person in bare.people)
-    assert summary_line(replace(bare, scene=scene, people=people, stages=(), warnings=())) == "  ·  ".join(
+    assert summary_line(replace(bare, scene=scene, stages=(), warnings=())) == "  ·  ".join(
         [
             "160 x 120 px",
             "focal length 128 px (given)",
             "scale of unknown certainty",
             "changed by +0.0 % in the joint fit",
             "no floor found",
-            "all checks passed",
+            "checks: no checks were run",
             "no warnings",
         ]
     )

@@ -22,7 +22,7 @@ from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import decode_document, encode_document, to_document
 from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
-from physic_core.types import Intrinsics, Reconstruction, Scene
+from physic_core.types import CheckResult, Intrinsics, Reconstruction, Scene
 
 
 def assert_same(left, right, where="reconstruction"):
@@ -214,12 +214,13 @@ def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
-    assert document["schema_version"] == 1
+    assert document["schema_version"] == 2
     assert document["units"] == {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"}
     assert document["frame"]["axes"] == "OpenCV camera: x right, y down, z forward; origin at the camera"
     assert document["image"] == {"width": 160, "height": 120}
     assert document["intrinsics"]["fx"] == reconstruction.intrinsics.fx
     assert document["people"][0]["failed_checks"] == ["stands apart from the floor"]
+    assert document["people"][0]["unknown_checks"] == ["lean"]
     assert document["people"][1]["box"] == reconstruction.people[1].box.tolist()
     assert document["scene"]["floor"]["offset"] == 1.4
     assert document["scene"]["scale"] == 1.0625
@@ -366,12 +367,31 @@ def test_a_document_without_its_arrays(tmp_path, reconstruction):
     assert message_of(tmp_path) == f"cannot read {path}: there is no such file; name the folder of a finished run"
 
 
+def test_a_result_of_schema_version_1(tmp_path, reconstruction):
+    save_reconstruction(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    document = json.loads(path.read_bytes())
+    old = {"value": None, "threshold": 12, "unit": "deg", "ok": True, "message": "not measured: tilt"}
+    low = {"value": 0.0, "threshold": 0.15, "unit": "share", "ok": False, "message": "no floor was found"}
+    document |= {"schema_version": 1, "checks": [{"name": "floor", "person": None} | low]}
+    document["checks"].append({"name": "lean", "person": 1} | old)
+    for person in document["people"]:
+        del person["unknown_checks"]
+    path.write_bytes(json.dumps(document).encode())
+    loaded = load_reconstruction(tmp_path)
+    assert loaded.checks == (
+        CheckResult("floor", "failed", 0.0, 0.15, "at least", "share", "no floor was found"),
+        CheckResult("lean", "unknown", None, 12.0, "at most", "deg", "not measured: tilt", 1),
+    )
+    assert [person.unknown_checks for person in loaded.people] == [(), ("lean",)]
+
+
 def test_another_schema_version(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
-    path.write_bytes(path.read_bytes().replace(b'"schema_version": 1', b'"schema_version": 99'))
+    path.write_bytes(path.read_bytes().replace(b'"schema_version": 2', b'"schema_version": 99'))
     assert message_of(tmp_path) == (
-        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1; "
+        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1 and 2; "
         "load it with the PhySIC that wrote it, or run the reconstruction again"
     )
 

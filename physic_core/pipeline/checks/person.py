@@ -1,0 +1,151 @@
+"""Self-checks of one person: outputs, placement, picture, support and depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body.joints import joint_pair
+from physic_core.body.posture import is_body_straight, lean_deg
+from physic_core.pipeline.checks.result import check_value, measured, relative_difference
+from physic_core.types import CheckResult
+
+if TYPE_CHECKING:
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.solution import Solution
+
+__all__ = ["check_person"]
+
+_KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
+_NO_FLOOR = "no floor was found"
+_ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
+_NO_BODY = "there is no body, or nothing of it to measure"
+_HIDDEN_LEG = "a leg is not visible"
+
+
+def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+    """Run the self-checks of one person."""
+    yield from _check_outputs(estimates, solution, person)
+    yield from _check_picture(estimates, solution, person)
+    yield from _check_support(estimates, solution, person)
+    yield from _check_depth(solution, person)
+
+
+def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+    missing = estimates.missing_results[person] if estimates.missing_results else ()
+    yield check_value(
+        "missing_outputs",
+        float(len(missing)),
+        f"no finite values for this person from {', '.join(missing)}: results that need them are left out; "
+        "try another backend",
+    )
+    problem, floor = solution.people[person].get("placement_problem"), _floor_problem(solution)
+    yield check_value(
+        "placed",
+        0.0 if problem else 1.0 if floor is None else None,
+        str(problem),
+        unmeasured=f"{floor}: the position is by size and scene alone",
+    )
+    failure = solution.failures[person]
+    yield check_value(
+        "optimised",
+        float(not failure),
+        f"pose and position are those of the placement: {failure}",
+    )
+
+
+def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+    report = solution.people[person]
+    yield check_value(
+        "reprojection",
+        measured(report, "reprojection_share"),
+        "confident keypoints miss the body: its pose is doubtful, look at it over the photo in preview.png",
+        unmeasured="no keypoint is confident, or there is no body",
+    )
+    yield check_value(
+        "visible",
+        measured(report, "seen_share"),
+        "most of the body is hidden or outside the photo: what is not seen is a guess",
+        unmeasured=_NO_BODY,
+    )
+    legs = _visible_legs(estimates, person)
+    yield check_value(
+        "legs_seen",
+        None if legs is None else float(legs),
+        "neither knee nor ankle of one leg is visible: its pose is a guess, and it gets no contact",
+        unmeasured="the body estimator does not report which joints are visible",
+    )
+
+
+def _check_support(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+    report = solution.people[person]
+    yield check_value(
+        "penetration",
+        measured(report, "penetration_share"),
+        "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
+        unmeasured=_NO_BODY,
+    )
+    # With an invisible leg the support of the person is unknown.
+    legs = _visible_legs(estimates, person)
+    unknown = _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
+    yield check_value(
+        "floating",
+        measured(report, "support_gap_m") if unknown is None else None,
+        "the body hangs in the air: its distance or the floor is wrong, or what carries it is missing in the scene",
+        unmeasured=unknown or _NO_BODY,
+    )
+    yield _check_lean(solution, person, unknown)
+
+
+def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
+    report = solution.people[person]
+    ratio = measured(report, "depth_ratio")
+    yield check_value(
+        "person_depth",
+        None if not ratio else relative_difference(ratio),
+        f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: their distance is doubtful",
+        unmeasured="too few visible vertices have a depth",
+    )
+    yield check_value(
+        "depth_order",
+        measured(report, "depth_order_share"),
+        "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
+        unmeasured=_NO_BODY,
+    )
+
+
+def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckResult:
+    joints, floor = solution.joints[person], solution.scene.floor
+    part = math.nan
+    if unknown is None and floor is not None:
+        if not np.isfinite(joints).all():
+            unknown = _NO_BODY
+        elif not is_body_straight(joints):
+            unknown = "this person does not stand straight"
+        else:
+            _, part = lean_deg(joints, floor)
+    direction = "towards the camera" if part > 0 else "away from the camera"
+    return check_value(
+        "lean",
+        abs(part),
+        f"this person stands and leans {abs(part):.0f} degrees {direction}: one photo hardly shows that, the "
+        "pose or the floor is doubtful",
+        unmeasured=unknown or _NO_BODY,
+    )
+
+
+def _floor_problem(solution: Solution) -> str | None:
+    """Return why heights over the floor cannot be measured, or None if they can."""
+    if solution.scene.floor is None:
+        return _NO_FLOOR
+    found = solution.diagnostics["scene"]["floor"]["reason"] == "found"
+    return None if found else _ASSUMED_FLOOR
+
+
+def _visible_legs(estimates: Estimates, person: int) -> int | None:
+    """Count the legs with a visible knee or ankle; None if the backend does not report visible joints."""
+    observed = estimates.bodies.observed
+    return None if observed is None else int((observed[person][_KNEES] | observed[person][_ANKLES]).sum())

@@ -1,0 +1,140 @@
+"""Self-checks of the photo as a whole: alignments, floor, scale and camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+from physic_core.pipeline.checks.result import check_value, measured, relative_difference
+from physic_core.types import CheckResult
+
+if TYPE_CHECKING:
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.solution import Solution
+
+__all__ = ["check_photo"]
+
+_NO_FLOOR = {
+    "no_pixels": "too few pixels to search",
+    "no_consensus": "no horizontal plane has enough pixels",
+    "below_plane": "too many pixels lie below the best plane",
+    "through_people": "the only horizontal plane cuts through the people, as tables and seats do",
+}
+
+
+def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
+    """Run the self-checks of the photo."""
+    from physic_core.engine.placement import human_points
+    from physic_core.engine.scene import build
+
+    report = solution.diagnostics
+    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
+    yield check_value(
+        "scene_alignment",
+        None if scene.source == "metric_depth" else share,
+        f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
+        f"{build.ALIGN_TOLERANCE:.0%}: try another metric_depth or relative_pointmap"
+        if share > 0
+        else "point map and metric depth agree nowhere: the scene is the metric depth alone",
+        unmeasured="the settings of the engine use the metric depth alone",
+        threshold=build.MIN_ALIGN_INLIER_SHARE,
+    )
+    share = report["placement"]["alignment"]["inlier_share"]
+    yield check_value(
+        "photo_alignment",
+        share,
+        "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
+        f"{share:.0%} of the background within {human_points.ALIGN_TOLERANCE:.0%}: "
+        "try another inpainter or relative_pointmap"
+        if share > 0
+        else "the photo and its inpainted picture have no background in common: people are placed by size alone",
+        threshold=human_points.MIN_ALIGN_INLIER_SHARE,
+    )
+    yield from _check_floor(report["scene"]["floor"], settings)
+    yield from _check_scale(estimates, solution)
+    yield from _check_focal(estimates, solution)
+
+
+def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
+    from physic_core.engine.scene.floor import min_inlier_share
+
+    reason = report["reason"]
+    instead = "people are not held to the ground, and heights are unknown"
+    if report.get("source") == "people":
+        instead = "it is assumed at the people's feet, and its height is only as accurate as their pose"
+    share = report["inlier_share"] if reason == "found" else 0.0
+    yield check_value(
+        "floor",
+        None if reason == "switched_off" else share,
+        f"no floor was found: {_NO_FLOOR.get(reason, reason)}; {instead}: "
+        "use a photo that shows the ground at the feet",
+        unmeasured="the settings of the engine search no floor",
+        failed=reason != "found",
+        threshold=min_inlier_share(settings.scene.floor),
+    )
+    wrong = report["mask_reason"]
+    yield check_value(
+        "floor_mask",
+        float(wrong is None) if reason == "found" else None,
+        f"the floor mask was not followed, since {_NO_FLOOR.get(str(wrong), wrong)}: the floor was searched in the "
+        "lower part of the photo, look whether it is the floor in preview.png",
+        unmeasured="no floor was found",
+    )
+
+
+def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
+    sigma, scale = estimates.depth.scale_sigma, solution.scene.scale
+    yield check_value(
+        "scale_sigma",
+        sigma,
+        f"all lengths may be off by {sigma or 0:.0%} (one standard deviation): the photo gives no better scale; "
+        "use a metric_depth network, or a photo with feet on the floor",
+        unmeasured="the metric depth backend estimates no error of its scale",
+    )
+    yield check_value(
+        "scale_change",
+        relative_difference(scale),
+        f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}; "
+        "look at the people's sizes, children and wrong focal lengths do this",
+    )
+    # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
+    ratios = [ratio / scale for report in solution.people if (ratio := measured(report, "depth_ratio"))]
+    median_ratio = median(ratios) if ratios else None
+    yield check_value(
+        "depth_vs_bodies",
+        None if median_ratio is None else relative_difference(median_ratio),
+        f"the metric depth puts the people {median_ratio or 1:.2f} times as far away as their sizes do: distances "
+        "between people and scene are doubtful; try another metric_depth, or give the focal length",
+        unmeasured="no person has enough visible vertices with a depth",
+    )
+
+
+def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResult]:
+    camera = solution.intrinsics
+    yield check_value(
+        "focal_known",
+        float(not camera.guessed),
+        "the focal length is a guess, and all distances along the view are off by its error: give it with --focal-px",
+    )
+    off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
+    offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
+    yield check_value(
+        "principal_point",
+        offset,
+        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's size off its centre "
+        f"({camera.source}), as in a cropped photo only: check --intrinsics",
+    )
+    witnesses = [estimates.scene.intrinsics, estimates.original.intrinsics, estimates.depth.intrinsics]
+    used = math.sqrt(camera.fx * camera.fy)
+    ratios = [math.sqrt(w.fx * w.fy) * camera.width / w.width / used for w in witnesses if w is not None]
+    ratio = max(ratios, key=relative_difference) if ratios else 1.0
+    yield check_value(
+        "focal_agreement",
+        relative_difference(ratio) if ratios else None,
+        f"a backend sees a focal length of {ratio * used:.0f} px, and {used:.0f} px ({camera.source}) was used: "
+        "check the one that was used",
+        unmeasured="no backend estimates a focal length",
+    )

@@ -1,0 +1,74 @@
+"""Compare a value with its threshold, and select the results of checks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from physic_core.pipeline.checks.specs import CHECKS
+from physic_core.types import CheckResult, CheckState
+
+__all__ = ["check_value", "check_warnings", "failed_checks", "measured", "relative_difference", "unknown_checks"]
+
+
+def check_value(
+    name: str,
+    value: float | None,
+    advice: str,
+    *,
+    unmeasured: str = "there is nothing to measure",
+    failed: bool | None = None,
+    threshold: float | None = None,
+) -> CheckResult:
+    """Compare a value with the threshold of its check.
+
+    Args:
+        name: of the check.
+        value: None or NaN if nothing was measured.
+        advice: the message if the check fails.
+        unmeasured: the reason if there is no value.
+        failed: decides instead of the comparison.
+        threshold: replaces that of the check.
+    """
+    check = CHECKS[name]
+    bound = check.threshold if threshold is None else threshold
+    if value is None or math.isnan(value):
+        state, message, value = CheckState.UNKNOWN, f"not measured: {unmeasured}", None
+    else:
+        if failed is None:
+            failed = value < bound if check.direction == "at least" else value > bound
+        state, message = (CheckState.FAILED, advice) if failed else (CheckState.OK, check.meaning)
+    return CheckResult(
+        name, state, None if value is None else float(value), float(bound), check.direction, check.unit, message
+    )
+
+
+def failed_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
+    """Return the names of the failed self-checks of one person."""
+    return tuple(check.name for check in checks if check.person == person and check.failed)
+
+
+def unknown_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:
+    """Return the names of the self-checks of one person for which nothing was measured."""
+    return tuple(check.name for check in checks if check.person == person and check.state is CheckState.UNKNOWN)
+
+
+def check_warnings(checks: Sequence[CheckResult]) -> tuple[str, ...]:
+    """Return the messages of the failed self-checks that have ``warns`` set."""
+    return tuple(
+        check.message if check.person is None else f"person {check.person}: {check.message}"
+        for check in checks
+        if check.failed and CHECKS[check.name].warns
+    )
+
+
+def measured(report: Mapping[str, Any], name: str) -> float | None:
+    """Return a number of the engine's report on a person, or None if it is not there."""
+    value = report.get(name)
+    return None if value is None else float(value)
+
+
+def relative_difference(ratio: float) -> float:
+    """Return the share by which the larger of two numbers exceeds the smaller, from their ratio."""
+    return math.exp(abs(math.log(ratio))) - 1
