@@ -30,7 +30,15 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.io.results import load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import reconstruct
-    from physic_core.types import Intrinsics, PeoplePrompt, Person, Reconstruction, Scene
+    from physic_core.types import (
+        Intrinsics,
+        KnownLength,
+        KnownSizes,
+        PeoplePrompt,
+        Person,
+        Reconstruction,
+        Scene,
+    )
 
 __all__ = [
     "BackendError",
@@ -44,6 +52,8 @@ __all__ = [
     "DeviceError",
     "InputError",
     "Intrinsics",
+    "KnownLength",
+    "KnownSizes",
     "NoPersonError",
     "OutputError",
     "PeoplePrompt",
@@ -67,6 +77,8 @@ _ON_FIRST_USE = {
     "Config": "physic_core.configuration.model",
     "Intrinsics": "physic_core.types",
     "PeoplePrompt": "physic_core.types",
+    "KnownLength": "physic_core.types",
+    "KnownSizes": "physic_core.types",
     "Person": "physic_core.types",
     "Reconstruction": "physic_core.types",
     "Registry": "physic_core.discovery.registry",

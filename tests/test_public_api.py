@@ -19,6 +19,8 @@ PUBLIC = [
     "DeviceError",
     "InputError",
     "Intrinsics",
+    "KnownLength",
+    "KnownSizes",
     "NoPersonError",
     "OutputError",
     "PeoplePrompt",

@@ -24,20 +24,21 @@ __all__ = ["run"]
 
 
 class _Numbers(click.ParamType[Any]):
-    """Numbers with commas between them, such as fx,fy,cx,cy."""
+    """Numbers with commas between them, such as fx,fy,cx,cy; any number of them if the name ends in dots."""
 
-    def __init__(self, names: str) -> None:
-        self.name = names
+    def __init__(self, names: str, unit: str = " in px") -> None:
+        self.name, self._unit = names, unit
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        count = self.name.count(",") + 1
         try:
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             numbers = ()
-        if len(numbers) != count:
-            how_many = {2: "two", 4: "four"}[count]
-            self.fail(f"'{value}' is not {how_many} numbers with commas between them: {self.name} in px", param, ctx)
+        count = 0 if self.name.endswith("...") else self.name.count(",") + 1
+        if not numbers or len(numbers) != (count or len(numbers)):
+            many = {0: "", 2: "two ", 4: "four ", 5: "five "}[count]
+            text = f"'{value}' is not {many}numbers with commas between them: {self.name}{self._unit}"
+            self.fail(text, param, ctx)
         return numbers
 
 
@@ -83,6 +84,20 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
 @_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same by a box around a person.")
 @_setting("--masks", "photo.masks", metavar="FILE", help="The same by an indexed PNG: 1 is the first person's pixels.")
+@_setting(
+    "--stature",
+    "photo.stature",
+    type=_Numbers("metres,...", ""),
+    help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown.",
+)
+@_setting("--camera-height", "photo.camera_height", type=float, metavar="METRES", help="Known height over the floor.")
+@_setting(
+    "--known-length",
+    "photo.known_length",
+    type=_Numbers("x1,y1,x2,y2,metres", ""),
+    multiple=True,
+    help="Two pixels of the photo file and the true distance of their points; may be repeated.",
+)
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
 @_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")

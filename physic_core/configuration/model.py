@@ -41,6 +41,7 @@ from physic_core.configuration.layers import (
 from physic_core.configuration.problems import CheckResult, Problem, config_error, did_you_mean, problems_from_pydantic
 from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
 from physic_core.interfaces import INTERFACES
+from physic_core.types import KnownLength, KnownSizes
 
 __all__ = [
     "DEFAULT_PRESET",
@@ -103,6 +104,17 @@ class PhotoSettings(_Table):
         description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
         "2 the second; relative to the config file",
     )
+    stature: tuple[float, ...] | None = Field(
+        default=None,
+        description="known standing heights, metres: one for all people, or one per person from left to right, or in "
+        "the order of the chosen people; 0 where unknown",
+    )
+    camera_height: float | None = Field(default=None, description="known height of the camera over the floor, metres")
+    known_length: tuple[tuple[float, float, float, float, float], ...] | None = Field(
+        default=None,
+        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true distance of their "
+        "points; or a list of such",
+    )
     mask_growth: float = Field(
         default=0.008, ge=0, le=0.1, description="people's masks grow by this share of the long side before inpainting"
     )
@@ -126,6 +138,31 @@ class PhotoSettings(_Table):
             if len(numbers) != count or not all(type(v) in (int, float) and math.isfinite(v) for v in numbers):
                 raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {value!r})")
         return value
+
+    @field_validator("stature", mode="before")
+    @classmethod
+    def _list_of_statures(cls, value: Any) -> Any:
+        return (value,) if type(value) in (int, float) else value
+
+    @field_validator("known_length", mode="before")
+    @classmethod
+    def _list_of_lengths(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, (list, tuple)) and value and type(value[0]) in (int, float) else value
+
+    @model_validator(mode="after")
+    def _valid_sizes(self) -> PhotoSettings:
+        self.known_sizes()  # raises ValueError
+        return self
+
+    def known_sizes(self, given: KnownSizes | None = None) -> KnownSizes:
+        """Return the known sizes, in px of the upright photo file; unset ones are those ``given``."""
+        given = given or KnownSizes()
+        lengths = tuple(KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length or ())
+        return KnownSizes(
+            stature=given.stature if self.stature is None else self.stature,
+            camera_height=given.camera_height if self.camera_height is None else self.camera_height,
+            lengths=given.lengths if self.known_length is None else lengths,
+        )
 
     @model_validator(mode="after")
     def _one_camera(self) -> PhotoSettings:

@@ -27,6 +27,7 @@ from physic_core.interfaces.backend import interface_of, violations
 from physic_core.interfaces.body_estimator import finite_bodies
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
+from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.pipeline.nonfinite_results import (
     expand_contact,
     invalidate_nonfinite_bodies,
@@ -41,6 +42,7 @@ from physic_core.types import (
     Hints,
     Intrinsics,
     Keypoints,
+    KnownSizes,
     People,
     Plane,
     Pointmap,
@@ -74,6 +76,8 @@ class Estimates(ShortRepr):
         depth: metric depth of ``inpainted``.
         missing_results: per person, the interfaces whose backend returned no finite values for them. Such a person has
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
+        known: sizes that the user knows, in px of ``image``.
+        statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
     """
 
     image: UInt8Array
@@ -90,6 +94,8 @@ class Estimates(ShortRepr):
     contact: ContactProbability
     depth: DepthMap
     missing_results: tuple[tuple[str, ...], ...] = ()
+    known: KnownSizes = field(default_factory=KnownSizes)
+    statures: FloatArray | None = None
 
 
 def run_backends(
@@ -99,6 +105,7 @@ def run_backends(
     model: BodyModel,
     stages: StageRunner,
     prompt: PeoplePrompt | None = None,
+    known: KnownSizes | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
@@ -109,8 +116,10 @@ def run_backends(
         model: body model that all bodies are converted to.
         stages: calls the backends and records the run.
         prompt: people whom the user chose, px of ``image``; None for all people.
+        known: sizes that the user knows, in px of ``image``.
 
     Raises:
+        InputError: the number of known statures is not that of the people.
         NoPersonError: the segmenter found no person, or a prompt hits nobody.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
@@ -118,6 +127,8 @@ def run_backends(
     run = _BackendCalls(plan.backends, model, stages)
 
     people = run.people(image, prompt)
+    known = known or KnownSizes()
+    statures = statures_of_people(known, people, chosen=prompt is not None) if any(known.stature) else None
     keypoints = run.keypoints(image, people)
 
     hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
@@ -135,6 +146,8 @@ def run_backends(
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
     bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
+    if statures is not None:
+        bodies = bodies_of_stature(bodies, model, statures)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -161,6 +174,8 @@ def run_backends(
         contact=contact,
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
+        known=known,
+        statures=statures,
     )
 
 

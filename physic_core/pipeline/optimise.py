@@ -6,7 +6,8 @@ people jointly (Sec. 3.3). OpenCV camera frame, metres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import torch
@@ -17,6 +18,7 @@ from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.known_sizes import known_geometry, scale_scene, scene_factor, stature_factor
 from physic_core.engine.placement.human_points import (
     FAR_M,
     align_photo_points_to_scene,
@@ -32,21 +34,25 @@ from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
+from physic_core.pipeline.known_sizes import contradicting_statures, contradictions, resize_bodies
 from physic_core.pipeline.solution import Solution, assemble_solution
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.engine.known_sizes import KnownGeometry
     from physic_core.engine.placement.settings import PlacementSettings
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import Intrinsics, Skeleton
+    from physic_core.types import BodyParameters, Intrinsics, Skeleton
 
 __all__ = ["run_engine"]
+
+_EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
 
 
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
@@ -57,17 +63,25 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
     with stages.time_engine("scene"):
-        scene = _metric_scene(estimates, settings)
+        scene, known, factor = _scene_of_known_size(estimates, _metric_scene(estimates, settings))
     with stages.time_engine("placement"):
         photo = _align_photo(estimates, scene, settings.placement)
-        bodies = _pose_bodies(estimates, model, settings.placement)
+        bodies = _pose_bodies(estimates, estimates.bodies.parameters, model, settings.placement)
         detections = _detections(estimates, photo, bodies)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
+        if factor is not None:
+            ratio = _size_by_scene(scene, photo, bodies, placed)
+            stages.warn(*contradicting_statures(estimates.statures, ratio))
+            bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
+            placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if floor_cuts_people(scene.floor, bodies.placed_vertices(placed)):
             scene = without_floor(scene)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
         problem = _joint_problem(estimates, scene, photo, bodies, placed, model)
+        if known is not None:
+            sigma = problem.scale_sigma if factor is None else _EXACT_SCALE_SIGMA
+            problem = replace(problem, known=known, scale_sigma=sigma)
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
@@ -80,7 +94,10 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
                 for person, pairs in zip(placed.placement.diagnostics, placed.exchanged, strict=True)
             ],
         }
-        return assemble_solution(estimates, scene, problem, placement, result, settings)
+        warnings, measured = contradictions(estimates.known, scene, problem, result)
+        stages.warn(*warnings)
+        solution = assemble_solution(estimates, scene, problem, placement, result, settings)
+        return replace(solution, diagnostics={**solution.diagnostics, **measured})
 
 
 # ---- stage 1: the scene in metres (Sec. 3.1) -------------------------------------------------------------------------
@@ -121,6 +138,21 @@ def _cameras(estimates: Estimates) -> Cameras:
 def _trust(camera: Intrinsics) -> int:
     """Return 1 for a known camera, 0 for an estimated one, -1 for a guessed one."""
     return int(camera.known) - int(camera.guessed)
+
+
+def _scene_of_known_size(
+    estimates: Estimates, scene: SceneState
+) -> tuple[SceneState, KnownGeometry | None, float | None]:
+    """Return the scene scaled to the known sizes, those sizes and the factor; no factor if nothing gives one."""
+    if not estimates.known:
+        return scene, None, None
+    people = len(estimates.people)
+    statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
+    known = known_geometry(estimates.known, statures, tensor(estimates.people.masks), scene)
+    factor = scene_factor(known, scene.floor_offset if scene.floor_normal is not None else None)
+    if factor is not None:
+        scene, known = scale_scene(scene, known, factor)
+    return scene, known, factor
 
 
 # ---- stage 2: people in the scene (Sec. 3.2) -------------------------------------------------------------------------
@@ -195,9 +227,11 @@ class _EstimatedBodies:
         return self.posed.vertices + (placed.placement.transl - self.posed.transl)[:, None]
 
 
-def _pose_bodies(estimates: Estimates, model: BodyModel, settings: PlacementSettings) -> _EstimatedBodies:
+def _pose_bodies(
+    estimates: Estimates, parameters: BodyParameters, model: BodyModel, settings: PlacementSettings
+) -> _EstimatedBodies:
     device, dtype = model.device, model.dtype
-    parameters, known = estimates.bodies.parameters, keypoints_on_body(estimates.keypoints)
+    known = keypoints_on_body(estimates.keypoints)
     rotations = rotations_from_parameters(parameters, device, dtype)
     betas, expression, transl, keypoints, confidence = (
         tensor(x).to(device, dtype)
@@ -214,6 +248,39 @@ def _pose_bodies(estimates: Estimates, model: BodyModel, settings: PlacementSett
         soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
     )
     return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set)
+
+
+def _size_by_scene(scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, placed: PlacedPeople) -> Tensor:
+    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
+
+    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
+    soles, else that of the person's points. NaN where neither is known.
+    """
+    at = placed.placement.keypoint_transl.to(bodies.posed.transl) - bodies.posed.transl
+    vertices = bodies.posed.vertices + at[:, None]
+    ratio = torch.full_like(vertices[:, 0, 0], torch.nan)
+    for i, (body, person) in enumerate(zip(vertices, placed.placement.people, strict=True)):
+        if scene.floor_plane is not None and bodies.posed.soles is not None and person.on_floor and person.grounded:
+            normal, offset = scene.floor_plane
+            drop = -(body[bodies.posed.soles] @ normal.to(body)).amin()
+            ratio[i] = offset / drop if bool(drop > 0) else torch.nan
+        elif len(photo.people[i]):
+            ratio[i] = photo.people[i][:, 2].median().to(body) / body[:, 2].median()
+    return ratio
+
+
+def _bodies_of_scene_size(
+    estimates: Estimates, bodies: _EstimatedBodies, ratio: Tensor, model: BodyModel, settings: PlacementSettings
+) -> _EstimatedBodies:
+    """Resize people of unknown stature by the factors of :func:`_size_by_scene`, and pose them again."""
+    own = model.stature(bodies.betas)
+    wanted = own * stature_factor(ratio, own)
+    if estimates.statures is not None:
+        wanted = torch.where(torch.isfinite(tensor(estimates.statures).to(own)), own, wanted)
+    wanted = torch.where(torch.isfinite(bodies.posed.vertices).flatten(1).all(1), wanted, torch.nan)
+    betas, transl, _ = resize_bodies(model, bodies.rotations, bodies.betas, bodies.posed.transl, wanted)
+    resized = replace(estimates.bodies.parameters, betas=betas.cpu().numpy(), transl=transl.cpu().numpy())
+    return _pose_bodies(estimates, resized, model, settings)
 
 
 def _detections(estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBodies) -> Detections:

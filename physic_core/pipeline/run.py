@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.pipeline.stage_runner import Progress
-    from physic_core.types import CheckResult, UInt8Array
+    from physic_core.types import CheckResult, KnownSizes, UInt8Array
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
@@ -42,6 +42,7 @@ def reconstruct(
     registry: Registry | None = None,
     intrinsics: Intrinsics | None = None,
     people: PeoplePrompt | None = None,
+    known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Reconstruct people, scene and contact from one image.
@@ -55,13 +56,14 @@ def reconstruct(
             config replaces it.
         people: the people to reconstruct, px of ``image``; ``[photo]`` of the config if None, where no choice means all
             people.
+        known: sizes that are known, in px of ``image``; ``[photo]`` of the config replaces each of them.
         progress: called when each stage begins.
 
     Returns:
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
-        InputError: the image, its intrinsics or the chosen people cannot be used.
+        InputError: the image, its intrinsics, the chosen people or the known sizes cannot be used.
         ConfigError: the configuration is invalid.
         WeightsMissingError: files of backends are missing; the message lists all. Nothing was computed.
         DeviceError: the device does not exist.
@@ -76,7 +78,7 @@ def reconstruct(
     if intrinsics is not None and not intrinsics.guessed:
         intrinsics = replace(intrinsics, trust=CameraTrust.KNOWN)
     photo = Photo(check_image(image), intrinsics)
-    found = _reconstruct(photo, _plan(config, registry), people, progress)
+    found = _reconstruct(photo, _plan(config, registry), people, known, progress)
     return replace(found, photo=image_digest(photo.image))
 
 
@@ -86,16 +88,17 @@ def reconstruct_photo(
     *,
     registry: Registry | None = None,
     people: PeoplePrompt | None = None,
+    known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Reconstruct people, scene and contact from a photo file; its EXIF data may give camera and orientation.
 
-    Arguments and errors are those of :func:`reconstruct`; ``people`` is in px of the upright photo file. The file is
-    read after config, device and backends have been checked.
+    Arguments and errors are those of :func:`reconstruct`; ``people`` and ``known`` are in px of the upright photo file.
+    The file is read after config, device and backends have been checked.
     """
     plan = _plan(config, registry)
     photo = read_photo(path)
-    return replace(_reconstruct(photo, plan, people, progress), photo=photo_digest(path, photo.image))
+    return replace(_reconstruct(photo, plan, people, known, progress), photo=photo_digest(path, photo.image))
 
 
 def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
@@ -109,7 +112,11 @@ def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
 
 
 def _reconstruct(
-    photo: Photo, plan: ResolvedPipeline, people: PeoplePrompt | None, progress: Progress | None
+    photo: Photo,
+    plan: ResolvedPipeline,
+    people: PeoplePrompt | None,
+    known: KnownSizes | None,
+    progress: Progress | None,
 ) -> Reconstruction:
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
@@ -121,6 +128,8 @@ def _reconstruct(
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
     prompt = _prompt(people, plan.photo, file_size, photo.image.shape[1::-1])
+    height, width = photo.image.shape[:2]
+    known = plan.photo.known_sizes(known).resized(width / file_size[0], height / file_size[1])
     run = plan.config.run
     stages = StageRunner(
         plan.device,
@@ -133,7 +142,7 @@ def _reconstruct(
     model = load_body(plan.body_model)
     with limited_threads(run.threads):
         try:
-            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, prompt)
+            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, prompt, known)
         finally:
             stages.close()
         solution = run_engine(estimates, plan.engine, model, stages)

@@ -13,6 +13,7 @@ from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability,
 from physic_core.types.camera import CameraTrust, Intrinsics
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
+from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.people import Keypoints, People
 from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Provenance, StageRecord, summarize_checks
@@ -41,6 +42,8 @@ __all__ = [
     "Hints",
     "Intrinsics",
     "Keypoints",
+    "KnownLength",
+    "KnownSizes",
     "Mesh",
     "People",
     "PeoplePrompt",

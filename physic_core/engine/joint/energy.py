@@ -13,6 +13,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot
+from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, occluded_vertices
 from physic_core.geometry.camera import project
 
@@ -49,7 +50,9 @@ class JointEnergy:
         self.evaluations = 0
         self.context = precompute(problem, settings.energy_options, settings.weigh_keypoints)
         self.state = settings.initial_state(self.context)
-        self.terms = tuple(settings.terms(self.context, self.state))
+        # What the user knows holds in every preset.
+        known = () if problem.known is None else (KnownSizeTerm(self.context),)
+        self.terms = (*settings.terms(self.context, self.state), *known)
         self.excluded: Collection[str] = ()
         self.visibility: Visibility
         self.contacts: ContactState

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton
@@ -61,6 +62,7 @@ class JointProblem(ShortRepr):
         estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".
         keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
             preset "release".
+        known: sizes that the user knows, or None.
     """
 
     model: BodyModel
@@ -87,6 +89,7 @@ class JointProblem(ShortRepr):
     grounded: Tensor | None = None
     estimated_transl: Tensor | None = None
     keypoint_transl: Tensor | None = None
+    known: KnownGeometry | None = None
 
     def __len__(self) -> int:
         return len(self.transl0)
@@ -136,6 +139,8 @@ class JointProblem(ShortRepr):
         }
         if self.human_points is not None:
             changed["human_points"] = tuple(fit(points) for points in self.human_points)
+        if self.known is not None:
+            changed["known"] = self.known.to(self.transl0.to(self.model.device, self.model.dtype))
         return replace(self, **changed)  # type: ignore[arg-type]
 
     def select_people(self, rows: Tensor) -> JointProblem:
@@ -143,6 +148,8 @@ class JointProblem(ShortRepr):
         changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
+        if self.known is not None:
+            changed["known"] = self.known.select_people(rows)
         return replace(self, **changed)
 
 

@@ -14,7 +14,9 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = ["LinearStature", "linearise_stature", "stature_prior"]
+__all__ = ["LinearStature", "betas_with_stature", "linearise_stature", "stature_prior"]
+
+_NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 
 
 @dataclass(frozen=True)
@@ -48,3 +50,15 @@ def linearise_stature(model: BodyModel, betas: Tensor) -> LinearStature:
 def stature_prior(height: Tensor, expected: Tensor, sigma: float) -> Tensor:
     """Return the prior energy ``(log h - log h0)^2 / sigma^2`` (B,) of heights (B,), metres."""
     return ((height.clamp(min=0.1) / expected).log() / sigma).square()
+
+
+def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tensor:
+    """Return the most probable betas (B, K) near the given ones with the given statures (B,), metres.
+
+    Shape components have unit variance, so these are the nearest ones. NaN statures change nothing.
+    """
+    for _ in range(_NEWTON_STEPS):
+        linear = linearise_stature(model, betas)
+        missing = torch.nan_to_num(stature - linear.height)
+        betas = betas + linear.slope * (missing / linear.slope.square().sum(-1).clamp(min=1e-9))[:, None]
+    return betas

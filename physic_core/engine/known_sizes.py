@@ -1,0 +1,233 @@
+"""Known sizes as constraints of the engine: statures, the camera's height over the floor, and lengths between pixels.
+
+A photo shows sizes only up to one common factor. The camera's height and lengths on the scene give the factor of the
+scene, statures that of the people. OpenCV camera frame, metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.scene.build import SceneState
+from physic_core.geometry.camera import project
+from physic_core.geometry.visibility import facing
+from physic_core.types import KnownSizes
+from physic_core.types.short_repr import ShortRepr
+
+__all__ = [
+    "BodyPoint",
+    "KnownDistances",
+    "KnownGeometry",
+    "body_point",
+    "known_geometry",
+    "scale_scene",
+    "scene_factor",
+    "stature_factor",
+]
+
+_SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
+_NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
+_FACING_DEG = 89.0
+_STATURE_SPREAD = 0.06  # log standard deviation of adults' statures about the estimate
+_FACTOR_SPREAD = 0.05  # log standard deviation of one person's size by a scene of known scale
+_CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
+_STATURES_M = (0.5, 2.2)  # of people whose size follows from the scene
+
+
+@dataclass(frozen=True)
+class KnownDistances(ShortRepr):
+    """L known distances between two points each.
+
+    Attributes:
+        metres: (L,).
+        person: (L, 2) int64, person under each pixel, or -1 for the scene.
+        points: (L, 2, 3) metres, scene points at the pixels; NaN on a person.
+        rays: (L, 2, 3) viewing rays of the pixels with z = 1.
+        index: (L,) int64, position among the given lengths.
+    """
+
+    metres: Tensor
+    person: Tensor
+    points: Tensor
+    rays: Tensor
+    index: Tensor
+
+    def __getitem__(self, rows: Tensor) -> KnownDistances:
+        return KnownDistances(
+            self.metres[rows], self.person[rows], self.points[rows], self.rays[rows], self.index[rows]
+        )
+
+
+@dataclass(frozen=True)
+class KnownGeometry(ShortRepr):
+    """Known sizes of B people and their scene, all in metres.
+
+    Attributes:
+        stature: (B,), NaN where unknown.
+        camera_height: over the floor, or None.
+        distances: between points of the scene or of people.
+        unused: per given length without a point at one of its pixels, its position.
+    """
+
+    stature: Tensor
+    camera_height: float | None
+    distances: KnownDistances
+    unused: tuple[int, ...] = ()
+
+    def select_people(self, rows: Tensor) -> KnownGeometry:
+        """Return the sizes of a selection of the people, (n,) int64; distances on other people are left out."""
+        new_row = torch.full((len(self.stature) + 1,), -2, dtype=torch.int64, device=rows.device)
+        new_row[rows] = torch.arange(len(rows), device=rows.device)
+        new_row[-1] = -1
+        person = new_row[self.distances.person]
+        distances = replace(self.distances, person=person)[(person >= -1).all(1)]
+        return replace(self, stature=self.stature[rows], distances=distances)
+
+    def to(self, like: Tensor) -> KnownGeometry:
+        """Return a copy with the float type and the device of ``like``."""
+        d = self.distances
+        moved = KnownDistances(
+            d.metres.to(like), d.person.to(like.device), d.points.to(like), d.rays.to(like), d.index.to(like.device)
+        )
+        return replace(self, stature=self.stature.to(like), distances=moved)
+
+
+def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:
+    """Find the scene points and people at the pixels of known lengths.
+
+    Args:
+        known: pixels in px of the image.
+        stature: (B,) metres, NaN where unknown.
+        masks: (B, H, W) bool. A pixel in a mask is on that person, the smallest one where masks overlap.
+        scene: stage 1.
+    """
+    masks, height, width = masks.cpu(), *scene.valid.shape
+    area = masks.flatten(1).sum(1)
+    inverse = torch.linalg.inv(scene.K.double().cpu())
+    rows: list[tuple[Tensor, Tensor, Tensor]] = []
+    used, unused = [], []
+    for i, length in enumerate(known.lengths):
+        pixels = torch.tensor([length.start, length.end], dtype=torch.float64)
+        people, points = [], []
+        for x, y in pixels.round().long().tolist():
+            inside = 0 <= x < width and 0 <= y < height
+            shown = masks[:, y, x].nonzero().flatten().tolist() if inside else []
+            people.append(min(shown, key=lambda p: int(area[p])) if shown else -1)
+            points.append(None if shown or not inside else _scene_point(scene, x, y))
+        if any(person < 0 and point is None for person, point in zip(people, points, strict=True)):
+            unused.append(i)
+            continue
+        rays = torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T
+        nothing = torch.full((3,), torch.nan, dtype=torch.float64)
+        rows.append((torch.tensor(people), torch.stack([nothing if p is None else p for p in points]), rays))
+        used.append(i)
+    shapes = ((0, 2), (0, 2, 3), (0, 2, 3))
+    person, at, rays = (
+        torch.stack(column) if column else torch.zeros(shape, dtype=torch.float64)
+        for column, shape in zip(zip(*rows, strict=True) if rows else ((), (), ()), shapes, strict=True)
+    )
+    metres = torch.tensor([known.lengths[i].metres for i in used], dtype=torch.float64)
+    distances = KnownDistances(metres, person.long(), at, rays, torch.tensor(used, dtype=torch.int64))
+    return KnownGeometry(
+        torch.tensor(list(stature), dtype=torch.float64), known.camera_height, distances, tuple(unused)
+    )
+
+
+def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
+    """Return the valid scene point (3,) nearest to a pixel, moved onto its ray; None if there is none nearby."""
+    reach = max(2, round(_SEARCH_SHARE * max(scene.valid.shape)))
+    top, left = max(0, y - reach), max(0, x - reach)
+    rows, columns = scene.valid[top : y + reach + 1, left : x + reach + 1].nonzero(as_tuple=True)
+    if not len(rows):
+        return None
+    nearest = int(((rows + top - y).square() + (columns + left - x).square()).argmin())
+    point: Tensor = scene.points[int(rows[nearest]) + top, int(columns[nearest]) + left]
+    return point.detach().cpu().double()
+
+
+def scene_factor(known: KnownGeometry, floor_offset: float | None) -> float | None:
+    """Return the factor on the scene that the camera's height and lengths on the scene ask for, their geometric mean.
+
+    Args:
+        known: of the scene as it is.
+        floor_offset: height of the camera over the scene's floor, metres; None without a floor.
+
+    Returns:
+        None if neither is known.
+    """
+    logs = []
+    if known.camera_height is not None and floor_offset is not None:
+        logs.append(math.log(known.camera_height / floor_offset))
+    d = known.distances
+    on_scene = (d.person < 0).all(1)
+    extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
+    logs += (d.metres[on_scene] / extent.clamp(min=1e-6)).log().tolist()
+    return math.exp(sum(logs) / len(logs)) if logs else None
+
+
+def scale_scene(scene: SceneState, known: KnownGeometry, factor: float) -> tuple[SceneState, KnownGeometry]:
+    """Scale the scene about the camera."""
+    floor = None if scene.floor is None else replace(scene.floor, offset=scene.floor.offset * factor)
+    scaled = replace(
+        scene,
+        points=scene.points * factor,
+        floor_offset=scene.floor_offset * factor,
+        floor_points=scene.floor_points * factor,
+        floor=floor,
+    )
+    return scaled, replace(known, distances=replace(known.distances, points=known.distances.points * factor))
+
+
+def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
+    """Return the factor (B,) on the estimated statures of people in a scene of known scale.
+
+    The estimate is a prior of adults, and the scene measures each person with an error. Both are combined by their
+    spreads, unless they differ so much that the prior cannot hold.
+
+    Args:
+        measured: (B,) factor by which the scene asks to enlarge each person, NaN where unknown.
+        stature: (B,) metres, estimated.
+    """
+    log = torch.nan_to_num(measured, nan=1.0).log()
+    trust = _STATURE_SPREAD**2 / (_STATURE_SPREAD**2 + _FACTOR_SPREAD**2)
+    share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
+    least, most = (limit / stature for limit in _STATURES_M)
+    return (log * share).exp().clamp(torch.minimum(least, torch.ones_like(least)), torch.maximum(most, most * 0 + 1))
+
+
+@dataclass(frozen=True)
+class BodyPoint:
+    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible vertices.
+
+    Attributes:
+        ids: (k,) int64.
+        weight: (k,), sums to 1.
+        ray: (3,) with z = 1.
+    """
+
+    ids: Tensor
+    weight: Tensor
+    ray: Tensor
+
+    def __call__(self, vertices: Tensor) -> Tensor:
+        """Return the point (3,) on a body with vertices (V, 3); differentiable."""
+        point: Tensor = self.ray * (vertices[self.ids, 2] @ self.weight)
+        return point
+
+
+def body_point(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
+    """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
+    seen = facing(normals, vertices, _FACING_DEG)
+    seen = seen if bool(seen.any()) else torch.ones_like(seen)
+    away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
+    away = torch.where(seen, away, torch.inf)
+    nearest, ids = away.topk(min(_NEIGHBOURS, int(seen.sum())), largest=False)
+    # A vertex of a limb behind can project between those of the limb in front.
+    front = vertices[ids, 2] < vertices[ids, 2].amin() + 0.1
+    weight = front / (nearest + 0.25)
+    return BodyPoint(ids, weight / weight.sum(), ray)

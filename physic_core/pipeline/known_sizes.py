@@ -1,0 +1,206 @@
+"""Known sizes in the pipeline: whose stature is which, bodies of the known stature, and the comparison at the end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine.known_sizes import body_point
+from physic_core.engine.scene.stature import betas_with_stature
+from physic_core.errors import InputError
+from physic_core.geometry.tensors import tensor
+from physic_core.geometry.visibility import vertex_normals
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.scene.build import SceneState
+    from physic_core.types import Bodies, FloatArray, KnownSizes, People
+
+__all__ = [
+    "bodies_of_stature",
+    "contradicting_statures",
+    "contradictions",
+    "resize_bodies",
+    "statures_of_people",
+]
+
+_AGREES = 0.02  # difference of logarithms of a given and a resulting size
+_SAME_STATURE = 0.15  # difference of logarithms of a given stature and the one that a scene of known scale gives
+
+
+def statures_of_people(known: KnownSizes, people: People, *, chosen: bool = False) -> FloatArray:
+    """Return the known stature of each person (N,), metres, NaN where unknown.
+
+    Args:
+        known: its statures are in the order of the people if the user chose these, else from left to right.
+        chosen: whether the user chose the people.
+
+    Raises:
+        InputError: there are several statures, but not one per person.
+    """
+    count, given = len(people), len(known.stature)
+    if given > 1 and given != count:
+        raise InputError(
+            f"{given} statures were given, but {count} {'person was' if count == 1 else 'people were'} found: give one "
+            "stature for all, or one per person from left to right with 0 where it is unknown"
+        )
+    heights = np.array(known.stature * count if given == 1 else known.stature or (0.0,) * count, np.float64)
+    boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
+    order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
+    statures = np.full(count, np.nan)
+    statures[order] = np.where(heights > 0, heights, np.nan)
+    return statures
+
+
+def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray) -> Bodies:
+    """Give N bodies of the configured body model their known statures (N,), and keep their size in the image.
+
+    A body that becomes larger moves away from the camera by the same factor.
+    """
+    parameters = bodies.parameters
+    chosen = np.isfinite(statures) & np.isfinite(parameters.betas).all(1) & np.isfinite(parameters.transl).all(1)
+    if not chosen.any():
+        return bodies
+    rows = parameters[chosen]
+    exact = model.to(dtype=torch.float64)
+    betas, transl, ratio = resize_bodies(
+        exact,
+        rotations_from_parameters(rows).double(),
+        tensor(rows.betas).double(),
+        tensor(rows.transl).double(),
+        torch.from_numpy(statures[chosen]),
+    )
+
+    def changed(values: FloatArray, new: Tensor) -> FloatArray:
+        out = np.array(values)
+        out[chosen] = new.numpy()
+        return out
+
+    factor = np.ones(len(statures))
+    factor[chosen] = ratio.numpy()
+    factor = factor[:, None, None]
+    return replace(
+        bodies,
+        parameters=replace(
+            parameters, betas=changed(parameters.betas, betas), transl=changed(parameters.transl, transl)
+        ),
+        joints=None if bodies.joints is None else np.asarray(bodies.joints * factor, bodies.joints.dtype),
+        mesh=None
+        if bodies.mesh is None
+        else replace(bodies.mesh, vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype)),
+    )
+
+
+def resize_bodies(
+    model: BodyModel, rotations: Tensor, betas: Tensor, transl: Tensor, stature: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,) on their size.
+
+    The pelvis moves along its ray by this factor.
+    """
+    taller = betas_with_stature(model, betas, stature)
+    ratio = model.stature(taller) / model.stature(betas)
+    before = model(rotations, betas, transl, joints_only=True).joints[:, 0]
+    after = model(rotations, taller, transl, joints_only=True).joints[:, 0]
+    return taller, transl + before * ratio[:, None] - after, ratio
+
+
+def contradicting_statures(statures: FloatArray | None, ratio: Tensor) -> list[str]:
+    """Warn of people whose known stature (N,) contradicts the known scale of the scene.
+
+    Args:
+        statures: metres, NaN where unknown; None if none is known.
+        ratio: (N,) factor by which the scene would enlarge people of these statures, NaN where unknown.
+    """
+    if statures is None:
+        return []
+    return [
+        f"the stature {height:.2f} m of person {i} contradicts the given size of the scene, in which the photo shows a "
+        f"person of {height * factor:.2f} m: check both, or leave one out"
+        for i, (height, factor) in enumerate(zip(statures.tolist(), ratio.tolist(), strict=True))
+        if math.isfinite(height * factor) and abs(math.log(factor)) > _SAME_STATURE
+    ]
+
+
+def contradictions(
+    known: KnownSizes, scene: SceneState, problem: JointProblem, result: JointResult
+) -> tuple[list[str], dict[str, list[dict[str, float | str]]]]:
+    """Compare given sizes with those of the result.
+
+    Args:
+        scene: before the factor ``result.scene_scale``.
+
+    Returns:
+        Warnings, and diagnostics: for each size its name, "given" and "result" in metres.
+    """
+    if problem.known is None:
+        return [], {}
+    warnings = []
+    sizes: list[tuple[str, float, float]] = []
+    own = problem.model.stature(result.betas).tolist()
+    heights = problem.known.stature.tolist()
+    sizes += [
+        (f"the stature of person {i}", h, s)
+        for i, (h, s) in enumerate(zip(heights, own, strict=True))
+        if math.isfinite(h)
+    ]
+    if known.camera_height is not None:
+        if scene.floor_normal is None:
+            warnings.append(
+                f"the camera height {known.camera_height:g} m was not used: no floor was found; give a stature or a "
+                "known length instead"
+            )
+        else:
+            height = scene.floor_offset * result.scene_scale
+            sizes.append(("the camera height", known.camera_height, height))
+    for i in problem.known.unused:
+        length = known.lengths[i]
+        warnings.append(
+            f"the known length of {length.metres:g} m was not used: the scene has no depth at one of its pixels "
+            f"{_pixels(length.start)} and {_pixels(length.end)}; choose pixels away from edges and inside the photo"
+        )
+    for index, extent in zip(problem.known.distances.index.tolist(), _lengths(problem, result), strict=True):
+        length = known.lengths[index]
+        sizes.append((f"the length from {_pixels(length.start)} to {_pixels(length.end)}", length.metres, extent))
+    if any(not abs(math.log(max(value, 1e-9) / given)) <= _AGREES for _, given, value in sizes):
+        each = ", ".join(f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes)
+        warnings.append(
+            f"the given sizes contradict one another or the photo: in the result {each}; check them, or leave out the "
+            "least certain one"
+        )
+    measured: list[dict[str, float | str]] = [
+        {"name": name, "given": given, "result": value} for name, given, value in sizes
+    ]
+    return warnings, {"known_sizes": measured}
+
+
+def _pixels(at: Sequence[float]) -> str:
+    return f"({at[0]:.0f}, {at[1]:.0f})"
+
+
+def _lengths(problem: JointProblem, result: JointResult) -> list[float]:
+    """Return the known distances in the result, metres."""
+    assert problem.known is not None
+    d = problem.known.distances
+    found = []
+    for i in range(len(d.metres)):
+        ends = []
+        for side, person in enumerate(d.person[i].tolist()):
+            if person < 0:
+                ends.append(d.points[i, side] * result.scene_scale)
+            else:
+                body = result.vertices[person]
+                normals = vertex_normals(body[None], problem.model.faces)[0]
+                ends.append(body_point(body, normals, d.rays[i, side], problem.K)(body).to(d.points))
+        found.append(float(torch.linalg.vector_norm(ends[0] - ends[1])))
+    return found

@@ -1,0 +1,70 @@
+"""Sizes that the user knows: statures, the camera's height, and lengths between two pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+__all__ = ["KnownLength", "KnownSizes"]
+
+_STATURES_M = (0.4, 2.6)
+
+
+@dataclass(frozen=True)
+class KnownLength:
+    """True distance between the points that two pixels show, on the scene or on a person.
+
+    Attributes:
+        start: (x, y) px.
+        end: (x, y) px.
+        metres: distance between the two points.
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    metres: float
+
+
+@dataclass(frozen=True)
+class KnownSizes:
+    """Sizes that the user knows, in metres; they override the estimates.
+
+    Attributes:
+        stature: standing heights: one for all people, or one per person, 0 where unknown; empty if none is known. The
+            order is that of the chosen people (points, boxes, masks), and without a choice from left to right in the
+            photo (by the centre of the box).
+        camera_height: of the camera over the floor; None if unknown.
+        lengths: distances between pixels.
+
+    Raises:
+        ValueError: a size is not a positive finite number, a stature is no person's, or a length has no extent in px.
+    """
+
+    stature: tuple[float, ...] = ()
+    camera_height: float | None = None
+    lengths: tuple[KnownLength, ...] = ()
+
+    def __post_init__(self) -> None:
+        least, most = _STATURES_M
+        for height in self.stature:
+            if height != 0 and not least <= height <= most:
+                raise ValueError(f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g})")
+        if self.camera_height is not None and not (math.isfinite(self.camera_height) and self.camera_height > 0):
+            raise ValueError(f"the camera height should be a number of metres above 0 (got {self.camera_height:g})")
+        for length in self.lengths:
+            if not (math.isfinite(length.metres) and length.metres > 0):
+                raise ValueError(f"a known length should be a number of metres above 0 (got {length.metres:g})")
+            if not all(map(math.isfinite, (*length.start, *length.end))) or math.dist(length.start, length.end) < 1:
+                raise ValueError(f"a known length needs two different pixels (got {length.start} and {length.end})")
+
+    def __bool__(self) -> bool:
+        return bool(any(self.stature) or self.camera_height is not None or self.lengths)
+
+    def resized(self, factor_x: float, factor_y: float) -> KnownSizes:
+        """Return the sizes for the same image resized by these factors; pixel centres are at integers."""
+
+        def pixel(at: tuple[float, float]) -> tuple[float, float]:
+            return (at[0] + 0.5) * factor_x - 0.5, (at[1] + 0.5) * factor_y - 0.5
+
+        lengths = tuple(replace(length, start=pixel(length.start), end=pixel(length.end)) for length in self.lengths)
+        return replace(self, lengths=lengths)

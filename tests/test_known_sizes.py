@@ -1,0 +1,267 @@
+"""What the user knows of sizes holds in the result: statures, the camera's height, lengths between pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+
+from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, load_config, reconstruct
+from physic_core.body import load_body
+from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
+from physic_core.cli import main
+from physic_core.configuration.model import PhotoSettings
+from physic_core.engine.known_sizes import body_point, stature_factor
+from physic_core.engine.scene.stature import betas_with_stature
+from physic_core.errors import ConfigError
+from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
+from physic_core.types import Bodies, People
+from physic_testing.worlds import World, build_world
+
+SIZE = (160, 120)
+MODEL = load_body("embedded")
+
+
+@pytest.fixture(scope="module")
+def stand() -> World:
+    return build_world("stand", 0, SIZE)
+
+
+def run(world: World, known: KnownSizes, *overrides: str) -> Reconstruction:
+    quick = ("run.cache=false", "engine.joint.optimiser.steps=20", *overrides)
+    return reconstruct(world.image, load_config(preset="mock", overrides=quick), known=known)
+
+
+def stature(result: Reconstruction) -> list[float]:
+    betas = np.concatenate([p.parameters.betas for p in result.people])
+    return [float(s) for s in MODEL.stature(torch.from_numpy(betas).float())]
+
+
+def given_and_result(result: Reconstruction) -> dict[str, tuple[float, float]]:
+    return {m["name"]: (m["given"], m["result"]) for m in result.diagnostics["known_sizes"]}
+
+
+def contradictions(result: Reconstruction) -> list[str]:
+    return [w for w in result.warnings if "contradict" in w or "not used" in w]
+
+
+@pytest.mark.parametrize("height", [1.5, 1.95])
+def test_a_person_has_the_given_stature_and_the_scene_follows(stand: World, height: float) -> None:
+    free, held = run(stand, KnownSizes()), run(stand, KnownSizes(stature=(height,)))
+    assert stature(held)[0] == pytest.approx(height, rel=0.01)
+    floor, free_floor = held.scene.floor, free.scene.floor
+    assert floor is not None
+    assert free_floor is not None
+    # Nothing else in a photo knows a length: the whole scene is as much larger.
+    larger = height / stature(free)[0]
+    assert floor.offset / free_floor.offset == pytest.approx(larger, rel=0.06)
+    assert held.people[0].joints[0, 2] / free.people[0].joints[0, 2] == pytest.approx(larger, rel=0.06)
+    assert contradictions(held) == []
+
+
+@pytest.mark.parametrize(("preset", "height"), [("default", 1.2), ("paper", 1.6)])
+def test_the_camera_stands_at_the_given_height(stand: World, height: float, preset: str) -> None:
+    result = run(stand, KnownSizes(camera_height=height), f"engine.preset={preset}")
+    assert result.scene.floor is not None
+    assert result.scene.floor.offset == pytest.approx(height, rel=0.01)
+    assert given_and_result(result)["the camera height"] == (height, pytest.approx(height, rel=0.01))
+
+
+def test_two_points_of_the_scene_are_as_far_apart_as_given(stand: World) -> None:
+    length = KnownLength((10.0, 100.0), (150.0, 100.0), 2.0)
+    result = run(stand, KnownSizes(lengths=(length,)))
+    a, b = (result.scene.points[100, x] for x in (10, 150))
+    assert result.scene.valid[100, [10, 150]].all()
+    assert np.linalg.norm(a - b) == pytest.approx(2.0, rel=0.01)
+
+
+def test_two_points_of_a_person_are_as_far_apart_as_given(stand: World) -> None:
+    head, ankle = (stand.joints[0, j] @ stand.intrinsics.matrix.T for j in (15, 7))
+    start, end = (tuple(map(float, p[:2] / p[2])) for p in (head, ankle))
+    result = run(stand, KnownSizes(lengths=(KnownLength(start, end, 1.2),)))  # 1.5 m in truth
+    rays = np.array([[*start, 1.0], [*end, 1.0]]) @ np.linalg.inv(result.intrinsics.matrix).T
+    # The body's surface under the two pixels, by ray casting.
+    import trimesh
+
+    person = result.people[0]
+    mesh = trimesh.Trimesh(person.vertices, result.faces, process=False)
+    points, ray, _ = mesh.ray.intersects_location(np.zeros((2, 3)), rays)
+    first = [min(points[ray == i], key=lambda p: float(p[2])) for i in (0, 1)]
+    assert np.linalg.norm(first[0] - first[1]) == pytest.approx(1.2, rel=0.02)
+    assert list(given_and_result(result).values()) == [(1.2, pytest.approx(1.2, rel=0.02))]
+
+
+def test_contradicting_sizes_are_reported_with_both_numbers(stand: World) -> None:
+    known = KnownSizes(stature=(2.2,), camera_height=1.1)
+    (message,) = contradictions(run(stand, known))
+    assert message.startswith("the stature 2.20 m of person 0 contradicts the given size of the scene, in which the ")
+    assert message.endswith("check both, or leave one out")
+    wide = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
+    (message,) = contradictions(run(stand, KnownSizes(camera_height=1.1, lengths=(wide,))))
+    assert message.startswith("the given sizes contradict one another or the photo: in the result the camera height is")
+    assert "and was given as 1.10 m, the length from (10, 100) to (150, 100) is" in message
+
+
+def test_a_length_outside_the_photo_is_not_used_and_reported(stand: World) -> None:
+    far = KnownLength((10.0, 100.0), (500.0, 100.0), 8.0)
+    (message,) = contradictions(run(stand, KnownSizes(lengths=(far,))))
+    assert message == (
+        "the known length of 8 m was not used: the scene has no depth at one of its pixels (10, 100) and (500, 100); "
+        "choose pixels away from edges and inside the photo"
+    )
+
+
+def test_the_config_overrides_the_argument(stand: World) -> None:
+    known = KnownSizes(stature=(1.5,), camera_height=1.5)
+    result = run(stand, known, "photo.stature=1.9", "photo.camera_height=1.6")
+    assert {name: given for name, (given, _) in given_and_result(result).items()} == {
+        "the stature of person 0": 1.9,
+        "the camera height": 1.6,
+    }
+
+
+# ---- statures of several people --------------------------------------------------------------------------------------
+
+
+def people(centres: list[float]) -> People:
+    boxes = np.array([[c - 5, 0, c + 5, 20] for c in centres], np.float32)
+    masks = np.zeros((len(centres), 20, 100), bool)
+    return People(masks, boxes, np.ones(len(centres), np.float32), None)
+
+
+def test_statures_are_given_from_left_to_right() -> None:
+    found = statures_of_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]))
+    np.testing.assert_equal(found, [1.8, 1.5, np.nan])
+    np.testing.assert_equal(statures_of_people(KnownSizes(stature=(1.7,)), people([70, 20])), [1.7, 1.7])
+
+
+def test_statures_of_chosen_people_are_in_their_order() -> None:
+    found = statures_of_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True)
+    np.testing.assert_equal(found, [1.5, np.nan, 1.8])
+
+
+def test_too_many_statures_are_an_error() -> None:
+    with pytest.raises(InputError) as error:
+        statures_of_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
+    assert str(error.value) == (
+        "2 statures were given, but 1 person was found: give one stature for all, or one per person from left to right "
+        "with 0 where it is unknown"
+    )
+
+
+def test_a_body_of_another_stature_keeps_its_place_in_the_image() -> None:
+    rotations, betas, transl = MODEL.zero_pose(2)
+    transl[:, 2] = 4.0
+    before = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded", None)
+    after = bodies_of_stature(before, MODEL, np.array([2.0, np.nan]))
+    p = after.parameters
+    out = MODEL(rotations_from_parameters(p), torch.from_numpy(p.betas).float(), torch.from_numpy(p.transl).float())
+    start = MODEL(rotations, betas, transl)
+    height = MODEL.stature(betas)
+    torch.testing.assert_close(
+        MODEL.stature(torch.from_numpy(p.betas).float()), torch.stack([height[0] * 0 + 2, height[1]])
+    )
+    torch.testing.assert_close(out.joints[0, 0], start.joints[0, 0] * 2 / height[0], atol=1e-5, rtol=0)
+    torch.testing.assert_close(out.vertices[1], start.vertices[1])
+
+
+@pytest.mark.parametrize("height", [1.2, 1.6, 2.1])
+def test_the_nearest_shape_of_a_stature(height: float) -> None:
+    betas = betas_with_stature(MODEL, torch.randn(3, MODEL.num_betas) * 0.5, torch.full((3,), height))
+    torch.testing.assert_close(MODEL.stature(betas), torch.full((3,), height), atol=1e-4, rtol=0)
+
+
+def test_a_scene_and_the_prior_of_adults_share_a_difference() -> None:
+    stature = torch.tensor([1.7, 1.7, 1.7, 1.7])
+    factor = stature_factor(torch.tensor([1.0, 1.05, 0.6, math.nan]), stature)
+    assert factor[0] == 1
+    assert factor[3] == 1
+    assert 1.02 < factor[1] < 1.04  # of two measures with 6 % and 5 %
+    assert factor[2] == pytest.approx(0.6, abs=0.005)  # a child
+
+
+def test_the_point_of_a_body_lies_on_the_ray() -> None:
+    grid = torch.stack(torch.meshgrid(torch.linspace(-1, 1, 21), torch.linspace(-1, 1, 21), indexing="ij"), -1)
+    plane = torch.cat([grid.reshape(-1, 2), 4 + 0.5 * grid.reshape(-1, 2)[:, :1]], 1)
+    normals = torch.nn.functional.normalize(torch.tensor([0.5, 0.0, -1.0]), dim=0).expand_as(plane)
+    K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
+    point = body_point(plane, normals, torch.tensor([0.1, 0.05, 1.0]), K)(plane)
+    z = 4 / (1 - 0.05)
+    torch.testing.assert_close(point, z * torch.tensor([0.1, 0.05, 1.0]), atol=0.01, rtol=0)
+
+
+# ---- config and command line -----------------------------------------------------------------------------------------
+
+
+def test_sizes_in_a_config() -> None:
+    one = PhotoSettings.model_validate({"stature": 1.8, "camera_height": 1.5, "known_length": [1, 2, 30, 40, 2.5]})
+    assert one.known_sizes() == KnownSizes((1.8,), 1.5, (KnownLength((1, 2), (30, 40), 2.5),))
+    several = PhotoSettings.model_validate({"stature": [1.8, 0], "known_length": [[1, 2, 30, 40, 2], [0, 0, 9, 9, 1]]})
+    assert several.known_sizes().stature == (1.8, 0)
+    assert len(several.known_sizes().lengths) == 2
+    assert PhotoSettings().known_sizes() == KnownSizes()
+    assert not KnownSizes()
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("stature=17.5", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 17.5)"),
+        ("camera_height=-1", "the camera height should be a number of metres above 0 (got -1)"),
+        ("known_length=[1, 2, 30, 40, 0]", "a known length should be a number of metres above 0 (got 0)"),
+        ("known_length=[1, 2, 1, 2, 3]", "a known length needs two different pixels (got (1.0, 2.0) and (1.0, 2.0))"),
+    ],
+)
+def test_impossible_sizes(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load_config(preset="mock", overrides=[f"photo.{setting}"])
+    assert message in str(error.value)
+
+
+def test_pixels_of_the_file_are_moved_to_the_resized_image() -> None:
+    known = KnownSizes(lengths=(KnownLength((-0.5, -0.5), (99.5, 49.5), 1.0),))
+    assert known.resized(0.5, 0.5) == KnownSizes(lengths=(KnownLength((-0.5, -0.5), (49.5, 24.5), 1.0),))
+
+
+def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
+    from PIL import Image
+
+    photo = tmp_path / "photo.png"
+    Image.fromarray(stand.image).save(photo)
+    quick = ["--preset", "mock", "--no-cache", "--set", "engine.joint.optimiser.steps=2"]
+    sizes = ["--stature", "1.8", "--camera-height", "1.5", "--known-length", "10,100,150,100,2"]
+    out = CliRunner().invoke(main, ["run", str(photo), "-o", str(tmp_path / "out"), *quick, *sizes])
+    assert out.exit_code == 0, out.output
+    from physic_core import load_reconstruction
+
+    result = load_reconstruction(str(tmp_path / "out"))
+    assert result.config["photo"]["stature"] == [1.8]
+    assert set(given_and_result(result)) == {
+        "the stature of person 0",
+        "the camera height",
+        "the length from (10, 100) to (150, 100)",
+    }
+    wrong = CliRunner().invoke(main, ["run", str(photo), "--known-length", "1,2,3"])
+    assert wrong.exit_code == 2
+    assert "'1,2,3' is not five numbers with commas between them: x1,y1,x2,y2,metres" in wrong.output
+
+
+def test_people_of_a_selection_keep_their_sizes() -> None:
+    from physic_core.engine.known_sizes import KnownDistances, KnownGeometry
+
+    distances = KnownDistances(
+        torch.tensor([1.0, 2.0]),
+        torch.tensor([[0, -1], [2, 2]]),
+        torch.zeros(2, 2, 3),
+        torch.zeros(2, 2, 3),
+        torch.tensor([0, 1]),
+    )
+    known = KnownGeometry(torch.tensor([1.5, 1.6, 1.7]), None, distances)
+    chosen = known.select_people(torch.tensor([2, 1]))
+    assert chosen.stature.tolist() == pytest.approx([1.7, 1.6])
+    assert (chosen.distances.person.tolist(), chosen.distances.index.tolist()) == ([[0, 0]], [1])
+    assert replace(known, stature=known.stature).camera_height is None
