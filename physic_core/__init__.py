@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import BackendRecord, CommandRecord
     from physic_core.discovery.registry import Registry
     from physic_core.io.results import load_reconstruction, save_reconstruction
-    from physic_core.pipeline.run import reconstruct
+    from physic_core.pipeline.run import Pipeline, reconstruct, reconstruct_photo
     from physic_core.types import (
         Intrinsics,
         KnownLength,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         Reconstruction,
         Scene,
     )
+    from physic_core.visual.preview import preview_png
 
 __all__ = [
     "BackendError",
@@ -59,6 +60,7 @@ __all__ = [
     "PeoplePrompt",
     "Person",
     "PhysicError",
+    "Pipeline",
     "Reconstruction",
     "Registry",
     "Scene",
@@ -67,7 +69,9 @@ __all__ = [
     "hookimpl",
     "load_config",
     "load_reconstruction",
+    "preview_png",
     "reconstruct",
+    "reconstruct_photo",
     "save_reconstruction",
 ]
 
@@ -87,8 +91,11 @@ _ON_FIRST_USE = {
     "hookimpl": "physic_core.discovery.hookspecs",
     "load_config": "physic_core.configuration.model",
     "load_reconstruction": "physic_core.io.results",
+    "preview_png": "physic_core.visual.preview",
     "save_reconstruction": "physic_core.io.results",
+    "Pipeline": "physic_core.pipeline.run",
     "reconstruct": "physic_core.pipeline.run",
+    "reconstruct_photo": "physic_core.pipeline.run",
 }
 
 

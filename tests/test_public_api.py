@@ -26,6 +26,7 @@ PUBLIC = [
     "PeoplePrompt",
     "Person",
     "PhysicError",
+    "Pipeline",
     "Reconstruction",
     "Registry",
     "Scene",
@@ -34,7 +35,9 @@ PUBLIC = [
     "hookimpl",
     "load_config",
     "load_reconstruction",
+    "preview_png",
     "reconstruct",
+    "reconstruct_photo",
     "save_reconstruction",
 ]
 

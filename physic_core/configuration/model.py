@@ -40,6 +40,7 @@ from physic_core.configuration.layers import (
 )
 from physic_core.configuration.problems import CheckResult, Problem, config_error, did_you_mean, problems_from_pydantic
 from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
+from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
 
@@ -257,6 +258,26 @@ class Config(_Table):
         chosen: BackendChoice = getattr(self, interface)
         return chosen
 
+    def with_backends(self, chosen: Mapping[str, tuple[str, Mapping[str, Any]]]) -> Config:
+        """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and options."""
+        return self.model_copy(
+            update={n: BackendChoice(backend=name, options=dict(options)) for n, (name, options) in chosen.items()}
+        )
+
+    def with_photo(self, settings: Mapping[str, Any]) -> Config:
+        """Return a copy with other values in the table ``[photo]``.
+
+        Raises:
+            ConfigError: a value is invalid; the message lists all errors.
+        """
+        label = "settings of this photo"
+        merged, _ = merge_layers([("config", self.as_dict()), (label, {"photo": settings})])
+        try:
+            return self.model_copy(update={"photo": PhotoSettings.model_validate(merged["photo"])})
+        except ValidationError as error:
+            problems = problems_from_pydantic(error, PhotoSettings, "photo")
+            raise config_error(problems, lambda _: label, label, "") from error
+
     def source(self, path: str) -> str:
         """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or "default"."""
         return source_of(self._sources, path)
@@ -310,7 +331,7 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
     """Convert a preset name, path, mapping, Config or None to a Config.
 
     A string is the name of a preset unless it ends in ".toml" or ".json" or contains a slash. A mapping overrides the
-    default preset.
+    preset or file that its key "extends" names, or the default preset.
 
     Raises:
         ConfigError: the configuration is invalid; the message lists all errors.
@@ -321,7 +342,13 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
         return load_config(preset=config)
     if config is None or isinstance(config, (str, os.PathLike)):
         return load_config(config)
-    return load_config(flags={"config": config})
+    tables = dict(config)
+    base = tables.pop("extends", None)
+    if not (base is None or isinstance(base, str | os.PathLike)):
+        raise ConfigError(f"config: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
+    if isinstance(base, str) and not is_path(base):
+        return load_config(preset=base, flags={"config": tables})
+    return load_config(base, flags={"config": tables})
 
 
 def _validate_layers(

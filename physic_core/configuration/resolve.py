@@ -8,19 +8,28 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import BaseModel, ValidationError
 
 from physic_core.adapters.devices import check_device
 from physic_core.configuration.model import load_config
-from physic_core.configuration.problems import CheckResult, Problem, config_error, problems_from_pydantic
+from physic_core.configuration.problems import (
+    CheckResult,
+    Problem,
+    config_error,
+    did_you_mean,
+    problems_from_pydantic,
+)
 from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
 from physic_core.discovery.readiness import has_gpu, missing_requirements
+from physic_core.discovery.records import BackendRecord
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
     BackendNotFoundError,
+    ConfigError,
     PhysicError,
     WeightsMissingError,
 )
@@ -29,7 +38,7 @@ from physic_core.types import Provenance
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config, PhotoSettings
-    from physic_core.discovery.registry import BackendOffer, Registry
+    from physic_core.discovery.registry import Registry
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
 
@@ -48,10 +57,16 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ResolvedBackend:
-    """A constructed backend, without loaded weights, and its provenance."""
+    """A constructed backend, without loaded weights, and its provenance.
+
+    Attributes:
+        cacheable: whether its results may be cached. False for an instance that the user constructed: its attributes
+            can change the results, and the cache key does not contain them.
+    """
 
     backend: Backend
     provenance: Provenance
+    cacheable: bool = True
 
     @property
     def title(self) -> str:
@@ -89,18 +104,30 @@ class _Choice:
     offer: BackendOffer
     kind: type[Backend]
     options: Options
+    instance: Backend | None = None
 
 
-def resolve(config: Config, registry: Registry) -> ResolvedPipeline:
+def resolve(
+    config: Config, registry: Registry, backends: Mapping[str, Backend | type[Backend]] | None = None
+) -> ResolvedPipeline:
     """Construct one backend for each interface; no weights are loaded and no network is used.
+
+    Args:
+        config: chooses the backends.
+        registry: the installed plugins.
+        backends: by interface, instances or classes that replace the config's choice. A class gets its default options.
 
     Raises:
         ConfigError: names or options are invalid; the message lists all errors.
-        BackendError: the constructor of a backend failed.
+        BackendError: a backend is of another interface, or its constructor failed.
     """
-    backends = {name: _construct(name, choice) for name, choice in _select_or_raise(config, registry).items()}
+    given = {name: _choose_given(name, backend, registry) for name, backend in (backends or {}).items()}
+    choices = _select_or_raise(config, registry, without=tuple(given)) | given
+    resolved = {name: _construct(name, choices[name]) for name in INTERFACES if name in choices}
+    used = {name: resolved[name].provenance for name in given}
+    config = config.with_backends({name: (who.backend, who.options) for name, who in used.items()})
     return ResolvedPipeline(
-        backends=MappingProxyType(backends),
+        backends=MappingProxyType(resolved),
         photo=config.photo,
         body_model=config.body_model.source,
         device=config.run.device,
@@ -184,12 +211,45 @@ def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None 
     return load_config(file, **settings, check_tables=lambda tables: _select_backends(tables, registry)[1])
 
 
-def _select_or_raise(config: Config, registry: Registry) -> dict[str, _Choice]:
-    tables = {name: config.choice(name).model_dump() for name in INTERFACES}
+def _select_or_raise(config: Config, registry: Registry, without: tuple[str, ...] = ()) -> dict[str, _Choice]:
+    tables = {name: config.choice(name).model_dump() for name in INTERFACES if name not in without}
     chosen, found = _select_backends(tables, registry)
     if found.problems:
         raise config_error(found.problems, config.source, "config", found.footer) from found.cause
     return chosen
+
+
+def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
+    """Check an instance or a class that was given in Python.
+
+    Raises:
+        ConfigError: no interface has this name.
+        BackendError: the object is of another interface, or its class is incomplete.
+    """
+    if interface not in INTERFACES:
+        hint = did_you_mean(interface, INTERFACES)
+        raise ConfigError(f"backends: no interface named '{interface}'; there are: {', '.join(INTERFACES)}{hint}")
+    wanted = INTERFACES[interface]
+    kind = given if isinstance(given, type) else type(given)
+    if not issubclass(kind, wanted):
+        got = f"the class {kind.__name__}" if isinstance(given, type) else repr(given)
+        raise BackendError(
+            f"backends['{interface}'] should be an instance or a subclass of physic_core.interfaces.{wanted.__name__} "
+            f"(got {got})"
+        )
+    name = f"{kind.__module__}:{kind.__qualname__}"
+    offer = BackendOffer(BackendRecord(interface, name, kind, api=wanted.api), GIVEN_IN_PYTHON)
+    registry.load_concrete_class(offer)
+    if isinstance(given, wanted):
+        return _Choice(offer, kind, cast("Options", given.options), given)
+    try:
+        return _check_options(offer, kind, {})
+    except _InvalidOptions as error:
+        names = ", ".join(problem.path.rpartition(".")[2] for problem in error.problems)
+        raise ConfigError(
+            f"backends['{interface}']: {kind.__name__} has no default for {names}: give an instance, "
+            f"{kind.__name__}({kind.__name__}.Options(...))"
+        ) from error
 
 
 def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], CheckResult]:
@@ -243,7 +303,7 @@ def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[st
 def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
     record, origin = choice.offer.record, choice.offer.origin
     try:
-        backend = choice.kind(choice.options)
+        backend = choice.kind(choice.options) if choice.instance is None else choice.instance
     except PhysicError:
         raise
     except (Exception, SystemExit) as cause:  # a plugin may raise anything
@@ -259,4 +319,5 @@ def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
             options=choice.options.model_dump(mode="json"),
             weights_license=record.weights_license,
         ),
+        cacheable=choice.instance is None,
     )

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import BackendRecord
 
 __all__ = [
+    "GIVEN_IN_PYTHON",
     "NAMED_IN_CONFIG",
     "REGISTERED_BY_HAND",
     "UNREGISTERED_CLASS",
@@ -50,6 +51,7 @@ class Origin:
         return f"{self.distribution} {self.version}".strip()
 
 
+GIVEN_IN_PYTHON = Origin("", "given in Python")
 REGISTERED_BY_HAND = Origin("", "registered by hand")
 NAMED_IN_CONFIG = Origin("", "named in the config")
 UNREGISTERED_CLASS = Origin("", "a class that no plugin registers")

@@ -71,7 +71,7 @@ class Backend(ABC):
         self.options = self.Options() if options is None else options
 
     def load(self, device: str = "cpu") -> None:  # noqa: B027 -- a backend without weights has nothing to do
-        """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1")."""
+        """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1"); do nothing if the backend is loaded."""
 
     def close(self) -> None:  # noqa: B027
         """Release the weights and all other memory that ``load`` allocated."""

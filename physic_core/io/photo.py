@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import math
 import os
 import stat
 import struct
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -17,12 +18,17 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 
 from physic_core.errors import InputError
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
+from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
+    from typing import BinaryIO
+
     from physic_core.types import Intrinsics, UInt8Array
 
-__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "limit_size", "read_photo"]
+    PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
+
+__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "limit_size", "photo_name", "read_photo", "read_source"]
 
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
@@ -45,29 +51,104 @@ class Photo(ShortRepr):
         intrinsics: of ``image``; None if the file has no usable EXIF data.
         notes: conversions of the pixels, as text for the user.
         file_size: (width, height) of the upright file, px, if the image was reduced while reading; None if it was not.
+        digest: of the file, if there was one, then of the pixels, separated by a space; "" if it was not computed.
     """
 
     image: UInt8Array
     intrinsics: Intrinsics | None = None
     notes: tuple[str, ...] = ()
     file_size: tuple[int, int] | None = None
+    digest: str = ""
 
 
-def read_photo(path: str | os.PathLike[str]) -> Photo:
+@dataclass(frozen=True)
+class _Source:
+    """An encoded photo.
+
+    Attributes:
+        name: for error messages, after "the photo".
+        content: of the file; None if it is read from ``path``.
+        path: of the file; None if ``content`` is given.
+    """
+
+    name: str
+    content: bytes | None = field(default=None, repr=False)
+    path: Path | None = None
+
+    def __str__(self) -> str:
+        return self.name
+
+    def open(self) -> BinaryIO:
+        """Open the file for reading."""
+        if self.path is not None:
+            return self.path.open("rb")
+        return io.BytesIO(self.content or b"")
+
+    def image(self) -> Image.Image:
+        """Open the picture without decoding it."""
+        return Image.open(io.BytesIO(self.content or b"") if self.path is None else self.path)
+
+
+def read_photo(photo: str | os.PathLike[str] | bytes) -> Photo:
     """Read a photo file as upright 8-bit RGB, with EXIF intrinsics and a note for each conversion.
 
     A photo above 24 Mpx is reduced by an integer factor while reading. JPEG is decoded directly at the smaller size.
 
+    Args:
+        photo: path of the file, or its content as bytes.
+
     Raises:
         InputError: the file is missing, is not an image, is damaged, or is too small or too large.
     """
-    path = Path(path)
-    _check_file(path)
+    if isinstance(photo, bytes):
+        source = _Source(f"of {len(photo):,} bytes", photo)
+    else:
+        source = _Source(str(Path(photo)), path=Path(photo))
+        _check_file(Path(photo))
     with warnings.catch_warnings():
         # Pillow warns of large pictures and odd EXIF blocks; both are judged here.
         warnings.simplefilter("ignore")
-        with _open(path) as image:
-            return _read(image, path)
+        with _open(source) as image:
+            return _read(image, source)
+
+
+def read_source(photo: PhotoSource) -> Photo:
+    """Read a photo from a path, the bytes of a file, a PIL image or an array, and compute its digest.
+
+    Args:
+        photo: path or bytes as in :func:`read_photo`; a PIL image of any mode, which is not modified, with the EXIF
+            data that it carries; or an upright array (H, W, 3) of uint8 RGB.
+
+    Raises:
+        InputError: it is of another type, or cannot be used.
+    """
+    if isinstance(photo, bytes):
+        found, file = read_photo(photo), f"sha256:{hashlib.sha256(photo).hexdigest()}"
+    elif isinstance(photo, str | os.PathLike):
+        found, file = read_photo(photo), file_digest(photo)
+    elif isinstance(photo, Image.Image):
+        found, file = _read_image(photo), ""
+    else:
+        found, file = Photo(check_image(photo)), ""
+    return replace(found, digest=" ".join(filter(None, (file, image_digest(found.image)))))
+
+
+def photo_name(photo: object) -> str:
+    """Return the path of a photo for error messages; "" if it has none."""
+    if isinstance(photo, Image.Image):
+        photo = getattr(photo, "filename", "")
+    return str(Path(photo)) if isinstance(photo, str | os.PathLike) and str(photo) else ""
+
+
+def _read_image(image: Image.Image) -> Photo:
+    source = _Source(photo_name(image) or "given as a PIL image")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            copy = image.copy()  # decoding at a smaller size would change the user's image
+        except _PILLOW_DAMAGE as error:
+            raise _damaged(source) from error
+        return _read(copy, source)
 
 
 def limit_size(photo: Photo, max_side: int) -> Photo:
@@ -126,7 +207,7 @@ def check_image(image: Any) -> UInt8Array:
     if not isinstance(image, np.ndarray):
         raise InputError(
             f"image must be a numpy array (H, W, 3) of uint8 RGB, got {type(image).__name__}: "
-            "read a file with physic_core.io.photo.read_photo, or convert it"
+            "give a path, the bytes of a file, a PIL image, or convert it"
         )
     if image.ndim != 3 or image.shape[2] != 3:
         raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
@@ -172,55 +253,56 @@ def _check_file(path: Path) -> None:
         raise InputError(f"cannot read the photo {path}: the file is empty (0 bytes); copy it again")
 
 
-def _open(path: Path) -> Image.Image:
+def _open(source: _Source) -> Image.Image:
     try:
-        return Image.open(path)
+        return source.image()
     except UnidentifiedImageError:
         pass
     except Image.DecompressionBombError:
-        raise _too_large(path) from None
+        raise _too_large(source) from None
     except PermissionError as error:
-        raise InputError(f"cannot read the photo {path}: {error.strerror}; check who may read it") from error
+        raise InputError(f"cannot read the photo {source}: {error.strerror}; check who may read it") from error
     except _PILLOW_DAMAGE as error:
-        raise _damaged(path) from error
-    if _is_heif(path):
-        return _open_heif(path)
+        raise _damaged(source) from error
+    if _is_heif(source):
+        return _open_heif(source)
     raise InputError(
-        f"cannot read the photo {path}: it is not an image, or of an unknown kind; give a JPEG, PNG, WebP, AVIF or TIFF"
+        f"cannot read the photo {source}: it is not an image, or of an unknown kind; "
+        "give a JPEG, PNG, WebP, AVIF or TIFF"
     )
 
 
-def _is_heif(path: Path) -> bool:
-    with path.open("rb") as file:
+def _is_heif(source: _Source) -> bool:
+    with source.open() as file:
         head = file.read(12)
     return head[4:8] == b"ftyp" and head[8:12] in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
 
 
-def _open_heif(path: Path) -> Image.Image:
+def _open_heif(source: _Source) -> Image.Image:
     """Open HEIC, the format of many phones, with the optional package ``pillow-heif``."""
     try:
         from pillow_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
         raise InputError(
-            f"cannot read the photo {path}: it is HEIC, which needs one more package; "
+            f"cannot read the photo {source}: it is HEIC, which needs one more package; "
             "run `pip install pillow-heif`, or convert the photo to JPEG"
         ) from None
     register_heif_opener()
     try:
-        return Image.open(path)
+        return source.image()
     except Image.DecompressionBombError:
-        raise _too_large(path) from None
+        raise _too_large(source) from None
     except _PILLOW_DAMAGE as error:
-        raise _damaged(path) from error
+        raise _damaged(source) from error
 
 
-def _read(image: Image.Image, path: Path) -> Photo:
+def _read(image: Image.Image, source: _Source) -> Photo:
     stored = image.size
     if stored[0] * stored[1] > MAX_PIXELS:
-        raise _too_large(path)
+        raise _too_large(source)
     if min(stored) < MIN_SIDE:
         raise InputError(
-            f"cannot use the photo {path}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
+            f"cannot use the photo {source}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
             f"{MIN_SIDE} px; give a larger photo"
         )
     notes = list(_frame_notes(image))
@@ -231,9 +313,9 @@ def _read(image: Image.Image, path: Path) -> Photo:
             image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
         image.load()
     except _PILLOW_DAMAGE as error:
-        complete = _decode_without_end_marker(path, image.mode, image.size) if image.format == "JPEG" else None
+        complete = _decode_without_end_marker(source, image.mode, image.size) if image.format == "JPEG" else None
         if complete is None:
-            raise _damaged(path) from error
+            raise _damaged(source) from error
         image = complete
         notes.append("the file's last bytes are missing; its picture is complete")
     orientation, tags = _exif(image)
@@ -241,7 +323,7 @@ def _read(image: Image.Image, path: Path) -> Photo:
     pixels = ImageOps.exif_transpose(image) if orientation != 1 else image
     if left > 1 and pixels.mode in _REDUCIBLE:
         pixels, left = pixels.reduce(left), 1  # before the conversions, each of which takes a copy
-    rgb, conversions = _to_rgb(pixels, deep, path)
+    rgb, conversions = _to_rgb(pixels, deep, source)
     if orientation != 1:
         notes.append("rotated upright by the EXIF orientation")
     notes += conversions
@@ -256,13 +338,14 @@ def _read(image: Image.Image, path: Path) -> Photo:
     return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
 
 
-def _decode_without_end_marker(path: Path, mode: str, size: tuple[int, int]) -> Image.Image | None:
+def _decode_without_end_marker(source: _Source, mode: str, size: tuple[int, int]) -> Image.Image | None:
     """Decode a JPEG without end marker; None if pixels are missing too.
 
     libjpeg invents missing pixels. So the data are completed in three ways: with the end marker, with other bytes
     before it, and with restart markers. If all pixels are present, the three results are equal.
     """
-    data = path.read_bytes().rstrip(b"\xff")  # in the picture itself 0 follows each of these
+    with source.open() as file:
+        data = file.read().rstrip(b"\xff")  # in the picture itself 0 follows each of these
     more = bytes(range(1, 255))
     marks = b"".join(b"\xff" + bytes([0xD0 + i % 8]) + more for i in range(16))
     decoded: list[Image.Image] = []
@@ -302,13 +385,13 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any]]:
     return (orientation if orientation in range(2, 9) else 1), tags
 
 
-def _to_rgb(image: Image.Image, deep: bool, path: Path) -> tuple[Image.Image, list[str]]:
+def _to_rgb(image: Image.Image, deep: bool, source: _Source) -> tuple[Image.Image, list[str]]:
     """Convert any Pillow mode to RGB, with a note for each conversion."""
     notes = ["16 bits a channel were scaled to 8"] if deep else []
     if image.mode.startswith("I"):
-        image = _grey_from_deep(image, path)
+        image = _grey_from_deep(image, source)
     elif image.mode == "F":
-        raise InputError(f"cannot use the photo {path}: its pixels are floating point; save it with 8 bits a channel")
+        raise InputError(f"cannot use the photo {source}: its pixels are floating point; save it with 8 bits a channel")
     if image.has_transparency_data or image.mode in ("La", "RGBa"):
         layers = image.convert("RGBA")
         if np.asarray(layers)[..., 3].min() < 255:
@@ -327,20 +410,20 @@ def _to_rgb(image: Image.Image, deep: bool, path: Path) -> tuple[Image.Image, li
     return image, notes
 
 
-def _grey_from_deep(image: Image.Image, path: Path) -> Image.Image:
+def _grey_from_deep(image: Image.Image, source: _Source) -> Image.Image:
     values = np.asarray(image)
     if values.size and (values.min() < 0 or values.max() > 65535):
-        raise InputError(f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits a channel")
+        raise InputError(f"cannot use the photo {source}: its pixels have 32 bits; save it with 8 bits a channel")
     return Image.fromarray(((values.astype(np.uint32) + 128) // 257).astype(np.uint8))
 
 
-def _damaged(path: Path) -> InputError:
+def _damaged(source: _Source) -> InputError:
     return InputError(
-        f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
+        f"cannot read the photo {source}: its data are damaged or cut off; copy it again from where it came"
     )
 
 
-def _too_large(path: Path) -> InputError:
+def _too_large(source: _Source) -> InputError:
     return InputError(
-        f"cannot use the photo {path}: it has more than {MAX_PIXELS // 1_000_000} megapixels; give a smaller version"
+        f"cannot use the photo {source}: it has more than {MAX_PIXELS // 1_000_000} megapixels; give a smaller version"
     )

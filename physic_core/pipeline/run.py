@@ -1,85 +1,245 @@
-"""Reconstruct people, scene and contact from one photo.
+"""Reconstruct people, scene and contact from photos.
 
 The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``checks.run_checks`` of this package.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import threading
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from physic_core.cache.code import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.errors import InputError
-from physic_core.io.photo import Photo, check_image, limit_size, read_photo
-from physic_core.io.result_folder import image_digest, photo_digest
+from physic_core.errors import ConfigError, InputError, PhysicError
+from physic_core.io.photo import Photo, limit_size, photo_name, read_source
+from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Mapping
-    from typing import Any
+    from collections.abc import Iterator, Mapping
+    from typing import Any, Self
 
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
+    from physic_core.interfaces import Backend
+    from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
     from physic_core.pipeline.stage_runner import Progress
-    from physic_core.types import CheckResult, KnownSizes, UInt8Array
+    from physic_core.types import CheckResult, KnownSizes
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
-__all__ = ["reconstruct", "reconstruct_photo"]
+__all__ = ["Pipeline", "reconstruct", "reconstruct_photo"]
+
+
+class Pipeline:
+    """The backends and settings of a configuration; the backends are loaded once and used for many photos.
+
+    ::
+
+        with Pipeline("embedded") as pipeline:
+            for path in paths:
+                result = pipeline(path)
+
+    Files and device are checked at construction. Each backend is loaded at its first call, or all by :meth:`warm_up`,
+    and closed at the end of the ``with`` block. With ``[run] low_memory``, each backend is closed right after its last
+    use for a photo instead, and the next photo loads it again.
+
+    A pipeline is not thread-safe, since backends are not: use one per thread or process. A call from a second thread
+    during a call raises PhysicError.
+
+    Args:
+        config: a Config, the name of a preset, the path of a TOML file, or its tables, of which "extends" may name a
+            preset or a file; preset "embedded" if None. Or a ResolvedPipeline, whose backends are used as they are.
+        backends: by interface, instances or classes of backends that replace those of the config, such as
+            ``{"metric_depth": MyDepth()}``. A class gets its default options. Results of instances are not cached.
+        registry: of the backends; the installed ones if None. Not used with a ResolvedPipeline.
+
+    Raises:
+        ConfigError: the configuration is invalid.
+        WeightsMissingError: files of backends are missing; the message lists all.
+        DeviceError: the device does not exist.
+        BackendError: a backend cannot be constructed, or is of another interface.
+    """
+
+    def __init__(
+        self,
+        config: Configuration = None,
+        *,
+        backends: Mapping[str, Backend | type[Backend]] | None = None,
+        registry: Registry | None = None,
+    ) -> None:
+        if isinstance(config, ResolvedPipeline):
+            if backends:
+                raise ConfigError("backends cannot be replaced in a ResolvedPipeline: give them to resolve()")
+            self._plan = config
+        else:
+            self._plan = resolve(as_config(config), discover() if registry is None else registry, backends)
+        require_available(self._plan)
+        self._loaded = LoadedBackends(self._plan.device)
+        self._code = CodeDigester()
+        self._running = threading.Lock()
+        self._closed = False
+
+    @property
+    def config(self) -> Config:
+        """The resolved configuration; it names the classes of given backends."""
+        return self._plan.config
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{name}={who.provenance.backend}" for name, who in self._plan.backends.items())
+        return f"Pipeline({names}{', closed' if self._closed else ''})"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with nullcontext() if kind is None else suppress(PhysicError):  # an error in the block is reported, not hidden
+            self.close()
+
+    def __call__(
+        self,
+        photo: PhotoSource,
+        *,
+        intrinsics: Intrinsics | None = None,
+        people: PeoplePrompt | None = None,
+        known: KnownSizes | None = None,
+        settings: Mapping[str, Any] | None = None,
+        progress: Progress | None = None,
+    ) -> Reconstruction:
+        """Reconstruct people, scene and contact from one photo.
+
+        Args:
+            photo: path of a file, bytes of a file, PIL image, or upright array (H, W, 3) of uint8 RGB. EXIF data may
+                give camera and orientation.
+            intrinsics: the camera of the upright photo, px. It counts as known unless its ``trust`` is "guessed";
+                ``[photo]`` of the config replaces it.
+            people: the people to reconstruct, px of the upright photo; ``[photo]`` of the config if None, where no
+                choice means all people.
+            known: sizes that are known, in px of the upright photo; ``[photo]`` of the config replaces each of them.
+            settings: of the table ``[photo]``, for this photo alone, such as ``{"focal_px": 900.0}``.
+            progress: called when each stage begins.
+
+        Returns:
+            Everything in metres in the OpenCV camera frame (x right, y down, z forward).
+
+        Raises:
+            InputError: the photo, its intrinsics, the chosen people or the known sizes cannot be used.
+            ConfigError: ``settings`` are invalid.
+            NoPersonError: no person was found, or one of ``people`` was not found.
+            BackendError: a required backend failed, or returned an invalid result.
+        """
+        return self._run(photo, _Given(intrinsics, people, known), settings, progress)
+
+    def warm_up(self) -> None:
+        """Load all backends and the body model now; with ``[run] low_memory``, load and close one after another.
+
+        Raises:
+            BackendError: a backend cannot be loaded.
+        """
+        from physic_core.body import load_body
+
+        with self._exclusive():
+            load_body(self._plan.body_model)
+            for resolved in self._plan.backends.values():
+                with wrap_plugin_errors(f"{resolved.title} cannot be loaded", resolved):
+                    self._loaded.load(resolved)
+                if self.config.run.low_memory:
+                    self._loaded.close(resolved)
+
+    def close(self) -> None:
+        """Close all loaded backends; the pipeline cannot be used any more. A second call does nothing.
+
+        Raises:
+            BackendError: a backend cannot be closed; all others are closed.
+        """
+        self._closed = True
+        if errors := self._loaded.close():
+            raise errors[0]
+
+    @contextmanager
+    def _exclusive(self) -> Iterator[None]:
+        if self._closed:
+            raise PhysicError("the pipeline is closed: make a new one")
+        if not self._running.acquire(blocking=False):
+            raise PhysicError("the pipeline is running in another thread: make one for each thread")
+        try:
+            yield
+        finally:
+            self._running.release()
+
+    def _run(
+        self,
+        source: PhotoSource,
+        given: _Given,
+        settings: Mapping[str, Any] | None = None,
+        progress: Progress | None = None,
+        *,
+        close: bool = False,
+    ) -> Reconstruction:
+        """Reconstruct a photo; with ``close``, close the backends before the engine runs, which frees their memory."""
+        camera, plan, name = given.camera(), _with_photo_settings(self._plan, settings), photo_name(source)
+        with self._exclusive(), _naming(name):
+            photo = read_source(source)
+            if camera is not None:
+                photo = replace(photo, intrinsics=camera)
+            stages = self._stages(progress)
+            found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)
+            return replace(found, photo=photo.digest)
+
+    def _stages(self, progress: Progress | None) -> StageRunner:
+        from physic_core.cache.result_cache import ResultCache
+
+        run = self.config.run
+        return StageRunner(
+            self._plan.device,
+            len(self._plan.backends) + _EXTRA_STAGES,
+            progress,
+            cache=ResultCache.in_users_folder(run.cache_mb, self._code) if run.cache else None,
+            low_memory=run.low_memory,
+            loaded=self._loaded,
+        )
 
 
 def reconstruct(
-    image: UInt8Array,
+    photo: PhotoSource,
     config: Configuration = None,
     *,
+    backends: Mapping[str, Backend | type[Backend]] | None = None,
     registry: Registry | None = None,
     intrinsics: Intrinsics | None = None,
     people: PeoplePrompt | None = None,
     known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Reconstruct people, scene and contact from one image.
+    """Reconstruct people, scene and contact from one photo; for several photos, :class:`Pipeline` loads backends once.
 
     Args:
-        image: (H, W, 3) uint8 RGB, upright.
-        config: a Config, the name of a preset, the path of a TOML file, or its tables; preset "embedded" if None. Or a
-            ResolvedPipeline, whose backends are used as they are.
-        registry: of the backends; the installed ones if None. Not used with a ResolvedPipeline.
-        intrinsics: the camera of ``image``. It counts as known unless its ``trust`` is "guessed"; ``[photo]`` of the
-            config replaces it.
-        people: the people to reconstruct, px of ``image``; ``[photo]`` of the config if None, where no choice means all
-            people.
-        known: sizes that are known, in px of ``image``; ``[photo]`` of the config replaces each of them.
+        photo: as in :meth:`Pipeline.__call__`.
+        config: as in :class:`Pipeline`.
+        backends: as in :class:`Pipeline`.
+        registry: as in :class:`Pipeline`.
+        intrinsics: as in :meth:`Pipeline.__call__`.
+        people: as in :meth:`Pipeline.__call__`.
+        known: as in :meth:`Pipeline.__call__`.
         progress: called when each stage begins.
 
     Returns:
         Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
     Raises:
-        InputError: the image, its intrinsics, the chosen people or the known sizes cannot be used.
-        ConfigError: the configuration is invalid.
-        WeightsMissingError: files of backends are missing; the message lists all. Nothing was computed.
-        DeviceError: the device does not exist.
-        NoPersonError: no person was found, or one of ``people`` was not found.
-        BackendError: a required backend failed, or returned an invalid result.
+        PhysicError: as in :class:`Pipeline` and :meth:`Pipeline.__call__`. If files of backends are missing, nothing
+            was computed.
     """
-    if intrinsics is not None and not isinstance(intrinsics, Intrinsics):
-        raise InputError(
-            f"intrinsics must be physic_core.types.Intrinsics, got {type(intrinsics).__name__}: "
-            "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
-        )
-    if intrinsics is not None and not intrinsics.guessed:
-        intrinsics = replace(intrinsics, trust=CameraTrust.KNOWN)
-    photo = Photo(check_image(image), intrinsics)
-    found = _reconstruct(photo, _plan(config, registry), people, known, progress)
-    return replace(found, photo=image_digest(photo.image))
+    with Pipeline(config, backends=backends, registry=registry) as pipeline:
+        return pipeline._run(photo, _Given(intrinsics, people, known), progress=progress, close=True)
 
 
 def reconstruct_photo(
@@ -91,60 +251,77 @@ def reconstruct_photo(
     known: KnownSizes | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Reconstruct people, scene and contact from a photo file; its EXIF data may give camera and orientation.
+    """Reconstruct people, scene and contact from a photo file; see :func:`reconstruct`.
 
     Arguments and errors are those of :func:`reconstruct`; ``people`` and ``known`` are in px of the upright photo file.
     The file is read after config, device and backends have been checked.
     """
-    plan = _plan(config, registry)
-    photo = read_photo(path)
-    return replace(_reconstruct(photo, plan, people, known, progress), photo=photo_digest(path, photo.image))
+    return reconstruct(path, config, registry=registry, people=people, known=known, progress=progress)
 
 
-def _plan(config: Configuration, registry: Registry | None) -> ResolvedPipeline:
-    """Resolve the backends and settings of a run, and raise WeightsMissingError if files are missing."""
-    if isinstance(config, ResolvedPipeline):
-        plan = config
-    else:
-        plan = resolve(as_config(config), discover() if registry is None else registry)
-    require_available(plan)
-    return plan
+@contextmanager
+def _naming(photo: str) -> Iterator[None]:
+    """Start the message of an error with the path of the photo, if it has one."""
+    try:
+        yield
+    except PhysicError as error:
+        if not photo or photo in str(error):
+            raise
+        raise type(error)(f"{photo}: {error}") from error
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What the user knows of one photo, px of the upright file."""
+
+    intrinsics: Intrinsics | None = None
+    people: PeoplePrompt | None = None
+    known: KnownSizes | None = None
+
+    def camera(self) -> Intrinsics | None:
+        """Return the given camera, which counts as known unless it is a guess."""
+        if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
+            raise InputError(
+                f"intrinsics must be physic_core.types.Intrinsics, got {type(self.intrinsics).__name__}: "
+                "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
+            )
+        if self.intrinsics is not None and not self.intrinsics.guessed:
+            return replace(self.intrinsics, trust=CameraTrust.KNOWN)
+        return self.intrinsics
+
+
+def _with_photo_settings(plan: ResolvedPipeline, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
+    """Return the plan with other values in the table ``[photo]``."""
+    if not settings:
+        return plan
+    config = plan.config.with_photo(settings)
+    return replace(plan, photo=config.photo, config=config)
 
 
 def _reconstruct(
-    photo: Photo,
-    plan: ResolvedPipeline,
-    people: PeoplePrompt | None,
-    known: KnownSizes | None,
-    progress: Progress | None,
+    photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
-    from physic_core.cache.result_cache import ResultCache
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.estimate import run_backends
     from physic_core.pipeline.optimise import run_engine
 
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
-    prompt = _prompt(people, plan.photo, file_size, photo.image.shape[1::-1])
+    prompt = _prompt(given.people, plan.photo, file_size, photo.image.shape[1::-1])
     height, width = photo.image.shape[:2]
-    known = plan.photo.known_sizes(known).resized(width / file_size[0], height / file_size[1])
-    run = plan.config.run
-    stages = StageRunner(
-        plan.device,
-        len(plan.backends) + _EXTRA_STAGES,
-        progress,
-        cache=ResultCache.in_users_folder(run.cache_mb, CodeDigester()) if run.cache else None,
-        low_memory=run.low_memory,
-    )
+    known = plan.photo.known_sizes(given.known).resized(width / file_size[0], height / file_size[1])
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
-    with limited_threads(run.threads):
+    with limited_threads(plan.config.run.threads):
         try:
             estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, prompt, known)
         finally:
-            stages.close()
+            if close:
+                stages.close()
+            else:
+                stages.finish()
         solution = run_engine(estimates, plan.engine, model, stages)
     checks = run_checks(estimates, solution, plan.engine)
     return _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from physic_core import errors
-from physic_core.discovery.error_text import describe_error, traceback_text
-from physic_core.errors import BackendError, BackendOutputError, PhysicError
+from physic_core.discovery.error_text import traceback_text
+from physic_core.errors import BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, interface_of, violations
 from physic_core.interfaces.checks import require_image
+from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Request
 
-__all__ = ["Progress", "StageRunner", "wrap_plugin_errors"]
+__all__ = ["Progress", "StageRunner"]
 
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
@@ -45,6 +45,7 @@ class StageRunner:
         *,
         cache: ResultCache | None = None,
         low_memory: bool = False,
+        loaded: LoadedBackends | None = None,
     ) -> None:
         """
         Args:
@@ -53,6 +54,7 @@ class StageRunner:
             progress: called when each stage begins.
             cache: results of earlier runs; every backend is called if None.
             low_memory: close each backend right after its last use.
+            loaded: backends that earlier photos have loaded, on the same device; none if None.
         """
         self.records: list[StageRecord] = []
         self.warnings: list[str] = []
@@ -62,7 +64,7 @@ class StageRunner:
         self._progress = progress
         self._cache = cache
         self._low_memory = low_memory
-        self._loaded: dict[int, ResolvedBackend] = {}
+        self._loaded = LoadedBackends(device) if loaded is None else loaded
 
     def warn(self, *texts: str) -> None:
         """Add warnings, without duplicates."""
@@ -123,7 +125,7 @@ class StageRunner:
             cached = result is not None
             if result is None:
                 with wrap_plugin_errors(title, resolved):
-                    loading = self._load(resolved)
+                    loading = self._loaded.load(resolved)
                     start = time.perf_counter()
                     result = call(resolved.backend, request)
                 result = _require_valid(title, result, find_faults(result))
@@ -136,7 +138,7 @@ class StageRunner:
                 seconds = time.perf_counter() - start
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
             if self._low_memory and last:
-                self._close(resolved)
+                self._warn_each(self._loaded.close(resolved))
                 gc.collect()  # networks often have reference cycles
         return cast("Result", result)
 
@@ -158,38 +160,28 @@ class StageRunner:
             _print_traceback(error)
             return None
 
-    def close(self) -> None:
-        """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
-        for resolved in list(self._loaded.values()):
-            self._close(resolved)
+    def finish(self) -> None:
+        """Trim the cache and collect its notes; the backends stay loaded."""
         if self._cache is not None:
             self._cache.trim()
             self.note(*self._cache.notes)
+
+    def close(self) -> None:
+        """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
+        self._warn_each(self._loaded.close())
+        self.finish()
 
     def _begin(self, name: str) -> None:
         if self._progress is not None:
             self._progress(name, len(self.records), self._total)
 
-    def _load(self, resolved: ResolvedBackend) -> float:
-        """Load a backend unless it is loaded, and return the seconds that this took."""
-        start = time.perf_counter()
-        if id(resolved.backend) not in self._loaded:
-            self._loaded[id(resolved.backend)] = resolved  # before loading: a half-loaded backend is closed too
-            resolved.backend.load(self._device)
-        return time.perf_counter() - start
-
-    def _close(self, resolved: ResolvedBackend) -> None:
-        if self._loaded.pop(id(resolved.backend), None) is None:
-            return
-        try:
-            with wrap_plugin_errors(f"{resolved.title} cannot be closed", resolved):
-                resolved.backend.close()
-        except PhysicError as error:
+    def _warn_each(self, errors: Iterable[PhysicError]) -> None:
+        for error in errors:
             self.warn(f"{_one_line(error)}; the result is complete, but memory may be lost")
             _print_traceback(error)
 
     def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
-        if self._cache is None:
+        if self._cache is None or not resolved.cacheable:
             return None
         with wrap_plugin_errors(title, resolved):
             return self._cache.key(resolved.backend, resolved.provenance, self._device, inputs)
@@ -210,19 +202,6 @@ def _require_valid(title: str, result: object, wrong: list[str]) -> object:
     if wrong:
         raise BackendOutputError(f"{title} returned what the interface does not allow:\n  " + "\n  ".join(wrong))
     return canonicalize(result)
-
-
-@contextmanager
-def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
-    """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
-    try:
-        yield
-    except PhysicError as error:
-        kind = type(error)
-        known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
-        raise known(f"{title}: {error}") from error
-    except (Exception, SystemExit) as cause:
-        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from cause
 
 
 def _print_traceback(error: Exception) -> None:

@@ -36,7 +36,8 @@ class Template(ContactPrior):
         """Load the body model, which lists the vertices of the soles."""
         from physic_core.body import load_body
 
-        self._body = load_body("embedded")
+        if self._body is None:
+            self._body = load_body("embedded")
 
     def close(self) -> None:
         """Release the body model."""

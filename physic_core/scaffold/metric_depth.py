@@ -30,7 +30,7 @@ class Template(MetricDepth):
     options: TemplateOptions
 
     def load(self, device: str = "cpu") -> None:
-        """Load weights onto ``device`` here; the constructor must be fast and must not use the network."""
+        """Load weights onto ``device`` here; do nothing if they are loaded. Constructors are fast and offline."""
 
     def close(self) -> None:
         """Release the weights here; ``load`` and ``close`` may be called twice."""

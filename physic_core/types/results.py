@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ class Person(ShortRepr):
             search radius.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
+        faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
     box: FloatArray
@@ -81,6 +83,25 @@ class Person(ShortRepr):
     distance: FloatArray
     failed_checks: tuple[str, ...] = ()
     unknown_checks: tuple[str, ...] = ()
+    faces: NDArray[np.int32] | None = None
+
+    def mesh(self) -> Any:
+        """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
+
+        Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m.
+
+        Raises:
+            InputError: the person has no body, or is not part of a ``Reconstruction``.
+        """
+        import numpy as np
+        import trimesh
+
+        if self.faces is None:
+            raise InputError("this person has no faces: take it from the people of a Reconstruction")
+        if not np.isfinite(self.vertices).all():
+            raise InputError("this person has no body: the body estimator returned no finite values for them")
+        attributes = {"contact": self.contact, "distance": self.distance}
+        return trimesh.Trimesh(self.vertices, self.faces, vertex_attributes=attributes, process=False)
 
 
 @dataclass(frozen=True)
@@ -119,6 +140,10 @@ class Reconstruction(ShortRepr):
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
 
+    def __post_init__(self) -> None:
+        people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
+        object.__setattr__(self, "people", people)
+
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
         rejected = any(check.name == "floor" and check.failed for check in self.checks)
@@ -130,6 +155,34 @@ class Reconstruction(ShortRepr):
             "1 warning" if warnings == 1 else f"{warnings or 'no'} warnings",
         )
         return f"Reconstruction({', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        """Return the preview as an HTML image, which notebooks show; rendering it takes about a second."""
+        import base64
+
+        from physic_core import preview_png
+
+        picture = base64.b64encode(preview_png(self)).decode()
+        return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
+
+    def scene_points(self) -> Any:
+        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, metres, camera frame."""
+        import trimesh
+
+        valid = self.scene.valid
+        return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
+
+    def summary(self) -> dict[str, float | int | None]:
+        """Return a flat dictionary of numbers, as one row of a table; a number that was not measured is None.
+
+        Keys: people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
+        scene_valid_share, scene_scale, scale_sigma, nearest_person_m and farthest_person_m (depth of the pelvis),
+        contact_vertices, failed_checks, unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each
+        self-check, the worst value of all people.
+        """
+        from physic_core.types.result_summary import summarize
+
+        return summarize(self)
 
     def save(self, folder: str, *, preview: bool = True, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, GLB files and ``preview.png`` to a folder.

@@ -571,7 +571,7 @@ def test_a_good_array_passes_as_it_is():
         (
             "photo.jpg",
             "image must be a numpy array (H, W, 3) of uint8 RGB, got str: "
-            "read a file with physic_core.io.photo.read_photo, or convert it",
+            "give a path, the bytes of a file, a PIL image, or convert it",
         ),
         (np.zeros((72, 96), np.uint8), "image must be (H, W, 3), got (72, 96): repeat the grey channel three times"),
         (np.zeros((1, 72, 96, 3), np.uint8), "image must be (H, W, 3), got (1, 72, 96, 3): drop the batch axis"),

@@ -78,6 +78,8 @@ class OmniEraser(Inpainter):
         """
         from physic_core.adapters.devices import check_device
 
+        if self._pipeline is not None:
+            return
         if device == "cpu" and not self.options.allow_cpu:
             raise DeviceError("OmniEraser needs a GPU: choose device 'cuda', or allow_cpu if hours do not matter")
         check_device(device)

@@ -69,7 +69,7 @@ class EmbeddedHands(HandEstimator):
             BodyModelError: the body is not there.
         """
         self._networks.open(device, self.options.threads)
-        self._rest = _rest_hands(self.options.body)
+        self._rest = self._rest or _rest_hands(self.options.body)
 
     def close(self) -> None:
         """Close the networks and release the body model."""

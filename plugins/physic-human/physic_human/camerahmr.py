@@ -113,6 +113,8 @@ class CameraHmr(CheckoutBackend, BodyEstimator):
             BackendError: they are not CameraHMR's.
             BodyModelError: the SMPL file cannot be used.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         checkpoint, mean = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)

@@ -78,6 +78,8 @@ class Deco(CheckoutBackend, ContactPrior):
             BackendError: they are not DECO's.
             BodyModelError: the SMPL file cannot be used.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         path = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("DECO")

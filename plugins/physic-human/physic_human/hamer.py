@@ -62,6 +62,8 @@ class Hamer(ManoHandEstimator):
             BackendError: they are not HaMeR's.
             BodyModelError: the MANO file cannot be used.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         checkpoint, config, mano, mean = (
             self._checkout_network.file(name) for name in (_CHECKPOINT, _CONFIG, _MANO, _MEAN)

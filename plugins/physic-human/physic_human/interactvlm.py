@@ -114,6 +114,8 @@ class InteractVlmResults(ContactPrior):
             WeightsMissingError: there are none.
             BodyModelError: the SMPL file cannot be used.
         """
+        if self._results is not None:
+            return
         lacking = self.missing()
         if lacking:
             raise WeightsMissingError(lacking[0])

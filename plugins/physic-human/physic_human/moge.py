@@ -56,6 +56,8 @@ class Moge1(CheckoutBackend, RelativePointmap):
             WeightsMissingError: code or weights are missing.
             BackendError: they are not MoGe's.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         path = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("MoGeModel")

@@ -100,6 +100,8 @@ class Nlf(BodyEstimator):
             WeightsMissingError: the file is missing.
             BackendError: torchvision cannot be imported, or the file is not NLF's.
         """
+        if self._network is not None:
+            return
         check_device(device)
         path = weights.locate(MANIFEST, self.options.weights)
         _register_torchvision()

@@ -56,6 +56,8 @@ class UniDepth(CheckoutBackend, MetricDepth):
             WeightsMissingError: code or weights are missing.
             BackendError: they are not UniDepth's.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         folder = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("UniDepthV2")

@@ -65,6 +65,8 @@ class Wilor(ManoHandEstimator):
             BackendError: they are not WiLoR-mini's.
             BodyModelError: the MANO file cannot be used.
         """
+        if self._checkout_network.network is not None:
+            return
         check_device(device)
         checkpoint, mano, mean = (self._checkout_network.file(name) for name in _FILES)
         kind = self._checkout_network.checkout.attribute("WiLor")

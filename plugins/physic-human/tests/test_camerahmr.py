@@ -228,6 +228,8 @@ class ToldHmr(CameraHmr):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._checkout_network.network is not None:
+            return
         self._body = open_smpl(self.options.smpl_file)
         self._checkout_network.network = PerfectHmr(smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"])
 

@@ -158,6 +158,8 @@ class ToldDeco(Deco):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._checkout_network.network is not None:
+            return
         self._rest = load_rest_mesh(self.options.smpl_file)
         self._checkout_network.network = PerfectDeco()
 
@@ -293,6 +295,8 @@ class ToldInteractVlm(InteractVlmResults):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._results is not None:
+            return
         self._rest, self._results = load_rest_mesh(self.options.smpl_file), ()
 
     def infer(self, image: np.ndarray, people: People, bodies: Bodies) -> ContactProbability:

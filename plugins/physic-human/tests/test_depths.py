@@ -225,6 +225,8 @@ class ToldUniDepth(UniDepth):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._checkout_network.network is not None:
+            return
         self._checkout_network.network = PerfectUniDepth()
 
 
@@ -234,6 +236,8 @@ class ToldMoge(Moge1):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._checkout_network.network is not None:
+            return
         self._checkout_network.network = PerfectMoge()
 
 

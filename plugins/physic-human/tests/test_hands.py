@@ -382,7 +382,8 @@ class _Told:
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._checkout_network.network = self.network()  # type: ignore[attr-defined]
+        if self._checkout_network.network is None:  # type: ignore[attr-defined]
+            self._checkout_network.network = self.network()  # type: ignore[attr-defined]
 
     def infer(self, image: np.ndarray, people: People, keypoints: Keypoints) -> Hands:
         if self._checkout_network.network is not None:  # type: ignore[attr-defined]

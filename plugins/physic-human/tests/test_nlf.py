@@ -285,6 +285,8 @@ class ToldNlf(Nlf):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._network is not None:
+            return
         self._network = PerfectNlf()
 
 

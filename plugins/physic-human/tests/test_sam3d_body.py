@@ -419,6 +419,8 @@ class ToldSam(Sam3dBody):
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
+        if self._checkout_network.network is not None:
+            return
         self._checkout_network.network = PerfectSam()
 
 

@@ -77,6 +77,8 @@ class Lama(OnnxBackend, Inpainter):
             BackendError: it is not LaMa.
             DeviceError: the device is not there.
         """
+        if self._run is not None:
+            return
         path = find_graph_file(self.options.weights)
         if path.suffix in (".pt", ".pth", ".ts"):
             self._run, self._side = _open_torchscript(path, device), None

@@ -87,6 +87,8 @@ class OnnxBackend:
         """
         from .sessions import open_network
 
+        if self._loaded is not None:
+            return
         path = find_graph_file(self.options.weights)
         self.check_file(path)
         self.bind(open_network(path, self.options, device))

@@ -79,6 +79,8 @@ class Sam2(Segmenter):
         from .detectors import open_detector
         from .sam2_networks import open_sam2
 
+        if self._networks is not None and self._detector is not None:
+            return
         folder = locate(MANIFEST, self.options.weights)
         if not folder.is_dir():
             raise BackendError(f"SAM 2 is two files in a folder, and {folder} is one file: name their folder")

@@ -267,12 +267,16 @@ class Ready:
 
 class ToldMiGan(Ready, MiGan):
     def load(self, device="cpu"):
+        if self._loaded is not None:
+            return
         image = {"image": ("uint8", ("b", 3, "h", "w")), "mask": ("uint8", ("b", 1, "h", "w"))}
         self.bind(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
 
 
 class ToldLama(Ready, Lama):
     def load(self, device="cpu"):
+        if self._loaded is not None:
+            return
         shapes = {"image": ("float32", ("b", 3, 512, 512)), "mask": ("float32", ("b", 1, 512, 512))}
         self.bind(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
 

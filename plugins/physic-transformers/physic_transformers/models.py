@@ -115,6 +115,8 @@ class PretrainedBackend(Backend):
             DeviceError: the device is not there, or cannot compute with such numbers.
             BackendError: the folder holds another model.
         """
+        if self._networks:
+            return
         check_device(device)
         self._networks = {
             spec.option: open_network(spec, self._value(spec), self.options, device) for spec in self.specs

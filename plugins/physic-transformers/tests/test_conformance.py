@@ -306,7 +306,7 @@ class Telling:
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._networks = {option: make() for option, make in self.told}
+        self._networks = self._networks or {option: make() for option, make in self.told}
 
     def infer(self, image: Any, *rest: Any) -> Any:
         if getattr(image, "ndim", 0) == 3:

@@ -29,8 +29,9 @@ class PackagedNetworks:
         self._sessions: dict[str, OnnxSession] = {}
 
     def open(self, device: str, threads: int) -> None:
-        """Open every network on a device; see :func:`open_session`."""
-        self._sessions = {name: open_session(name, threads, device) for name in self.names}
+        """Open every network on a device, unless they are open; see :func:`open_session`."""
+        if not self._sessions:
+            self._sessions = {name: open_session(name, threads, device) for name in self.names}
 
     def close(self) -> None:
         """Close every network."""

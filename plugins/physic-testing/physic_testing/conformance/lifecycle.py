@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import PhysicError
+from physic_testing.conformance.attributes import attribute_values, replaced_attributes
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
@@ -153,6 +154,25 @@ def check_load_and_close_may_be_repeated(subject: BackendUnderTest) -> None:
             raise CheckFailed(f"{step} to raise no error{before}", describe_error(error, subject.kind)) from error
 
 
+def check_second_load_does_nothing(subject: BackendUnderTest) -> None:
+    """A second `load` of a loaded backend replaces nothing: a pipeline loads once and is called many times."""
+    subject.result()
+    backend = _construct(subject)
+    try:
+        backend.load(subject.device)
+        before = attribute_values(backend)
+        backend.load(subject.device)
+        replaced = replaced_attributes(before, attribute_values(backend))
+    finally:
+        _close_quietly(backend)
+    expect(
+        not replaced,
+        "a second load() of a loaded backend to do nothing",
+        f"it replaces {', '.join(replaced[:3])}",
+        "Begin load() with: if self.network is not None: return",
+    )
+
+
 def check_works_again_after_close(subject: BackendUnderTest) -> None:
     """After `close` and a second `load`, the output is the same as before."""
     first = subject.result("odd size")
@@ -201,6 +221,7 @@ CHECKS_BEFORE_INFER: tuple[Check, ...] = (
 CHECKS_AFTER_INFER: tuple[Check, ...] = (
     Check(check_infer_before_load_works_or_raises, _BACKEND),
     Check(check_load_and_close_may_be_repeated, _BACKEND),
+    Check(check_second_load_does_nothing, _BACKEND, after=("load_and_close_may_be_repeated",)),
     Check(
         check_works_again_after_close,
         _BACKEND,

@@ -183,6 +183,13 @@ class ClosesOnce(RightMetricDepth):
         super().close()
 
 
+@wrong("weights read again by a second load", "second_load_does_nothing")
+class ReadsAgain(RightMetricDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        self.networks = {"depth": object()}
+
+
 @wrong("no second load", "works_again_after_close")
 class LoadsOnce(RightMetricDepth):
     ever = False

@@ -1,0 +1,65 @@
+"""Load each backend once, keep it for further photos, and close it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from physic_core import errors
+from physic_core.discovery.error_text import describe_error
+from physic_core.errors import BackendError, PhysicError
+
+if TYPE_CHECKING:
+    from physic_core.configuration.resolve import ResolvedBackend
+
+__all__ = ["LoadedBackends", "wrap_plugin_errors"]
+
+
+class LoadedBackends:
+    """The backends of a pipeline that are loaded on one device."""
+
+    def __init__(self, device: str) -> None:
+        self._device = device
+        self._loaded: dict[int, ResolvedBackend] = {}
+        self._ready: set[int] = set()
+
+    def load(self, resolved: ResolvedBackend) -> float:
+        """Load a backend unless it is loaded, and return the seconds that this took.
+
+        A backend whose ``load`` failed earlier is closed and loaded anew.
+        """
+        start, key = time.perf_counter(), id(resolved.backend)
+        if key not in self._ready:
+            self.close(resolved)
+            self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
+            resolved.backend.load(self._device)
+            self._ready.add(key)
+        return time.perf_counter() - start
+
+    def close(self, *only: ResolvedBackend) -> list[PhysicError]:
+        """Close these backends, or all; return the errors of those that cannot be closed."""
+        failed = []
+        for resolved in only or tuple(self._loaded.values()):
+            self._ready.discard(id(resolved.backend))
+            if self._loaded.pop(id(resolved.backend), None) is not None:
+                try:
+                    with wrap_plugin_errors(f"{resolved.title} cannot be closed", resolved):
+                        resolved.backend.close()
+                except PhysicError as error:
+                    failed.append(error)
+        return failed
+
+
+@contextmanager
+def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
+    """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
+    try:
+        yield
+    except PhysicError as error:
+        kind = type(error)
+        known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
+        raise known(f"{title}: {error}") from error
+    except (Exception, SystemExit) as cause:
+        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from cause

@@ -1,0 +1,327 @@
+"""A Pipeline that stays loaded: what it takes, how often backends are loaded, and what its errors name."""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core import (
+    BackendError,
+    ConfigError,
+    InputError,
+    NoPersonError,
+    PhysicError,
+    Pipeline,
+    Reconstruction,
+    load_config,
+    reconstruct,
+    reconstruct_photo,
+)
+from physic_core.interfaces import MetricDepth
+from physic_core.io.photo import read_source
+from physic_core.types import CheckResult, DepthMap, People
+from physic_mock import backends
+from physic_testing.worlds import World, build_world
+
+
+class CountedDepth(backends.MockMetricDepth):
+    events: ClassVar[Counter[str]] = Counter()
+
+    def load(self, device="cpu"):
+        self.events["load"] += 1
+        super().load(device)
+
+    def infer(self, image, hints):
+        self.events["infer"] += 1
+        return super().infer(image, hints)
+
+    def close(self):
+        self.events["close"] += 1
+        super().close()
+
+
+@pytest.fixture(autouse=True)
+def events(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    monkeypatch.setattr(CountedDepth, "events", Counter())
+    return CountedDepth.events
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand")
+
+
+@pytest.fixture(scope="module")
+def result(world: World) -> Reconstruction:
+    return reconstruct(world.image, "mock")
+
+
+@pytest.fixture(scope="module")
+def photo(world: World, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photo") / "stand.png"
+    Image.fromarray(world.image).save(path)
+    return path
+
+
+def same(one: Reconstruction, other: Reconstruction) -> bool:
+    return np.array_equal(one.people[0].vertices, other.people[0].vertices) and np.array_equal(
+        one.scene.points, other.scene.points
+    )
+
+
+def test_backends_are_loaded_once_and_closed_at_the_end(world: World, result: Reconstruction, events: Counter[str]):
+    with Pipeline("mock", backends={"metric_depth": CountedDepth}) as pipeline:
+        assert events == Counter()
+        pipeline.warm_up()
+        assert events == {"load": 1}
+        first, second = pipeline(world.image), pipeline(world.image)
+        assert events == {"load": 1, "infer": 2}
+    assert events == {"load": 1, "infer": 2, "close": 1}
+    assert same(first, result)
+    assert same(second, result)
+    with pytest.raises(PhysicError, match=r"^the pipeline is closed: make a new one$"):
+        pipeline(world.image)
+
+
+def test_with_low_memory_no_backend_stays_loaded(world: World, events: Counter[str]):
+    config = load_config(preset="mock", overrides=["run.low_memory=true"])
+    with Pipeline(config, backends={"metric_depth": CountedDepth}) as pipeline:
+        pipeline.warm_up()
+        assert events == {"load": 1, "close": 1}
+        pipeline(world.image)
+        assert events == {"load": 2, "infer": 1, "close": 2}
+
+
+def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
+    class Late(CountedDepth):
+        def load(self, device="cpu"):
+            super().load(device)
+            if self.events["load"] == 1:
+                raise RuntimeError("the disk is not mounted")
+
+    with Pipeline("mock", backends={"metric_depth": Late}) as pipeline:
+        with pytest.raises(BackendError, match="RuntimeError: the disk is not mounted"):
+            pipeline.warm_up()
+        assert len(pipeline(world.image).people) == 1
+    assert events == {"load": 2, "infer": 1, "close": 2}
+
+
+def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, result: Reconstruction):
+    image = Image.open(photo)
+    read = {"path": photo, "text": str(photo), "bytes": photo.read_bytes(), "PIL": image, "array": world.image}
+    photos = {kind: read_source(one) for kind, one in read.items()}
+    assert all(np.array_equal(one.image, world.image) for one in photos.values())
+    digests = {kind: one.digest.split() for kind, one in photos.items()}
+    assert digests["path"] == digests["text"] == digests["bytes"]
+    assert len(digests["path"]) == 2
+    assert digests["PIL"] == digests["array"] == digests["path"][1:]
+    found = reconstruct_photo(photo, "mock")
+    assert same(found, result)
+    assert found.photo == photos["path"].digest
+
+
+def test_a_pil_image_is_turned_upright_and_not_changed(world: World):
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(np.rot90(world.image))).save(buffer, "PNG", exif=exif)
+    image = Image.open(buffer)
+    size = image.size
+    found = read_source(image)
+    assert np.array_equal(found.image, world.image)
+    assert image.size == size
+    assert "rotated upright by the EXIF orientation" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("photo", "message"),
+    [
+        (
+            b"GIF99",
+            "cannot read the photo of 5 bytes: it is not an image, or of an unknown kind; "
+            "give a JPEG, PNG, WebP, AVIF or TIFF",
+        ),
+        ("gone.jpg", "cannot read the photo gone.jpg: there is no such file; check the path"),
+        (
+            Image.new("F", (80, 80)),
+            "cannot use the photo given as a PIL image: its pixels are floating point; save it with 8 bits a channel",
+        ),
+        (3, "image must be a numpy array (H, W, 3) of uint8 RGB, got int: give a path, the bytes of a file, "
+            "a PIL image, or convert it"),
+    ],
+    ids=["bytes", "path", "PIL", "number"],
+)  # fmt: skip
+def test_a_photo_that_cannot_be_read(photo: Any, message: str):
+    with pytest.raises(InputError) as error:
+        reconstruct(photo, "mock")
+    assert str(error.value) == message
+
+
+def test_an_error_names_the_photo(photo: Path):
+    class Blind(backends.MockSegmenter):
+        def infer(self, image):
+            height, width = image.shape[:2]
+            return People(np.zeros((0, height, width), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
+
+    with Pipeline("mock", backends={"segmenter": Blind}) as pipeline:
+        for one in (photo, Image.open(photo)):
+            with pytest.raises(NoPersonError) as error:
+                pipeline(one)
+            assert str(error.value).startswith(f"{photo}: no person was found in the photo of 320 x 240 px by ")
+
+
+def test_a_config_may_be_a_preset_a_path_tables_or_a_config(tmp_path: Path):
+    (tmp_path / "my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
+    tables = {"extends": "mock", "photo": {"max_side": 640}}
+    on_file = {"extends": tmp_path / "my.toml", "photo": {"mask_growth": 0.02}}
+    configs = (tmp_path / "my.toml", str(tmp_path / "my.toml"), tables, load_config(tmp_path / "my.toml"))
+    assert Pipeline("mock").config.as_dict() == load_config(preset="mock").as_dict()
+    for config in configs:
+        assert Pipeline(config).config.as_dict() == load_config(tmp_path / "my.toml").as_dict()
+    assert Pipeline(on_file).config.photo.max_side == 640
+    assert Pipeline(on_file).config.photo.mask_growth == 0.02
+    with pytest.raises(ConfigError) as error:
+        Pipeline({"extends": 3})
+    assert str(error.value) == "config: 1 error\nextends   should be the name of a preset or a path (got 3)"
+
+
+def test_settings_of_one_photo(world: World):
+    with Pipeline({"extends": "mock", "photo": {"intrinsics": [400.0, 400.0, 160.0, 120.0]}}) as pipeline:
+        found = pipeline(world.image, settings={"focal_px": 300.0})
+        assert (found.intrinsics.fx, found.config["photo"]["focal_px"]) == (300.0, 300.0)
+        assert "intrinsics" not in found.config["photo"]
+        assert pipeline.config.photo.focal_px is None
+        with pytest.raises(ConfigError) as error:
+            pipeline(world.image, settings={"focal": 300.0})
+    assert str(error.value) == ("settings of this photo: 1 error\nphoto.focal   unknown key. Did you mean 'focal_px'?")
+
+
+class Flat(MetricDepth):
+    """Depth of an instance with an attribute that no option knows."""
+
+    def __init__(self, depth_m: float) -> None:
+        super().__init__()
+        self.depth_m = depth_m
+
+    def infer(self, image, hints):
+        return DepthMap(np.full(image.shape[:2], self.depth_m, np.float32))
+
+
+def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
+    depths = [reconstruct(world.image, "mock", backends={"metric_depth": Flat(z)}) for z in (2.0, 4.0)]
+    near, far = (float(np.median(found.scene.points[..., 2]) / found.scene.scale) for found in depths)
+    assert far == pytest.approx(2 * near, rel=0.05)
+    who = next(s.provenance for s in depths[0].stages if s.name == "metric depth")
+    assert who is not None
+    assert (who.backend, who.distribution) == (f"{__name__}:Flat", "given in Python")
+    assert depths[0].config["metric_depth"]["backend"] == f"{__name__}:Flat"
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        (
+            {"metric_dept": Flat(1.0)},
+            ConfigError,
+            "backends: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, "
+            "relative_pointmap, keypoint_detector, body_estimator, hand_estimator, contact_prior. "
+            "Did you mean 'metric_depth'?",
+        ),
+        (
+            {"inpainter": Flat},
+            BackendError,
+            "backends['inpainter'] should be an instance or a subclass of physic_core.interfaces.Inpainter "
+            "(got the class Flat)",
+        ),
+        (
+            {"inpainter": "telea"},
+            BackendError,
+            "backends['inpainter'] should be an instance or a subclass of physic_core.interfaces.Inpainter "
+            "(got 'telea')",
+        ),
+    ],
+    ids=["interface", "class", "name"],
+)
+def test_a_given_backend_of_the_wrong_kind(given: dict[str, Any], kind: type, message: str):
+    with pytest.raises(kind) as error:
+        Pipeline("mock", backends=given)
+    assert type(error.value) is kind
+    assert str(error.value) == message
+
+
+def test_a_second_thread_is_refused(world: World):
+    refused: list[str] = []
+
+    class Slow(backends.MockInpainter):
+        def infer(self, image, mask):
+            def second() -> None:
+                try:
+                    pipeline(world.image)
+                except PhysicError as error:
+                    refused.append(str(error))
+
+            thread = threading.Thread(target=second)
+            thread.start()
+            thread.join()
+            return super().infer(image, mask)
+
+    with Pipeline("mock", backends={"inpainter": Slow}) as pipeline:
+        pipeline(world.image)
+    assert refused == ["the pipeline is running in another thread: make one for each thread"]
+
+
+# ---- the result ------------------------------------------------------------------------------------------------------
+
+
+def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstruction):
+    person = result.people[0]
+    mesh = person.mesh()
+    assert np.allclose(mesh.vertices, person.vertices)
+    assert np.array_equal(mesh.faces, result.faces)
+    assert np.array_equal(mesh.vertex_attributes["contact"], person.contact)
+    assert mesh.volume == pytest.approx(0.07, abs=0.03)  # m³ of a grown person; negative if faces point inwards
+    cloud = result.scene_points()
+    assert len(cloud.vertices) == result.scene.valid.sum()
+    assert np.array_equal(cloud.colors[:, :3], result.scene.colors[result.scene.valid])
+    with pytest.raises(InputError, match=r"^this person has no faces: take it from the people of a Reconstruction$"):
+        replace(person, faces=None).mesh()
+
+
+def test_a_notebook_shows_the_preview(result: Reconstruction):
+    html = result._repr_html_()
+    assert html.startswith('<img src="data:image/png;base64,iVBORw0KGgo')
+    assert html.endswith(f'alt="{result!r}" style="max-width: 100%">')
+
+
+def test_a_summary_is_flat_and_of_numbers(result: Reconstruction):
+    numbers = result.summary()
+    assert all(value is None or type(value) in (int, float) for value in numbers.values())
+    assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 320, 240)
+    assert numbers["nearest_person_m"] == pytest.approx(float(result.people[0].joints[0, 2]))
+    assert numbers["contact_vertices"] == int(result.people[0].contact.sum())
+    assert {f"check_{check.name}" for check in result.checks} < numbers.keys()
+
+
+@pytest.mark.parametrize(
+    ("values", "worst"), [((0.5, 0.1), 0.1), ((0.5, 0.9), 0.5), ((None, 0.9), 0.9), ((None,), None)]
+)
+def test_a_check_of_several_people_counts_with_its_worst_value(
+    result: Reconstruction, values: tuple[float | None, ...], worst: float | None
+):
+    states = ["unknown" if v is None else "ok" if v >= 0.4 else "failed" for v in values]
+    checks = tuple(
+        CheckResult("visible", state, v, 0.4, "at least", "share", "", person=0)
+        for state, v in zip(states, values, strict=True)
+    )
+    assert replace(result, checks=checks).summary()["check_visible"] == worst
