@@ -73,4 +73,4 @@ class PluginError(PhysicError):
 
 
 class NoPersonError(PhysicError):
-    """Raised if no person is found in a photo."""
+    """Raised if a chosen or required person is not found in a photo, or a metric depth needs people and gets none."""

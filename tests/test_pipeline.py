@@ -97,11 +97,12 @@ def test_nobody(world: World) -> None:
             none = np.zeros((0, 4), np.float32)
             return People(np.zeros((0, height, width), bool), none, np.zeros(0, np.float32))
 
+    config = load_config(preset="mock", overrides=["segmenter.backend=wrong", "photo.require_people=true"])
     with pytest.raises(NoPersonError) as error:
-        run(world, Blind, "segmenter")
+        reconstruct(world.image, config, registry=with_backend(Blind, "segmenter"))
     assert str(error.value) == (
-        "no person was found in the photo of 320 x 240 px by segmenter 'wrong' (registered by hand): "
-        "use a photo that shows at least one head and torso, or another segmenter"
+        "no person was found in the photo of 320 x 240 px by segmenter 'wrong' (registered by hand): use a photo that "
+        "shows at least one head and torso, another segmenter, or no require_people for the scene alone"
     )
 
 

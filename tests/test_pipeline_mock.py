@@ -238,4 +238,6 @@ def test_a_photo_of_no_world_is_refused():
 
 def test_a_world_without_people_has_nobody():
     with pytest.raises(NoPersonError):
-        reconstruct(build_world("stand").empty_image, "mock")
+        reconstruct(
+            build_world("stand").empty_image, load_config(preset="mock", overrides=["photo.require_people=true"])
+        )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
 NO_RESULT = (3, 5)
-"""Exit codes of ``physic run`` that are an answer about the photo: nobody in it, or a backend that failed on it."""
+"""Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on it."""
 
 
 def answer_of(sample: Sample, out: Path, options: list[str], with_camera: bool = True) -> dict[str, Any]:

@@ -59,6 +59,7 @@ _CLASSES = (
     types.RestMesh,
     types.Skeleton,
     types.SurfaceLabels,
+    types.UnposedPerson,
 )
 
 

@@ -29,7 +29,7 @@ MEANINGS = {
     0: "done",
     OTHER: "an error that is none of these",
     USAGE: "wrong arguments, configuration, device or output folder",
-    INPUT: "a photo or file that cannot be used, or no person in the photo",
+    INPUT: "a photo or file that cannot be used, or a chosen or required person is not in the photo",
     WEIGHTS: "weights are missing, differ from the published files, or cannot be fetched",
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",

@@ -98,6 +98,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     multiple=True,
     help="Two pixels of the photo file and the true distance of their points; may be repeated.",
 )
+@_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if nobody is in the photo.")
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
 @_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
@@ -288,7 +289,8 @@ def _summary(result: Reconstruction, folder: Path) -> str:
     people = len(result.people)
     seconds = sum(s.seconds for s in result.stages)
     loading = sum(s.load_seconds for s in result.stages)
-    lines = [f"{people} {'person' if people == 1 else 'people'} in {seconds:.1f} s, and {loading:.1f} s to load models"]
+    found = {0: "no person, the scene alone", 1: "1 person"}.get(people, f"{people} people")
+    lines = [f"{found} in {seconds:.1f} s, and {loading:.1f} s to load models"]
     backends = [s for s in result.stages if s.provenance is not None]
     cached = sum(s.cached for s in backends)
     if cached:
@@ -303,8 +305,13 @@ def _summary(result: Reconstruction, folder: Path) -> str:
         else:
             place = "no body"
         lines.append(f"  person {i}: {place}{failed}{unknown}")
+    lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
     lines.append(f"checks: {summarize_checks(result.checks)}")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
     return "\n".join(lines)
+
+
+def _box(box: tuple[float, float, float, float]) -> str:
+    return f"box {', '.join(f'{edge:.0f}' for edge in box)}"

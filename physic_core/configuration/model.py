@@ -105,6 +105,9 @@ class PhotoSettings(_Table):
         description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
         "2 the second; relative to the config file",
     )
+    require_people: bool = Field(
+        default=False, description="whether a photo without people is an error, instead of a scene alone"
+    )
     stature: tuple[float, ...] | None = Field(
         default=None,
         description="known standing heights, metres: one for all people, or one per person from left to right, or in "

@@ -32,7 +32,8 @@ class MetricDepthRequest(Request[DepthMap]):
 class MetricDepth(Backend):
     """Estimates a metric depth map of the inpainted photo (paper: DepthPro).
 
-    Called last, so that a classical method can use the sizes of the people.
+    Called last, so that a classical method can use the sizes of the people. A backend that needs people, and gets none,
+    raises NoPersonError: the scene then has no known scale.
     """
 
     interface = "metric_depth"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_finite, check_type, check_unit_range, length
 from physic_core.interfaces.keypoint_detector import check_keypoints
-from physic_core.types import SURFACE_NAMES, Keypoints, People, SurfaceLabels
+from physic_core.types import SURFACE_NAMES, Keypoints, People, SurfaceLabels, UnposedPerson
 
 if TYPE_CHECKING:
     from physic_core.types import PeoplePrompt, UInt8Array
@@ -65,7 +65,10 @@ class Segmenter(Backend):
         ]
         if result.floor is not None:
             wrong += check_array("floor", result.floor, (height, width), "bool")
+        if result.unposed_mask is not None:
+            wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
         yield from wrong
+        yield from _check_unposed(result.unposed)
         if not wrong and n:
             yield from _check_values(result, height, width)
         if request.prompt is not None and n != len(request.prompt):
@@ -91,6 +94,15 @@ def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterato
     yield from wrong
     if not wrong and surfaces.labels.size and (highest := int(surfaces.labels.max())) >= len(names):
         yield f"surfaces.labels must be below the {len(names)} names, got {highest}"
+
+
+def _check_unposed(unposed: Any) -> Iterator[str]:
+    if not (isinstance(unposed, tuple | list) and all(isinstance(one, UnposedPerson) for one in unposed)):
+        yield f"unposed must be a tuple of UnposedPerson, got {unposed!r}"
+        return
+    for one in unposed:
+        if not (0 <= one.score <= 1 and one.box[0] < one.box[2] and one.box[1] < one.box[3]):
+            yield f"unposed needs boxes x0 y0 x1 y1 and scores in [0, 1], got {one.box} and {one.score}"
 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:

@@ -16,7 +16,7 @@ from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.check_records import check_record
 from physic_core.io.result_folder import SCHEMA
-from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord
+from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord, UnposedPerson
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
@@ -30,6 +30,7 @@ __all__ = [
     "parse_skeleton",
     "parse_stages",
     "parse_trust",
+    "parse_unposed",
     "to_document",
 ]
 
@@ -72,6 +73,7 @@ def to_document(
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
+        "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
         "body_model": reconstruction.body_model,
         **_skeleton(reconstruction.skeleton),
         "scene": {
@@ -156,6 +158,14 @@ def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
     if camera["source"].startswith(("given", "EXIF", "measured")):
         return CameraTrust.KNOWN
     return CameraTrust.GUESSED if camera["source"].startswith("default") else CameraTrust.ESTIMATED
+
+
+def parse_unposed(records: Sequence[Mapping[str, Any]]) -> tuple[UnposedPerson, ...]:
+    """Parse the ``unposed`` of a document."""
+    return tuple(
+        UnposedPerson(tuple(from_json(record["box"])), from_json(record["score"]), record["reason"])
+        for record in records
+    )
 
 
 def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:

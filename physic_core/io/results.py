@@ -26,6 +26,7 @@ from physic_core.io.document import (
     parse_skeleton,
     parse_stages,
     parse_trust,
+    parse_unposed,
     to_document,
 )
 from physic_core.io.result_folder import (
@@ -208,6 +209,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         config=from_json(document["config"]),
         checks=checks,
         photo=document.get("photo", ""),
+        unposed=parse_unposed(document.get("unposed", ())),
     )
 
 

@@ -35,6 +35,7 @@ from physic_core.pipeline.nonfinite_results import (
     invalidate_nonfinite_keypoints,
     select_people,
 )
+from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -78,6 +79,7 @@ class Estimates(ShortRepr):
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
+        scale_guess: warning that the scale of ``depth`` is a guess, or "".
     """
 
     image: UInt8Array
@@ -96,6 +98,7 @@ class Estimates(ShortRepr):
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     statures: FloatArray | None = None
+    scale_guess: str = ""
 
 
 def run_backends(
@@ -120,7 +123,7 @@ def run_backends(
 
     Raises:
         InputError: the number of known statures is not that of the people.
-        NoPersonError: the segmenter found no person, or a prompt hits nobody.
+        NoPersonError: a prompt hits nobody, or people are required and the segmenter found none.
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
@@ -129,20 +132,30 @@ def run_backends(
     people = run.people(image, prompt)
     known = known or KnownSizes()
     statures = statures_of_people(known, people, chosen=prompt is not None) if any(known.stature) else None
+    if not len(people):
+        if plan.photo.require_people:
+            raise _nobody(image, plan.backends["segmenter"].title)
+        stages.note("no person was found: the result is the scene alone")
     keypoints = run.keypoints(image, people)
 
-    hole = dilate(np.logical_or.reduce(people.masks), max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
-    inpainted = stages.call_backend("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
+    hole = np.logical_or.reduce(people.masks)
+    if people.unposed_mask is not None:
+        hole |= people.unposed_mask
+    hole = dilate(hole, max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
+    inpainted = image
+    if hole.any():
+        inpainted = stages.call_backend("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
 
     # The inpainted photo gives the scene; the original photo gives the people's depth.
     hints = Hints(given, people, keypoints, hole)
-    scene = run.pointmap("scene point map", inpainted, hints, last=False)
+    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
     camera = given or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
-    original = run.pointmap("photo point map", image, hints)
+    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
     with stages.time_engine("relative floor"):
         floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
-        hints = replace(hints, floor=floor, original=_aligned(original, scene, hole, plan.engine))
+        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
+        hints = replace(hints, floor=floor, original=aligned)
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
     bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
@@ -156,7 +169,7 @@ def run_backends(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
-    depth = stages.call_backend("metric depth", plan.backends["metric_depth"], MetricDepthRequest(inpainted, hints))
+    depth, scale_guess = run.metric_depth(MetricDepthRequest(inpainted, hints), scene, camera)
     stages.note(*depth.notes)
 
     return Estimates(
@@ -174,6 +187,7 @@ def run_backends(
         contact=contact,
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
+        scale_guess=scale_guess,
         known=known,
         statures=statures,
     )
@@ -193,7 +207,7 @@ class _BackendCalls:
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
     def people(self, image: UInt8Array, prompt: PeoplePrompt | None) -> People:
-        """Segment the people in an image, or those whom the user chose; raise NoPersonError if there are none."""
+        """Segment the people in an image, or those whom the user chose."""
         segmenter = self.backends["segmenter"]
         takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
         request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
@@ -206,12 +220,6 @@ class _BackendCalls:
             people = replace(people, floor=None)
         if prompt is not None and not takes_prompt:
             people = select_chosen(people, prompt)
-        if not len(people):
-            height, width = image.shape[:2]
-            raise NoPersonError(
-                f"no person was found in the photo of {width} x {height} px by {segmenter.title}: "
-                "use a photo that shows at least one head and torso, or another segmenter"
-            )
         if people.keypoints is not None:
             own, self.missing["segmenter"] = invalidate_nonfinite_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
@@ -219,6 +227,8 @@ class _BackendCalls:
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
         """Detect the keypoints of all people in an image."""
+        if not len(people):
+            return Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
         detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
         found = self.stages.call_backend("keypoints", detector, request)
         keypoints, self.missing["keypoint_detector"] = invalidate_nonfinite_keypoints(found)
@@ -234,6 +244,9 @@ class _BackendCalls:
     def bodies(self, request: BodyEstimatorRequest) -> Bodies:
         """Estimate bodies of the configured body model; NaN for people without finite results."""
         estimator = self.backends["body_estimator"]
+        if not len(request.people):
+            self.missing["body_estimator"] = np.zeros(0, bool)
+            return _no_bodies(self.model)
         found = self.stages.call_backend("bodies", estimator, request)
         bodies, missing = invalidate_nonfinite_bodies(found)
         if bodies.body_model != self.model.name:
@@ -244,7 +257,7 @@ class _BackendCalls:
 
     def hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
         """Add estimated finger rotations to bodies, if a hand estimator is configured and succeeds."""
-        if "hand_estimator" not in self.backends:
+        if "hand_estimator" not in self.backends or not len(request.people):
             return bodies
         otherwise = "fingers stay as the body_estimator posed them"
         found = self.stages.call_optional_backend(
@@ -263,7 +276,7 @@ class _BackendCalls:
         """
         model, n = self.model, len(embodied)
         none = ContactProbability(np.zeros((n, model.num_vertices), np.float32), model.topology)
-        if "contact_prior" not in self.backends:
+        if "contact_prior" not in self.backends or not n:
             return none
         prior, otherwise = self.backends["contact_prior"], "contact is computed from distances alone"
         request = ContactPriorRequest(image, people, bodies, topology=model.topology, vertices=model.num_vertices)
@@ -276,9 +289,33 @@ class _BackendCalls:
         contact, self.missing["contact_prior"] = expand_contact(found, embodied)
         return contact
 
+    def metric_depth(self, request: MetricDepthRequest, scene: Pointmap, camera: Intrinsics) -> tuple[DepthMap, str]:
+        """Estimate metric depth; if that needs people and there are none, a depth of guessed scale and a warning."""
+        try:
+            return self.stages.call_backend("metric depth", self.backends["metric_depth"], request), ""
+        except NoPersonError:
+            return guess_metric_depth(scene, request.hints.floor, camera)
+
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
         """Return for each person the interfaces without finite values for them."""
         return tuple(tuple(name for name, who in self.missing.items() if who[i]) for i in range(people))
+
+
+def _nobody(image: UInt8Array, segmenter: str) -> NoPersonError:
+    height, width = image.shape[:2]
+    return NoPersonError(
+        f"no person was found in the photo of {width} x {height} px by {segmenter}: use a photo that shows at least "
+        "one head and torso, another segmenter, or no require_people for the scene alone"
+    )
+
+
+def _no_bodies(model: BodyModel) -> Bodies:
+    """Return zero bodies of a body model."""
+    from physic_core.body.parameters import parameters_from_rotations
+
+    rotations, betas, transl = model.zero_pose(0)
+    expression = betas.new_zeros(0, model.num_expression)
+    return Bodies(parameters_from_rotations(rotations, betas, expression, transl), model.name)
 
 
 def dilate(mask: BoolArray, radius_px: float) -> BoolArray:

@@ -35,7 +35,7 @@ from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.known_sizes import contradicting_statures, contradictions, resize_bodies
-from physic_core.pipeline.solution import Solution, assemble_solution
+from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -58,12 +58,18 @@ _EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes h
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
-    The pipeline uses the CPU, since nearest-point search and ray casts run there.
+    Without people, the scene is the result. The pipeline uses the CPU, since nearest-point search and ray casts run
+    there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
     with stages.time_engine("scene"):
         scene, known, factor = _scene_of_known_size(estimates, _metric_scene(estimates, settings))
+    if estimates.scale_guess and factor is None:
+        stages.warn(estimates.scale_guess)
+    if not len(estimates.people):
+        sigma = estimates.depth.scale_sigma if factor is None else _EXACT_SCALE_SIGMA
+        return scene_alone(estimates, scene, model, sigma)
     with stages.time_engine("placement"):
         photo = _align_photo(estimates, scene, settings.placement)
         bodies = _pose_bodies(estimates, estimates.bodies.parameters, model, settings.placement)

@@ -133,7 +133,7 @@ class Pipeline:
         Raises:
             InputError: the photo, its intrinsics, the chosen people or the known sizes cannot be used.
             ConfigError: ``settings`` are invalid.
-            NoPersonError: no person was found, or one of ``people`` was not found.
+            NoPersonError: one of ``people`` was not found, or nobody was, and the config requires people.
             BackendError: a required backend failed, or returned an invalid result.
         """
         return self._run(photo, _Given(intrinsics, people, known), settings, progress)
@@ -407,4 +407,5 @@ def _result(
         notes=tuple(stages.notes),
         config=config.as_dict(),
         checks=checks,
+        unposed=tuple(estimates.people.unposed),
     )

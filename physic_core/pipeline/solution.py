@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_surfaces
 from physic_core.engine.joint.limbs import observed_parts
@@ -20,13 +22,14 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["Solution", "assemble_solution"]
+__all__ = ["Solution", "assemble_solution", "scene_alone"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Solution(ShortRepr):
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
-        diagnostics: numbers by stage.
+        diagnostics: numbers by stage; without people of the scene alone.
     """
 
     intrinsics: Intrinsics
@@ -77,35 +80,14 @@ def assemble_solution(
         settings: of the engine.
     """
     s = result.scene_scale
-    K, (height, width) = scene.K, estimates.hole.shape
-    floor = None
-    if scene.floor_normal is not None:
-        floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * s))
     contact, distance, measured = measure_contacts(problem, result, settings)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **end, **more}
         for start, end, more in zip(placement["people"], result.diagnostics, measured, strict=True)
     )
     return Solution(
-        intrinsics=Intrinsics(
-            float(K[0, 0]),
-            float(K[1, 1]),
-            float(K[0, 2]),
-            float(K[1, 2]),
-            width,
-            height,
-            *_camera_source(K, estimates),
-        ),
-        scene=Scene(
-            points=(scene.points * s).float().numpy(),
-            normals=scene.normals.float().numpy(),
-            colors=estimates.inpainted,
-            valid=scene.valid.numpy(),
-            floor=floor,
-            floor_points=(scene.floor_points * s).float().numpy(),
-            scale=s,
-            scale_sigma=estimates.depth.scale_sigma,
-        ),
+        intrinsics=_intrinsics(scene.K, estimates),
+        scene=_scene(scene, s, estimates),
         parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
         vertices=result.vertices.float().cpu().numpy(),
         joints=result.joints.float().cpu().numpy(),
@@ -123,6 +105,47 @@ def assemble_solution(
                 "evaluations": result.evaluations,
             },
         },
+    )
+
+
+def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale_sigma: float | None) -> Solution:
+    """Return the solution of a photo without people: the scene of stage 1, and arrays for N = 0 people."""
+    rotations, betas, transl = model.zero_pose(0)
+    expression = betas.new_zeros(0, model.num_expression)
+    return Solution(
+        intrinsics=_intrinsics(scene.K, estimates),
+        scene=replace(_scene(scene, 1.0, estimates), scale_sigma=scale_sigma),
+        parameters=parameters_from_rotations(rotations, betas, expression, transl),
+        vertices=np.zeros((0, model.num_vertices, 3), np.float32),
+        joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
+        contact=np.zeros((0, model.num_vertices), bool),
+        distance=np.zeros((0, model.num_vertices), np.float32),
+        people=(),
+        failures=(),
+        diagnostics={"scene": dict(scene.diagnostics)},
+    )
+
+
+def _intrinsics(K: Tensor, estimates: Estimates) -> Intrinsics:
+    height, width = estimates.hole.shape
+    fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+    return Intrinsics(fx, fy, cx, cy, width, height, *_camera_source(K, estimates))
+
+
+def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
+    """Convert the scene of the engine, multiplied by the scale of stage 3."""
+    floor = None
+    if scene.floor_normal is not None:
+        floor = Plane(scene.floor_normal.numpy(), float(scene.floor_offset * scale))
+    return Scene(
+        points=(scene.points * scale).float().numpy(),
+        normals=scene.normals.float().numpy(),
+        colors=estimates.inpainted,
+        valid=scene.valid.numpy(),
+        floor=floor,
+        floor_points=(scene.floor_points * scale).float().numpy(),
+        scale=scale,
+        scale_sigma=estimates.depth.scale_sigma,
     )
 
 

@@ -14,7 +14,7 @@ from physic_core.types.camera import CameraTrust, Intrinsics
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.people import Keypoints, People
+from physic_core.types.people import Keypoints, People, UnposedPerson
 from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Provenance, StageRecord, summarize_checks
 from physic_core.types.results import Person, Reconstruction, Scene
@@ -57,6 +57,7 @@ __all__ = [
     "Skeleton",
     "StageRecord",
     "SurfaceLabels",
+    "UnposedPerson",
     "skeleton_named",
     "summarize_checks",
 ]

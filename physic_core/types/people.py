@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
     from physic_core.types.surfaces import SurfaceLabels
 
-__all__ = ["Keypoints", "People"]
+__all__ = ["Keypoints", "People", "UnposedPerson"]
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,21 @@ class Keypoints(ShortRepr):
 
 
 @dataclass(frozen=True)
+class UnposedPerson(ShortRepr):
+    """A person-like box in a photo for which no body could be given.
+
+    Attributes:
+        box: x0, y0, x1, y1 px, half open.
+        score: of the detection, in [0, 1].
+        reason: why there is no body, a few words ("no pose fits the box").
+    """
+
+    box: tuple[float, float, float, float]
+    score: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class People(ShortRepr):
     """Result of a Segmenter: masks, boxes and scores of N people; arrays of length N = 0, never None, without people.
 
@@ -55,6 +70,9 @@ class People(ShortRepr):
         floor: (H, W) bool, pixels of the ground that people stand on, or None if the backend does not segment it.
         keypoints: joints that the person detector found along with the boxes, or None.
         surfaces: semantic labels of the pixels, or None if the backend does not segment them.
+        unposed: person-like boxes that are not among the N people, for the report of the result.
+        unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the scene as those of people
+            are. Or None.
     """
 
     masks: BoolArray
@@ -63,6 +81,8 @@ class People(ShortRepr):
     floor: BoolArray | None = None
     keypoints: Keypoints | None = None
     surfaces: SurfaceLabels | None = None
+    unposed: tuple[UnposedPerson, ...] = ()
+    unposed_mask: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.masks)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics
     from physic_core.types.depth import Plane
+    from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, StageRecord
     from physic_core.types.skeletons import Skeleton
 
@@ -111,7 +112,7 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: best detection score first.
+        people: best detection score first, or in the order of the user's choice; empty for a scene alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
@@ -123,6 +124,7 @@ class Reconstruction(ShortRepr):
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
+        unposed: person-like boxes for which no body could be given; they are not in ``people``.
     """
 
     image: UInt8Array
@@ -139,6 +141,7 @@ class Reconstruction(ShortRepr):
     config: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
+    unposed: tuple[UnposedPerson, ...] = ()
 
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
@@ -149,6 +152,7 @@ class Reconstruction(ShortRepr):
         rejected = any(check.name == "floor" and check.failed for check in self.checks)
         parts = (
             "1 person" if people == 1 else f"{people} people",
+            *([f"{len(self.unposed)} without a body"] if self.unposed else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
             "no floor" if self.scene.floor is None else "floor assumed" if rejected else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",

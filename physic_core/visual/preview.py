@@ -25,6 +25,7 @@ from physic_core.visual.panels import (
 )
 from physic_core.visual.preview_geometry import build_preview_geometry, person_color
 from physic_core.visual.render import Perspective
+from physic_core.visual.unposed_boxes import draw_unposed
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction, UInt8Array
@@ -78,12 +79,13 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     bottom = max(frame.y + frame.height for frame in frames) + top
     page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAGE_RGB)
     pen = ImageDraw.Draw(page)
-    _text(pen, (_MARGIN, _MARGIN - 6), _title(len(reconstruction.people)), 30, _INK)
+    _text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30, _INK)
     for line, fact in enumerate(facts):
         _text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, _SOFT)
     photo, mesh, depth, side, above, contact = (_Frame(f.x, f.y + top, f.width, f.height) for f in frames)
     _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
+    draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
     _name_people(pen, mesh, reconstruction)
     _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
@@ -103,7 +105,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px ({camera.source})",
         "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
-        f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit",
+        *([f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit"] if reconstruction.people else []),
     ]
     if scene.floor is None:
         facts.append("no floor found")
@@ -127,8 +129,10 @@ def person_checks(person: Person) -> str:
     return "; ".join(parts)
 
 
-def _title(people: int) -> str:
-    return {0: "Nobody found", 1: "1 person"}.get(people, f"{people} people")
+def _title(reconstruction: Reconstruction) -> str:
+    people, unposed = len(reconstruction.people), len(reconstruction.unposed)
+    found = {0: "No person: the scene alone", 1: "1 person"}.get(people, f"{people} people")
+    return f"{found}, {unposed} without a body" if unposed else found
 
 
 def _layout(aspect: float) -> tuple[_Frame, ...]:

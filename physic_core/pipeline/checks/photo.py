@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_photo"]
 
+_NO_PEOPLE = "there is no person in the result"
 _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane has enough pixels",
@@ -42,15 +43,16 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         unmeasured="the settings of the engine use the metric depth alone",
         threshold=build.MIN_ALIGN_INLIER_SHARE,
     )
-    share = report["placement"]["alignment"]["inlier_share"]
+    share = report["placement"]["alignment"]["inlier_share"] if "placement" in report else None
     yield check_value(
         "photo_alignment",
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
         f"{share:.0%} of the background within {human_points.ALIGN_TOLERANCE:.0%}: "
         "try another inpainter or relative_pointmap"
-        if share > 0
+        if share
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
+        unmeasured=_NO_PEOPLE,
         threshold=human_points.MIN_ALIGN_INLIER_SHARE,
     )
     yield from _check_floor(report["scene"]["floor"], settings)
@@ -96,9 +98,10 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     )
     yield check_value(
         "scale_change",
-        relative_difference(scale),
+        relative_difference(scale) if solution.people else None,
         f"the people and the metric depth disagree: the scene was rescaled by {scale:.2f}; "
         "look at the people's sizes, children and wrong focal lengths do this",
+        unmeasured=_NO_PEOPLE,
     )
     # Depth at people's pixels has the final scale; this check compares with the depth before scaling.
     ratios = [ratio / scale for report in solution.people if (ratio := measured(report, "depth_ratio"))]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, NoPersonError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
 
@@ -79,6 +79,7 @@ class EmbeddedMetricDepth(MetricDepth):
 
         Raises:
             BackendError: hints lack the scene or the bodies, or nobody can serve as the ruler.
+            NoPersonError: there is no body.
         """
         if hints.scene is None or hints.bodies is None:
             missing = "scene" if hints.scene is None else "bodies"
@@ -87,7 +88,7 @@ class EmbeddedMetricDepth(MetricDepth):
                 "use it in the pipeline, which asks for both before it, or choose a metric depth network"
             )
         if not len(hints.bodies.parameters):
-            raise BackendError("the embedded metric depth needs at least one person: choose a metric depth network")
+            raise NoPersonError("the embedded metric depth needs at least one person: choose a metric depth network")
         vertices, model = self._pose_bodies(hints.bodies)
         count = len(vertices)
         observed = hints.bodies.observed

@@ -10,7 +10,7 @@ import trimesh
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.conversion import replace_mesh_with_joints
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
 from physic_embedded.metric_depth import EmbeddedMetricDepth
 
@@ -149,7 +149,7 @@ def test_missing_hints_are_named(world: World) -> None:
 
 def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
     nobody = Bodies(world.bodies.parameters[0:0], "embedded")
-    with pytest.raises(BackendError) as error:
+    with pytest.raises(NoPersonError) as error:
         EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=nobody))
     assert str(error.value) == ("the embedded metric depth needs at least one person: choose a metric depth network")
     with pytest.raises(BackendError) as error:

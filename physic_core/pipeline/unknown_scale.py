@@ -1,0 +1,42 @@
+"""Metric depth of a scene whose scale nothing in the photo gives: a guess, marked as one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types import DepthMap
+
+if TYPE_CHECKING:
+    from physic_core.types import Intrinsics, Plane, Pointmap
+
+__all__ = ["CAMERA_HEIGHT_M", "MEDIAN_DEPTH_M", "guess_metric_depth"]
+
+CAMERA_HEIGHT_M = 1.5
+"""Assumed height of the camera above the floor: people hold a camera at their chest or eyes."""
+
+MEDIAN_DEPTH_M = 3.0
+"""Assumed median depth of a scene without a floor."""
+
+
+def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics) -> tuple[DepthMap, str]:
+    """Scale the relative depth of a scene to a usual size, and return it with a warning that names the assumption.
+
+    Args:
+        scene: relative point map of the photo without people.
+        floor: in the units of ``scene``, or None.
+        camera: of the point map, if it has none of its own.
+
+    Returns:
+        Depth (H, W) metres with ``scale_sigma`` None, and the warning.
+    """
+    depth = np.where(scene.valid, scene.points[..., 2], np.nan)
+    if floor is not None and floor.offset > 0:
+        scale = CAMERA_HEIGHT_M / floor.offset
+        assumed = f"the camera is assumed {CAMERA_HEIGHT_M:g} m above the floor"
+    else:
+        scale = MEDIAN_DEPTH_M / float(np.nanmedian(depth))
+        assumed = f"the median depth is assumed {MEDIAN_DEPTH_M:g} m"
+    metric = DepthMap((depth * scale).astype(np.float32), scene.intrinsics or camera)
+    return metric, f"the scale is unknown, since no person gives it: {assumed}; use a metric_depth network for metres"

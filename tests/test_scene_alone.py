@@ -1,0 +1,128 @@
+"""A photo without people: the scene alone, with the scale that the metric depth knows, or with a guessed one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core import load_config, load_reconstruction, reconstruct
+from physic_core.discovery.plugins import discover
+from physic_core.discovery.registry import BackendRecord, Registry
+from physic_core.errors import BackendError, NoPersonError
+from physic_core.pipeline.unknown_scale import guess_metric_depth
+from physic_core.types import Intrinsics, Plane, Pointmap, UnposedPerson
+from physic_mock import backends
+from physic_testing.worlds import World, build_world
+
+MOCK = ["run.cache=false", "metric_depth.options.noise=0", "relative_pointmap.options.noise=0"]
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_world("stand")
+
+
+def registry_with(interface: str, kind: type) -> Registry:
+    registry = discover()
+    registry.register(BackendRecord(interface, "own", kind, api=1))
+    return registry
+
+
+class NeedsPeople(backends.MockMetricDepth):
+    def infer(self, image, hints):
+        raise NoPersonError("this depth needs people")
+
+
+class Broken(backends.MockMetricDepth):
+    def infer(self, image, hints):
+        raise MemoryError
+
+
+def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, tmp_path: Path) -> None:
+    result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK))
+    assert result.people == ()
+    assert result.scene.floor is not None
+    assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
+    assert np.array_equal(result.scene.colors, result.image)
+    assert "no person was found: the result is the scene alone" in result.notes
+    measured = {check.name: check.value for check in result.checks}
+    assert measured["photo_alignment"] is measured["scale_change"] is measured["depth_vs_bodies"] is None
+    # No inpainting and no second point map: nothing is removed from the photo.
+    backend_stages = [stage.name for stage in result.stages if stage.provenance is not None]
+    assert backend_stages == ["people", "scene point map", "metric depth"]
+    result.save(str(tmp_path / "out"))
+    again = load_reconstruction(tmp_path / "out")
+    assert again.people == ()
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "combined.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"
+    }  # fmt: skip
+
+
+def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World) -> None:
+    config = load_config(preset="mock", overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}"])
+    result = reconstruct(world.empty_image, config, registry=registry_with("metric_depth", NeedsPeople))
+    assert result.scene.scale_sigma is None
+    assert result.scene.floor is not None
+    assert result.scene.floor.offset == pytest.approx(1.5, abs=0.02)
+    assert (
+        "the scale is unknown, since no person gives it: the camera is assumed 1.5 m above the floor; "
+        "use a metric_depth network for metres"
+    ) in result.warnings
+    known = load_config(
+        preset="mock",
+        overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}", "photo.camera_height=2.0"],
+    )
+    measured = reconstruct(world.empty_image, known, registry=registry_with("metric_depth", NeedsPeople))
+    assert measured.scene.floor is not None
+    assert measured.scene.floor.offset == pytest.approx(2.0, abs=0.001)
+    assert not any("the scale is unknown" in warning for warning in measured.warnings)
+    with pytest.raises(BackendError, match="MemoryError"):
+        reconstruct(world.empty_image, config, registry=registry_with("metric_depth", Broken))
+
+
+def test_without_a_floor_the_median_depth_is_assumed() -> None:
+    z = np.array([[1.0, 2.0], [4.0, 9.0]], np.float32)
+    valid = np.array([[True, True], [True, False]])
+    scene = Pointmap(np.stack([z, z, z], -1), valid, "scale")
+    camera = Intrinsics.from_focal(2.0, 2, 2)
+    depth, warning = guess_metric_depth(scene, None, camera)
+    assert depth.depth[valid].tolist() == [1.5, 3.0, 6.0]
+    assert np.isnan(depth.depth[1, 1])
+    assert (depth.scale_sigma, depth.intrinsics) == (None, camera)
+    assert "the median depth is assumed 3 m" in warning
+    on_floor, _ = guess_metric_depth(scene, Plane(np.array([0.0, -1.0, 0.0]), 0.5), camera)
+    assert on_floor.depth[valid].tolist() == [3.0, 6.0, 12.0]
+
+
+class SeesBox(backends.MockSegmenter):
+    """Finds the people of the mock, and one more box without a pose, whose pixels are the top left corner."""
+
+    def infer(self, image):
+        found = super().infer(image)
+        corner = np.zeros(image.shape[:2], bool)
+        corner[:20, :30] = True
+        one = UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box")
+        return replace(found, unposed=(one,), unposed_mask=corner)
+
+
+def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world: World, tmp_path: Path) -> None:
+    holes = []
+
+    class Inpainter(backends.MockInpainter):
+        def infer(self, image, mask):
+            holes.append(mask)
+            return super().infer(image, mask)
+
+    registry = registry_with("segmenter", SeesBox)
+    registry.register(BackendRecord("inpainter", "own", Inpainter, api=1))
+    config = load_config(preset="mock", overrides=["run.cache=false", "segmenter.backend=own", "inpainter.backend=own"])
+    result = reconstruct(world.image, config, registry=registry)
+    assert holes[0][:20, :30].all()
+    assert len(result.people) == len(world.masks)
+    assert result.unposed == (UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box"),)
+    assert ", 1 without a body, " in repr(result)
+    result.save(str(tmp_path / "out"))
+    assert load_reconstruction(tmp_path / "out").unposed == result.unposed
