@@ -34,6 +34,7 @@ def imports(arguments: list[str], banned: set[str], ends: tuple[int, ...] = (0,)
         ["plugins", "--json"],
         ["plugins", "new", "--help"],
         ["run", "--help"],
+        ["batch", "--help"],
         ["config", "show"],
         ["config", "--help"],
     ],

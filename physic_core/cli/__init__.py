@@ -40,6 +40,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
+    "batch": ("physic_core.cli.batch:batch", "Reconstruct many photos, resumably, in several processes."),
     "cache": ("physic_core.cli.cache:cache", "Show or clear the cache."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),

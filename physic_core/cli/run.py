@@ -20,7 +20,7 @@ import click
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["run"]
+__all__ = ["run", "sigterm_as_exception"]
 
 
 class _Numbers(click.ParamType[Any]):
@@ -127,7 +127,7 @@ def run(
     config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
     plan = resolve(config, registry)
     require_available(plan)
-    with _sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
+    with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
         from physic_core.pipeline.run import reconstruct_photo
 
         with _collect_plugin_messages() as messages, _show_progress() as progress:
@@ -143,7 +143,7 @@ class _Terminated(BaseException):
 
 
 @contextmanager
-def _sigterm_as_exception() -> Iterator[None]:
+def sigterm_as_exception() -> Iterator[None]:
     """Convert SIGTERM to an exception, so that cleanup runs as for Ctrl-C, and then end the process."""
     before = signal.getsignal(signal.SIGTERM)
     if threading.current_thread() is not threading.main_thread() or before is not signal.SIG_DFL:

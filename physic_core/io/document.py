@@ -13,7 +13,7 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_core.files.strict_json import from_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
-from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 from physic_core.io.check_records import check_record
 from physic_core.io.result_folder import SCHEMA
 from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord, UnposedPerson
@@ -47,6 +47,7 @@ def to_document(
     files: Sequence[str],
     arrays_checksum: str,
     digests: Mapping[str, str] | None = None,
+    specs: tuple[Sequence[ArraySpec], Sequence[ArraySpec]] = (SHARED_ARRAYS, PERSON_ARRAYS),
 ) -> dict[str, Any]:
     """Convert a reconstruction to a JSON-ready dictionary.
 
@@ -54,7 +55,9 @@ def to_document(
         files: names of the other files in the folder.
         arrays_checksum: checksum of ``reconstruction.npz``.
         digests: file name -> digest, for the files that are already written.
+        specs: of the arrays that exist once, and of those of each person.
     """
+    shared, of_person = specs
     scene, floor = reconstruction.scene, reconstruction.scene.floor
     document = {
         "schema": SCHEMA,
@@ -89,9 +92,9 @@ def to_document(
         "digests": dict(digests or {}),
         "arrays": {
             "checksum": arrays_checksum,
-            "shared": [_spec(spec.name, spec.dtype, spec.shape, spec.meaning) for spec in SHARED_ARRAYS],
+            "shared": [_spec(spec.name, spec.dtype, spec.shape, spec.meaning) for spec in shared],
             "of_person_i": [
-                _spec(f"person_{{i}}_{spec.name}", spec.dtype, spec.shape, spec.meaning) for spec in PERSON_ARRAYS
+                _spec(f"person_{{i}}_{spec.name}", spec.dtype, spec.shape, spec.meaning) for spec in of_person
             ],
         },
     }

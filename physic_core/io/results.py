@@ -20,6 +20,7 @@ from physic_core.io.arrays import (
     to_arrays,
 )
 from physic_core.io.check_records import parse_checks
+from physic_core.io.compact import COMPACT_PERSON_ARRAYS, COMPACT_SHARED_ARRAYS, compact_arrays, expand_arrays
 from physic_core.io.document import (
     decode_document,
     encode_document,
@@ -56,11 +57,16 @@ __all__ = [
 ]
 
 
+_COMPACT_NAMES = {"scene_points": ("scene_depth",), "scene_colors": ("scene_colors_change",)}
+
+
 def save_reconstruction(
     reconstruction: Reconstruction,
     folder: str | os.PathLike[str],
     *,
     preview: bool = True,
+    glb: bool = True,
+    compact: bool = False,
     overwrite: bool = False,
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
@@ -73,6 +79,8 @@ def save_reconstruction(
         reconstruction: what to save.
         folder: created if missing.
         preview: whether to write ``preview.png``.
+        glb: whether to write the GLB files.
+        compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
         overwrite: whether to replace another photo's result, or changed files of a result.
 
     Returns:
@@ -83,9 +91,18 @@ def save_reconstruction(
     """
     from physic_core.visual.glb import glb_files
 
-    names = [DOCUMENT_FILE, ARRAYS_FILE, "scene.glb", "combined.glb"]
-    names += [f"person_{index}.glb" for index in range(len(reconstruction.people))]
+    names = [DOCUMENT_FILE, ARRAYS_FILE]
+    if glb:
+        people = (f"person_{index}.glb" for index in range(len(reconstruction.people)))
+        names += ["scene.glb", "combined.glb", *people]
     names += [PREVIEW_FILE] if preview else []
+    arrays, specs = to_arrays(reconstruction), (SHARED_ARRAYS, PERSON_ARRAYS)
+    if compact:
+        arrays, specs = compact_arrays(arrays), (COMPACT_SHARED_ARRAYS, COMPACT_PERSON_ARRAYS)
+
+    def document() -> bytes:
+        return encode_document(to_document(reconstruction, names, arrays_checksum, digests, specs))
+
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
     earlier = unchanged_result_files(folder)
@@ -95,10 +112,10 @@ def save_reconstruction(
     with atomic_write(folder) as temporary:
         # The document first: if the process ends between the two, the folder is still recognised as a result.
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
-        write_arrays(arrays_file, to_arrays(reconstruction), stored="f")
+        write_arrays(arrays_file, arrays, stored="" if compact else "f")
         arrays_checksum = npz_checksum(arrays_file)
         digests[ARRAYS_FILE] = file_digest(arrays_file)
-        document_file.write_bytes(encode_document(to_document(reconstruction, names, arrays_checksum, digests)))
+        document_file.write_bytes(document())
         for path in stale:
             with suppress(OSError):
                 path.unlink()
@@ -110,13 +127,13 @@ def save_reconstruction(
             digests[name] = file_digest(temporary(name))
 
         document_file = temporary(DOCUMENT_FILE)
-        for name, content in glb_files(reconstruction):
+        for name, content in glb_files(reconstruction) if glb else ():
             write(name, content)
         if preview:
             from physic_core.visual.preview import preview_png
 
             write(PREVIEW_FILE, preview_png(reconstruction))
-        document_file.write_bytes(encode_document(to_document(reconstruction, names, arrays_checksum, digests)))
+        document_file.write_bytes(document())
     return tuple(folder / name for name in names)
 
 
@@ -155,9 +172,11 @@ def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
         found = npz_checksum(path)
         with path.open("rb") as stream:
             names = zipfile.ZipFile(stream).namelist()
-            if missing := [name for name in wanted if f"{name}.npy" not in names]:
+            present = {name.removesuffix(".npy") for name in names}
+            wanted = [next((n for n in (name, *_COMPACT_NAMES.get(name, ())) if n in present), name) for name in wanted]
+            if missing := [name for name in wanted if name not in present]:
                 raise InputError(f"cannot read {path}: it lacks {', '.join(missing)}; run the reconstruction again")
-            arrays = read_arrays(stream, wanted)
+            arrays = expand_arrays(read_arrays(stream, wanted))
     except InputError:
         raise
     except FileNotFoundError:

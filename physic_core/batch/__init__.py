@@ -1,0 +1,1 @@
+"""Reconstruct many photos: find them, run them in worker processes, keep a journal, and write tables and pages."""

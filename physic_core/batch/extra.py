@@ -1,0 +1,24 @@
+"""Import of pyarrow, which is installed with ``physic-core[batch]``."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from physic_core.errors import ConfigError
+
+__all__ = ["import_pyarrow"]
+
+
+def import_pyarrow(purpose: str) -> Any:
+    """Import ``pyarrow.parquet``.
+
+    Raises:
+        ConfigError: it is not installed; ``purpose`` begins the message.
+    """
+    try:
+        return importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise ConfigError(
+            f"{purpose} needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)"
+        ) from error

@@ -1,0 +1,146 @@
+"""The journal of a batch: one JSON line per photo that was tried, appended and never changed.
+
+The last line of an id counts. A line that was cut off, by a crash or a full disk, is ignored.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from physic_core.errors import OutputError
+from physic_core.files.strict_json import from_json, to_json
+
+__all__ = ["COLUMNS", "Journal", "last_rows", "read_rows"]
+
+COLUMNS: Mapping[str, str] = {
+    "id": "of the photo",
+    "path": "absolute path of the photo",
+    "state": '"done" or "failed"',
+    "error": "class of the error; empty if done. Timeout and WorkerDied are those of the batch itself",
+    "message": "of the error",
+    "seconds": "wall-clock time of this photo, without loading models",
+    "attempts": "how often it was tried in this run: a photo whose worker dies is tried twice",
+    "finished": "end, UTC",
+    "photo": "SHA-256 of the file; empty if it cannot be read",
+    "bytes": "size of the file",
+    "modified": "modification time of the file, ns since 1970",
+    "config": "digest of the settings that results depend on, with those of this photo alone",
+    "save": "what was saved: full, numbers, people or summary, and +preview or +glb",
+    "folder": "of the results, relative to the output folder; empty without files",
+    "version": "of physic-core",
+    "grade": "of the result; empty if it has none",
+    "checks_failed": "names of the failed self-checks, separated by spaces",
+}
+"""Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
+
+
+class Journal:
+    """The journal file of one run, open for appending; only one process may have it open.
+
+    Args:
+        path: created if missing; its folder must exist.
+
+    Raises:
+        OutputError: it cannot be written, or another process has it open.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._lock = _lock(path.with_suffix(".lock"))
+            self._file = path.open("ab+")
+        except OSError as error:
+            raise self._error(error) from error
+        if self._lock is None:
+            self._file.close()
+            raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder")
+        self._end_torn_line()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):  # a line that could not be written has been reported
+            self._file.close()
+        if self._lock is not None:
+            self._lock.close()
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Write a row, and wait until it is on the disk.
+
+        Raises:
+            OutputError: the disk is full, or the file cannot be written.
+        """
+        line = json.dumps(to_json(row, digits=9), ensure_ascii=True, allow_nan=False) + "\n"
+        try:
+            self._file.write(line.encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._error(error) from error
+
+    def _end_torn_line(self) -> None:
+        size = self._file.seek(0, os.SEEK_END)
+        if size:
+            self._file.seek(size - 1)
+            if self._file.read(1) != b"\n":
+                self._file.write(b"\n")
+
+    def _error(self, error: OSError) -> OutputError:
+        return OutputError(
+            f"cannot write the journal {self.path}: {error.strerror}; the same command goes on from here later"
+        )
+
+
+def read_rows(folder: Path, columns: Iterable[str] | None = None) -> dict[str, dict[str, Any]]:
+    """Read the last row of each id from all journals of a folder, or only some columns of it.
+
+    An id can be in several journals after a change of shards; then the row that was finished last counts.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    wanted = None if columns is None else {*columns, "id", "finished"}
+    for row in _all_rows(folder):
+        before = found.get(row["id"])
+        if before is None or str(row.get("finished", "")) >= str(before.get("finished", "")):
+            found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+    return found
+
+
+def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield the last row of each id, without holding all rows in memory."""
+    last = {item: row.get("finished") for item, row in read_rows(folder, ()).items()}
+    for row in _all_rows(folder):
+        if last.get(row["id"]) == row.get("finished") and last.pop(row["id"], None) is not None:
+            yield row
+
+
+def _all_rows(folder: Path) -> Iterator[dict[str, Any]]:
+    for path in sorted(folder.glob("journal*.jsonl")):
+        with path.open("rb") as file:
+            for line in file:
+                try:
+                    row = from_json(json.loads(line))
+                except ValueError:
+                    continue  # cut off
+                if isinstance(row, dict) and {"id", "state", "config", "finished"} <= row.keys():
+                    yield row
+
+
+def _lock(folder: Path) -> IO[bytes] | None:
+    """Lock a file until it is closed or the process ends; None if another process has locked it."""
+    file = folder.open("ab")
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        return None
+    except (ImportError, OSError):  # Windows, or a file system without locks
+        pass
+    return file

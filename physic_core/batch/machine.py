@@ -1,0 +1,45 @@
+"""Cores and memory that this process may use."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+__all__ = ["available_memory_mb", "default_workers", "usable_cores"]
+
+_MEMORY_RESERVE = 1.25
+"""A worker is expected to need this multiple of what its first photo needed."""
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def available_memory_mb() -> float:
+    """Return the free memory of the machine or of the container, MB; infinity if the system does not tell."""
+    limits = [float("inf")]
+    with suppress(OSError, ValueError):
+        text = Path("/proc/meminfo").read_text()
+        limits.append(float(text.partition("MemAvailable:")[2].split()[0]) / 1000)
+    with suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        used = float((group / "memory.current").read_text())
+        limits.append((float((group / "memory.max").read_text()) - used) / 1e6)
+    return max(0.0, min(limits))
+
+
+def default_workers(peak_mb: float, device: str = "cpu") -> int:
+    """Return how many workers fit: one per core, as memory allows; one if they share a GPU.
+
+    Args:
+        peak_mb: memory of the first worker after its first photo, MB; 0 if unknown, then one worker is used.
+        device: of the networks.
+    """
+    if device != "cpu" or peak_mb <= 0:
+        return 1
+    more = available_memory_mb() / (_MEMORY_RESERVE * peak_mb)
+    return max(1, int(min(usable_cores(), 1 + more)))

@@ -1,0 +1,160 @@
+"""The photos of a batch, from files, folders, patterns and tables."""
+
+from __future__ import annotations
+
+import csv
+import glob
+import hashlib
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from physic_core.batch.extra import import_pyarrow
+from physic_core.errors import ConfigError, InputError
+
+__all__ = ["PhotoItem", "default_id", "find_photos", "in_shard", "parse_shard", "photo_folder"]
+
+PHOTO_SUFFIXES = (".avif", ".heic", ".heif", ".jpeg", ".jpg", ".mpo", ".png", ".tif", ".tiff", ".webp")
+"""Suffixes of the files of a folder that are photos; a file that is named itself may have any."""
+
+TABLE_SUFFIXES = (".csv", ".parquet")
+_COLUMNS = ("path", "camera", "stature", "id")
+_MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
+
+
+@dataclass(frozen=True)
+class PhotoItem:
+    """One photo of a batch.
+
+    Attributes:
+        id: unique in the batch, and equal in every run of it.
+        path: absolute.
+        settings: of the table ``[photo]`` for this photo alone.
+    """
+
+    id: str
+    path: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def find_photos(inputs: Iterable[str]) -> list[PhotoItem]:
+    """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
+
+    A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
+    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path.
+
+    Raises:
+        InputError: an input does not exist, a table is invalid, or two photos have one id.
+    """
+    found: dict[str, PhotoItem] = {}
+    for item in (item for text in inputs for item in _items(text)):
+        same = found.setdefault(item.id, item)
+        if same != item:
+            raise InputError(
+                f"two photos have the id '{item.id}', {same.path} and {item.path}: ids of a batch must be unique"
+            )
+    return list(found.values())
+
+
+def default_id(path: str) -> str:
+    """Return the id of a photo without an id in a table: its name, and a hash of its absolute path."""
+    return f"{Path(path).stem}-{hashlib.sha256(os.fsencode(path)).hexdigest()[:16]}"
+
+
+def photo_folder(item_id: str) -> str:
+    """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits of the id's hash."""
+    digest = hashlib.sha256(os.fsencode(item_id)).hexdigest()
+    name = quote(item_id, safe=" +,=@()[]")
+    if len(name) > _MAX_NAME or name.startswith(".") or not name:
+        name = f"{name[: _MAX_NAME - 17].lstrip('.')}-{digest[:16]}"
+    return f"photos/{digest[:2]}/{name}"
+
+
+def parse_shard(text: str) -> tuple[int, int]:
+    """Parse "3/16", the third of sixteen shards.
+
+    Raises:
+        ConfigError: it is no shard.
+    """
+    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    shard, count = (int(part) for part in match.groups()) if match else (0, 0)
+    if not 1 <= shard <= count:
+        raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got '{text}')")
+    return shard, count
+
+
+def in_shard(item_id: str, shard: int, count: int) -> bool:
+    """Return whether a photo belongs to a shard; each id belongs to exactly one of 1, ..., ``count``."""
+    return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % count == shard - 1
+
+
+def _items(text: str) -> Iterator[PhotoItem]:
+    path = Path(text)
+    if path.is_dir():
+        files = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
+        yield from map(_item, sorted(file for file in files if _is_photo(file)))
+    elif path.suffix.lower() in TABLE_SUFFIXES and path.exists():
+        yield from _table_items(path)
+    elif path.exists():
+        yield _item(path)
+    elif matches := sorted(glob.glob(text, recursive=True)):
+        yield from (_item(file) for file in map(Path, matches) if not file.is_dir())
+    else:
+        raise InputError(f"no photos at {text}: name files, folders, patterns, or a CSV or Parquet table")
+
+
+def _is_photo(file: Path) -> bool:
+    return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".")
+
+
+def _item(file: Path) -> PhotoItem:
+    path = os.path.abspath(file)
+    return PhotoItem(default_id(path), path)
+
+
+def _table_items(table: Path) -> Iterator[PhotoItem]:
+    for number, row in enumerate(_rows(table), start=1):
+        if unknown := sorted(set(row) - set(_COLUMNS)):
+            raise InputError(f"{table}: unknown column '{unknown[0]}'; a table may have {', '.join(_COLUMNS)}")
+        if not row.get("path"):
+            raise InputError(f"{table}, row {number}: the column 'path' is missing or empty")
+        path = os.path.abspath(table.parent / str(row["path"]))
+        try:
+            yield PhotoItem(str(row.get("id") or default_id(path)), path, _settings(row))
+        except ValueError as error:
+            raise InputError(f"{table}, row {number}: {error}") from error
+
+
+def _rows(table: Path) -> Iterator[dict[str, Any]]:
+    if table.suffix.lower() == ".parquet":
+        parquet = import_pyarrow(f"reading {table}")
+        with parquet.ParquetFile(table) as file:
+            for batch in file.iter_batches():
+                yield from batch.to_pylist()
+        return
+    try:
+        with table.open(newline="", encoding="utf-8-sig") as stream:
+            yield from csv.DictReader(stream)
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
+
+
+def _settings(row: Mapping[str, Any]) -> dict[str, Any]:
+    settings: dict[str, Any] = {}
+    camera = str(row.get("camera") or "").strip()
+    if camera:
+        try:
+            numbers = [float(part) for part in re.split(r"[,\s]+", camera.strip("[]() "))]
+        except ValueError:
+            numbers = []
+        if len(numbers) not in (1, 4):
+            raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got '{camera}')")
+        settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
+    stature = str(row.get("stature") or "").strip()
+    if stature:
+        settings["stature"] = [float(part) for part in re.split(r"[,\s]+", stature.strip("[]() "))]
+    return settings

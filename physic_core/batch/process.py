@@ -1,0 +1,160 @@
+"""Reconstruct one photo of a batch and return its row of the journal; every executor calls this.
+
+An executor opens one :class:`PhotoProcessor` per process or actor, and passes it one photo after the other. Its rows
+are flat and ready for JSON and Parquet.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.batch.photos import PhotoItem, photo_folder
+from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg, thumbnail_path
+from physic_core.batch.settings import config_digest, settings_digest
+from physic_core.discovery.plugins import core_version
+from physic_core.errors import OutputError
+
+if TYPE_CHECKING:
+    from physic_core.configuration.model import Config
+    from physic_core.types import Reconstruction
+
+__all__ = ["BatchJob", "PhotoProcessor", "failed_row"]
+
+
+@dataclass(frozen=True)
+class BatchJob:
+    """What a batch does with each photo; it can be pickled.
+
+    Attributes:
+        config: of the pipeline; see :func:`physic_core.batch.settings.batch_config`.
+        out: absolute path of the output folder.
+        saving: which files are written.
+    """
+
+    config: Config
+    out: str
+    saving: Saving
+
+    def digest(self, item: PhotoItem) -> str:
+        """Return the digest of the settings that the result of a photo depends on."""
+        return settings_digest(self._tables_digest, item.settings)
+
+    @cached_property
+    def _tables_digest(self) -> str:
+        return config_digest(self.config)
+
+
+class PhotoProcessor:
+    """A loaded pipeline that turns photos into rows of the journal.
+
+    Args:
+        job: of the batch.
+        reconstruct: replaces the pipeline of the job's config; called with a path and the settings of the photo.
+
+    Raises:
+        PhysicError: the backends cannot be loaded.
+    """
+
+    def __init__(
+        self, job: BatchJob, reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction] | None = None
+    ) -> None:
+        self.job = job
+        if reconstruct is None:
+            from physic_core.pipeline.run import Pipeline
+
+            pipeline = Pipeline(job.config)
+            pipeline.warm_up()
+
+            def reconstruct(path: str, settings: Mapping[str, Any]) -> Reconstruction:
+                return pipeline(path, settings=settings)
+
+        self._reconstruct = reconstruct
+
+    def __call__(self, item: PhotoItem) -> dict[str, Any]:
+        """Reconstruct a photo, write its files, and return its row; errors of the photo become a failed row.
+
+        Raises:
+            OutputError: the files cannot be written: the disk is full, or gone.
+        """
+        start = time.perf_counter()
+        try:
+            result = self._reconstruct(item.path, item.settings)
+            self._save(result, item)
+        except OutputError:
+            raise
+        except Exception as error:  # whatever a photo causes costs this photo alone
+            return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start)
+        numbers = result.summary()
+        loading = float(numbers["load_seconds"] or 0)
+        failed = dict.fromkeys(check.name for check in result.checks if check.failed)
+        return base_row(self.job, item) | {
+            "state": "done",
+            "seconds": time.perf_counter() - start - loading,
+            "photo": result.photo.partition(" ")[0],
+            "folder": photo_folder(item.id) if self.job.saving.main_file else "",
+            "grade": str(getattr(result, "grade", None) or ""),
+            "checks_failed": " ".join(failed),
+            **{name: value for name, value in numbers.items() if name != "seconds"},
+        }
+
+    def _save(self, result: Reconstruction, item: PhotoItem) -> None:
+        out, folder = Path(self.job.out), photo_folder(item.id)
+        save_photo(result, out / folder, self.job.saving)
+        if self.job.saving.thumbnails:
+            from physic_core.files.atomic import atomic_write, check_writable
+
+            path = out / thumbnail_path(folder)
+            content = thumbnail_jpeg(result)
+            with atomic_write(check_writable(path.parent)) as temporary:
+                temporary(path.name).write_bytes(content)
+
+
+def failed_row(
+    job: BatchJob, item: PhotoItem, error: str, message: str, seconds: float, attempts: int = 1
+) -> dict[str, Any]:
+    """Return the row of a photo that has no result; ``error`` is a class name, ``seconds`` what was spent on it."""
+    from physic_core.io.result_folder import file_digest
+
+    return base_row(job, item) | {
+        "state": "failed",
+        "error": error,
+        "message": " ".join(message.split()),
+        "seconds": seconds,
+        "attempts": attempts,
+        "photo": file_digest(item.path),
+    }
+
+
+def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
+    """Return a row with the columns that do not depend on the result, and empty ones for the others."""
+    row: dict[str, Any] = {
+        "id": item.id,
+        "path": item.path,
+        "state": "",
+        "error": "",
+        "message": "",
+        "seconds": 0.0,
+        "attempts": 1,
+        "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        "photo": "",
+        "bytes": None,
+        "modified": None,
+        "config": job.digest(item),
+        "save": str(job.saving),
+        "folder": "",
+        "version": core_version(),
+        "grade": "",
+        "checks_failed": "",
+    }
+    with suppress(OSError):
+        status = os.stat(item.path)
+        row |= {"bytes": status.st_size, "modified": status.st_mtime_ns}
+    return row

@@ -1,0 +1,139 @@
+"""Run a batch: decide which photos to do, let an executor do them, and write a row of the journal for each."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from physic_core.batch.journal import Journal, read_rows
+from physic_core.batch.photos import PhotoItem
+from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
+from physic_core.batch.workers import WorkerSettings, run_in_workers
+from physic_core.files.atomic import check_writable
+from physic_core.io.result_folder import file_digest
+
+__all__ = ["Executor", "Plan", "local_executor", "plan_batch", "run_batch"]
+
+Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
+"""Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
+
+It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be written.
+"""
+
+_NEEDED = ("state", "config", "save", "folder", "photo", "bytes", "modified", "version")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be done of a batch.
+
+    Attributes:
+        todo: photos without a valid row in the journal.
+        done: number of photos that are done.
+        failed: number of photos that failed in an earlier run and are not tried again.
+        changed: number of the photos in ``todo`` that were tried before with other content or settings.
+        versions: versions of physic-core of the rows that are kept.
+    """
+
+    todo: tuple[PhotoItem, ...]
+    done: int
+    failed: int
+    changed: int
+    versions: tuple[str, ...]
+
+
+def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> Plan:
+    """Compare the photos with the journals in the output folder.
+
+    A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
+    if its files are gone. Content is compared by size and modification time first, then by digest.
+    """
+    rows = read_rows(Path(job.out), _NEEDED)
+    todo: list[PhotoItem] = []
+    count: Counter[str] = Counter()
+    versions: set[str] = set()
+    for item in items:
+        row = rows.get(item.id)
+        if row is None:
+            todo.append(item)
+        elif not _is_current(row, item, job):
+            todo.append(item)
+            count["changed"] += 1
+        elif row["state"] == "failed" and retry_failed:
+            todo.append(item)
+        else:
+            count[row["state"]] += 1
+            versions.add(str(row.get("version", "")))
+    return Plan(tuple(todo), count["done"], count["failed"], count["changed"], tuple(sorted(versions)))
+
+
+def run_batch(
+    items: Iterable[PhotoItem],
+    job: BatchJob,
+    executor: Executor,
+    journal: Path,
+    on_row: Callable[[Mapping[str, Any]], None] = lambda row: None,
+) -> None:
+    """Reconstruct photos and append a row for each to a journal file, when its files are complete.
+
+    Args:
+        items: photos to do, such as ``plan_batch(...).todo``.
+        job: of the batch.
+        executor: such as :func:`local_executor`.
+        journal: file in the output folder, called ``journal*.jsonl``.
+        on_row: called after each row.
+
+    Raises:
+        OutputError: results or journal cannot be written.
+        PhysicError: the backends cannot be loaded.
+    """
+    check_writable(job.out)
+    with Journal(journal) as log, closing(executor(items, job)) as rows:
+        for row in rows:
+            log.append(row)
+            on_row(row)
+
+
+def local_executor(settings: WorkerSettings) -> Executor:
+    """Return an executor that uses worker processes on this machine, each with its own loaded pipeline."""
+    return partial(run_locally, settings=settings)
+
+
+def run_locally(
+    items: Iterable[PhotoItem],
+    job: BatchJob,
+    settings: WorkerSettings,
+    open_worker: Callable[[], Callable[[PhotoItem], dict[str, Any]]] | None = None,
+) -> Generator[dict[str, Any], None, None]:
+    """Yield a row for each photo from worker processes; see :data:`Executor`.
+
+    ``open_worker`` replaces the pipeline of the job.
+    """
+    open_worker = open_worker or partial(PhotoProcessor, job)
+    with closing(run_in_workers(items, open_worker, settings)) as outcomes:
+        for outcome in outcomes:
+            if outcome.failure:
+                yield failed_row(job, outcome.task, outcome.failure, outcome.message, outcome.seconds, outcome.attempts)
+            else:
+                yield {**outcome.value, "attempts": outcome.attempts}
+
+
+def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
+    if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
+        return False
+    main = job.saving.main_file
+    if row["state"] == "done" and main and not os.path.exists(Path(job.out, str(row["folder"]), main)):
+        return False
+    try:
+        status = os.stat(item.path)
+    except OSError:
+        return row.get("bytes") is None
+    if (status.st_size, status.st_mtime_ns) == (row.get("bytes"), row.get("modified")):
+        return True
+    return status.st_size == row.get("bytes") and file_digest(item.path) == row.get("photo")

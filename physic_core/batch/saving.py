@@ -1,0 +1,130 @@
+"""Write what a batch keeps of one result: everything, the numbers, the people, or nothing; and its thumbnail."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from physic_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
+
+__all__ = ["LEVELS", "PEOPLE_FILE", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
+
+LEVELS = ("full", "numbers", "people", "summary")
+"""full: JSON, arrays, GLB files, preview. numbers: JSON, arrays. people: JSON, arrays of the people. summary: none."""
+
+PEOPLE_FILE = "people.npz"
+
+_HEIGHT = 180  # px of a thumbnail: photo with people, and side view
+_NOT_OF_PEOPLE = ("image", "scene_", "floor_points")
+
+
+@dataclass(frozen=True)
+class Saving:
+    """Which files a batch writes for each photo.
+
+    Attributes:
+        level: one of LEVELS.
+        preview: write ``preview.png`` at every level.
+        glb: write the GLB files at every level but "summary" and "people".
+        thumbnails: write a thumbnail for the contact sheet.
+    """
+
+    level: str = "numbers"
+    preview: bool = False
+    glb: bool = False
+    thumbnails: bool = True
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ConfigError(f"what to save is one of {', '.join(LEVELS)} (got '{self.level}')")
+        if self.glb and self.level in ("people", "summary"):
+            raise ConfigError(f"--glb needs --save full or numbers (got {self.level})")
+
+    def __str__(self) -> str:
+        more = [name for name in ("preview", "glb") if getattr(self, name) and self.level != "full"]
+        return "+".join([self.level, *more])
+
+    @property
+    def main_file(self) -> str:
+        """The file of a photo's folder that is written last; "" if there is none."""
+        return "" if self.level == "summary" and not self.preview else _MAIN_FILES[self.level]
+
+
+_MAIN_FILES = {
+    "full": "reconstruction.json",
+    "numbers": "reconstruction.json",
+    "people": "reconstruction.json",
+    "summary": "preview.png",
+}
+
+
+def save_photo(result: Reconstruction, folder: Path, saving: Saving) -> None:
+    """Write the files of one result to its folder, completely or not at all; earlier files of the photo are replaced.
+
+    Raises:
+        OutputError: the disk is full, or the folder cannot be written.
+    """
+    from physic_core.io.results import save_reconstruction
+
+    if saving.level in ("full", "numbers"):
+        everything = saving.level == "full"
+        preview, glb = everything or saving.preview, everything or saving.glb
+        save_reconstruction(result, folder, preview=preview, glb=glb, compact=True, overwrite=True)
+    elif saving.main_file:
+        _save_people(result, folder, saving)
+
+
+def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
+    from physic_core.files.atomic import atomic_write, check_writable
+    from physic_core.files.npz import write_arrays
+    from physic_core.io.arrays import npz_checksum, to_arrays
+    from physic_core.io.compact import COMPACT_PERSON_ARRAYS, COMPACT_SHARED_ARRAYS, compact_arrays
+    from physic_core.io.document import encode_document, to_document
+    from physic_core.visual.preview import preview_png
+
+    with atomic_write(check_writable(folder)) as temporary:
+        if saving.preview:
+            temporary("preview.png").write_bytes(preview_png(result))
+        if saving.level == "people":
+            arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if not n.startswith(_NOT_OF_PEOPLE)}
+            shared = [spec for spec in COMPACT_SHARED_ARRAYS if spec.name in arrays]
+            names = [PEOPLE_FILE] + ["preview.png"] * saving.preview
+            write_arrays(temporary(PEOPLE_FILE), arrays)
+            checksum = npz_checksum(temporary(PEOPLE_FILE))
+            specs = (shared, COMPACT_PERSON_ARRAYS)
+            content = encode_document(to_document(result, names, checksum, specs=specs))
+            temporary("reconstruction.json").write_bytes(content)
+
+
+def thumbnail_path(folder: str) -> str:
+    """Return the path of a thumbnail in the output folder for a photo's folder "photos/3f/NAME"."""
+    return f"thumbnails/{folder.removeprefix('photos/')}.jpg"
+
+
+def thumbnail_jpeg(result: Reconstruction) -> bytes:
+    """Render the people over the photo, and the side view, as one small JPEG of 180 px height."""
+    import numpy as np
+    from PIL import Image
+
+    from physic_core.visual.orthographic_views import side_view
+    from physic_core.visual.panels import overlay_panel
+    from physic_core.visual.preview_geometry import build_preview_geometry
+
+    height, width = result.image.shape[:2]
+    geometry = build_preview_geometry(result)
+    wide = max(60, min(320, round(_HEIGHT * width / height)))
+    panels: Sequence[object] = (
+        overlay_panel(result, geometry, wide, _HEIGHT),
+        side_view(geometry, 220, _HEIGHT).picture,
+    )
+    buffer = io.BytesIO()
+    Image.fromarray(np.concatenate([np.asarray(panel)[:_HEIGHT] for panel in panels], axis=1)).save(
+        buffer, "JPEG", quality=72, optimize=True
+    )
+    return buffer.getvalue()

@@ -1,0 +1,67 @@
+"""Write the last rows of all photos as one table, Parquet or CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from physic_core.batch.extra import import_pyarrow
+from physic_core.batch.journal import COLUMNS, last_rows
+from physic_core.files.atomic import atomic_write
+
+__all__ = ["TABLE_KINDS", "check_table_kind", "write_table"]
+
+TABLE_KINDS = ("parquet", "csv")
+_INTEGERS = ("attempts", "bytes", "modified")
+_NUMBERS = ("seconds",)
+_ROWS = 10_000  # of one group of a Parquet file
+
+
+def check_table_kind(kind: str) -> None:
+    """Raise ConfigError if tables of this kind cannot be written on this machine."""
+    if kind == "parquet":
+        import_pyarrow("summary.parquet")
+
+
+def write_table(out: Path, kind: str) -> Path:
+    """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
+
+    Columns are those of the journal, then the numbers of the results, which are empty for failed photos.
+
+    Raises:
+        ConfigError: pyarrow is not installed.
+        OutputError: the file cannot be written.
+    """
+    numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys())
+    name = f"summary.{kind}"
+    with atomic_write(out) as temporary:
+        path = temporary(name)
+        if kind == "parquet":
+            _write_parquet(path, last_rows(out), numbers)
+        else:
+            with path.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, [*COLUMNS, *numbers], restval="")
+                writer.writeheader()
+                writer.writerows(last_rows(out))
+    return out / name
+
+
+def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str]) -> None:
+    parquet = import_pyarrow("summary.parquet")
+    import pyarrow as pa
+
+    def kind(name: str) -> Any:
+        if name in _INTEGERS:
+            return pa.int64()
+        return pa.float64() if name in _NUMBERS or name in numbers else pa.string()
+
+    schema = pa.schema([(name, kind(name)) for name in (*COLUMNS, *numbers)])
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        while group := list(islice(rows, _ROWS)):
+            columns = {name: [row.get(name) for row in group] for name in schema.names}
+            for name in (*numbers, *_NUMBERS):
+                columns[name] = [None if value is None else float(value) for value in columns[name]]
+            writer.write_table(pa.table(columns, schema=schema))

@@ -1,0 +1,191 @@
+"""The command ``physic batch``: reconstruct many photos in several processes, with a journal, a table and a page."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from physic_core.batch.process import BatchJob
+    from physic_core.batch.run import Plan
+
+__all__ = ["batch"]
+
+_LEVELS = ("full", "numbers", "people", "summary")
+
+
+@click.command()
+@click.argument("photos", nargs=-1, required=True)
+@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
+@click.option("--workers", type=click.IntRange(1), help="Processes.  [default: by cores and memory]")
+@click.option("--save", "level", type=click.Choice(_LEVELS), default="numbers", show_default=True, help="What to keep.")
+@click.option("--preview", is_flag=True, help="Also write preview.png of each photo.")
+@click.option("--glb", is_flag=True, help="Also write the GLB files of each photo.")
+@click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails, and no contact sheet.")
+@click.option("--table", type=click.Choice(("parquet", "csv")), default="parquet", show_default=True, help="Summary.")
+@click.option(
+    "--timeout", type=click.FloatRange(0), default=600, show_default=True, help="Seconds of one photo; 0: none."
+)
+@click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
+@click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
+@click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
+@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
+@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
+def batch(
+    photos: tuple[str, ...],
+    out: Path,
+    workers: int | None,
+    table: str,
+    timeout: float,
+    retry: str | None,
+    shard: str | None,
+    **options: Any,
+) -> None:
+    """Reconstruct PHOTOS: files, folders, glob patterns, or a CSV or Parquet table.
+
+    The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
+    """
+    from physic_core.batch.photos import find_photos, in_shard, parse_shard
+    from physic_core.batch.run import local_executor, plan_batch, run_batch
+    from physic_core.batch.table import check_table_kind, write_table
+    from physic_core.batch.workers import WorkerSettings
+
+    check_table_kind(table)
+    items, name = find_photos(photos), "journal.jsonl"
+    if shard is not None:
+        part, count = parse_shard(shard)
+        items = [item for item in items if in_shard(item.id, part, count)]
+        name = f"journal-{part}-of-{count}.jsonl"
+    job = _job(out, **options)
+    plan = plan_batch(items, job, retry_failed=retry is not None)
+    click.echo(_describe(plan, len(items)), err=True)
+    settings = WorkerSettings(workers or _workers_for(job), timeout or None, Path(job.out) / "logs")
+    from physic_core.cli.run import sigterm_as_exception
+
+    with sigterm_as_exception(), _show_progress(len(plan.todo), plan.failed) as on_row:
+        run_batch(plan.todo, job, local_executor(settings), Path(job.out) / name, on_row)
+    written = [write_table(Path(job.out), table)]
+    if job.saving.thumbnails:
+        from physic_core.batch.contact_sheet import write_contact_sheet
+
+        written.append(write_contact_sheet(Path(job.out)))
+    click.echo(_summary(Path(job.out), items))
+    click.echo("\n".join(f"wrote {path}" for path in written))
+
+
+def _job(
+    out: Path,
+    *,
+    level: str,
+    preview: bool,
+    glb: bool,
+    no_thumbnails: bool,
+    cache: bool,
+    file: Path | None,
+    preset: str | None,
+    overrides: tuple[str, ...],
+    device: str | None,
+) -> BatchJob:
+    """Check everything that concerns all photos, and return the job; no network is loaded."""
+    from physic_core.batch.process import BatchJob
+    from physic_core.batch.saving import Saving
+    from physic_core.batch.settings import batch_config
+    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
+    from physic_core.discovery.plugins import discover
+    from physic_core.files.atomic import check_writable
+
+    if file is not None and preset is not None:
+        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
+    saving = Saving(level, preview, glb, not no_thumbnails)
+    registry = discover()
+    flags = {"--device": {"run": {"device": device}}} if device else {}
+    config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
+    config = batch_config(config, registry, cache=cache)
+    require_available(resolve(config, registry))
+    return BatchJob(config, str(check_writable(out).resolve()), saving)
+
+
+def _workers_for(job: BatchJob) -> Callable[[float], int]:
+    """Return the default number of workers, given the peak memory of the first one, MB."""
+    from functools import partial
+
+    from physic_core.batch.machine import default_workers
+
+    return partial(default_workers, device=job.config.run.device)
+
+
+def _describe(plan: Plan, photos: int) -> str:
+    from physic_core.discovery.plugins import core_version
+
+    parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]
+    if plan.failed:
+        parts.append(f"{plan.failed:,} failed before (--retry failed tries them again)")
+    if plan.changed:
+        parts.append(f"{plan.changed:,} of those to do were done with other content or settings")
+    others = [version for version in plan.versions if version not in ("", core_version())]
+    if others:
+        parts.append(f"some were done by physic-core {', '.join(others)}, this is {core_version()}")
+    return "; ".join(parts)
+
+
+@contextmanager
+def _show_progress(total: int, failed_before: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Yield a function for each row: a bar with rate, time left and failures on a terminal, else lines; on stderr."""
+    import sys
+    import time
+
+    start, count = time.monotonic(), Counter[str]()
+
+    def status() -> str:
+        done, seconds = count.total(), time.monotonic() - start
+        failures = f", {count['failed']} failed" if count["failed"] else ""
+        if not done:
+            return "loading models"
+        left = (total - done) * seconds / done
+        return f"{60 * done / seconds:.1f} photos/min, {_duration(left)} left{failures}"
+
+    if not sys.stderr.isatty():
+
+        def line(row: Mapping[str, Any]) -> None:
+            count[row["state"]] += 1
+            reason = f": {row['error']}: {row['message']}" if row["error"] else ""
+            click.echo(f"[{count.total()}/{total}] {row['state']} {row['path']}{reason} ({status()})", err=True)
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(status(), total=total)
+
+        def advance(row: Mapping[str, Any]) -> None:
+            count[row["state"]] += 1
+            if row["error"]:
+                bar.console.print(f"{row['path']}: {row['error']}: {row['message']}", markup=False, highlight=False)
+            bar.update(task, advance=1, description=status())
+
+        yield advance
+
+
+def _duration(seconds: float) -> str:
+    minutes, hours = seconds / 60, seconds / 3600
+    return f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
+
+
+def _summary(out: Path, items: list[Any]) -> str:
+    from physic_core.batch.journal import read_rows
+
+    rows, wanted = read_rows(out, ("state", "error")), {item.id for item in items}
+    states = Counter(row["state"] for name, row in rows.items() if name in wanted)
+    errors = Counter(row["error"] for name, row in rows.items() if name in wanted and row["error"])
+    reasons = ", ".join(f"{number} {error}" for error, number in errors.most_common())
+    return f"{states['done']:,} done, {states['failed']:,} failed{f' ({reasons})' if reasons else ''}"

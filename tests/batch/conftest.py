@@ -1,0 +1,17 @@
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+STANDIN = Path(__file__).parent / "standin"
+
+
+@pytest.fixture
+def standin(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module with workers that need no network; worker processes find it on the same path."""
+    monkeypatch.syspath_prepend(STANDIN)
+    import batch_standin  # type: ignore[import-not-found]
+
+    return batch_standin

@@ -1,0 +1,102 @@
+"""Workers and photos that need no network, for tests of the batch; worker processes import this module."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.run import run_batch, run_locally
+from physic_core.batch.saving import Saving
+from physic_core.batch.workers import WorkerSettings
+from physic_core.configuration.model import load_config
+from physic_core.errors import ConfigError, NoPersonError, OutputError
+
+
+def work(text: str, seconds: float = 0.0) -> str:
+    """Do what a text or the name of a file says."""
+    name = Path(text).stem
+    time.sleep(seconds)
+    if name.startswith("hang"):
+        time.sleep(600)
+    if name.startswith("abort"):
+        os.abort()
+    if name.startswith("exit"):
+        os._exit(7)
+    if name.startswith("killed"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if name.startswith("once"):
+        marker = Path(f"{text}.tried")
+        if not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    if name.startswith("full"):
+        raise OutputError("cannot write results: No space left on device")
+    if name.startswith("nobody"):
+        raise NoPersonError("no person was found")
+    if name.startswith("broken"):
+        raise ValueError("three\nlines\nhere")
+    return f"{name} by {os.getpid()}"
+
+
+def open_worker(seconds: float = 0.0) -> Callable[[str], str]:
+    return partial(work, seconds=seconds)
+
+
+def refuse() -> Callable[[str], str]:
+    raise ConfigError("preset mock: 1 error")
+
+
+def refuse_oddly() -> Callable[[str], str]:
+    raise KeyError("weights")
+
+
+def crash() -> Callable[[str], str]:
+    os.abort()
+
+
+class Result:
+    """What the processor reads of a reconstruction."""
+
+    checks = ()
+    photo = "sha256:0 pixels-sha256:1"
+
+    def summary(self) -> dict[str, float]:
+        return {"people": 1, "seconds": 0.5, "load_seconds": 0.0, "check_floor": 0.25}
+
+
+def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Result:
+    work(path, seconds)
+    return Result()
+
+
+def open_processor(job: BatchJob, seconds: float = 0.0) -> PhotoProcessor:
+    return PhotoProcessor(job, partial(reconstruct, seconds=seconds))
+
+
+def standin_job(out: Path) -> BatchJob:
+    return BatchJob(load_config(preset="mock"), str(out), Saving("summary", thumbnails=False))
+
+
+def run_standin(
+    folder: Path, out: Path, *, workers: int = 2, seconds: float = 0.0, timeout: float | None = None, **plan: Any
+) -> None:
+    """Run or resume a batch over the files of a folder, without networks."""
+    from physic_core.batch.photos import find_photos
+    from physic_core.batch.run import plan_batch
+
+    job = standin_job(out)
+    todo = plan_batch(find_photos([str(folder)]), job, **plan).todo
+    settings = WorkerSettings(workers, timeout, out / "logs")
+    executor = partial(run_locally, settings=settings, open_worker=partial(open_processor, job, seconds))
+    run_batch(todo, job, executor, out / "journal.jsonl")
+
+
+if __name__ == "__main__":
+    run_standin(Path(sys.argv[1]), Path(sys.argv[2]), seconds=float(sys.argv[3]))

@@ -1,0 +1,79 @@
+"""The command ``physic batch``: from a folder to a table and a page, and what ends it before the first photo."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from physic_core.batch.journal import COLUMNS
+from physic_core.cli import main
+from physic_testing.worlds import build_world
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["batch", *arguments])
+
+
+def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("photos").mkdir()
+    Image.fromarray(build_world("stand").image).save("photos/stand.png")
+    Path("photos/broken.jpg").write_text("no photo")
+    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--table", "csv", "--workers", "1")
+    done = physic(*options)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines() == [
+        "1 done, 1 failed (1 InputError)",
+        f"wrote {tmp_path / 'out' / 'summary.csv'}",
+        f"wrote {tmp_path / 'out' / 'contact-sheet.html'}",
+    ]
+    assert done.stderr.startswith("2 photos: 2 to do, 0 done before\n[1/2] failed ")
+    with Path("out/summary.csv").open(newline="") as file:
+        rows = {Path(row["path"]).name: row for row in csv.DictReader(file)}
+    assert (rows["stand.png"]["people"], rows["stand.png"]["state"]) == ("1", "done")
+    people = Path("out", rows["stand.png"]["folder"], "people.npz")
+    assert people.stat().st_size < 500_000
+    journal = Path("out/journal.jsonl").read_text()
+    again = physic(*options)
+    assert again.stderr == ("2 photos: 0 to do, 1 done before; 1 failed before (--retry failed tries them again)\n")
+    assert Path("out/journal.jsonl").read_text() == journal
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("nowhere",), 3, "no photos at nowhere: name files, folders, patterns, or a CSV or Parquet table"),
+        ((".", "--shard", "5/4"), 2, "a shard is written 3/16, with a first number from 1 to the second (got '5/4')"),
+        ((".", "--save", "people", "--glb"), 2, "--glb needs --save full or numbers (got people)"),
+        ((".", "--preset", "mock", "--set", "inpainter.backend=tella"), 2, "--set: 1 error"),
+        ((".", "--device", "tpu"), 2, "--device: 1 error"),
+    ],
+    ids=["photos", "shard", "save", "backend", "device"],
+)
+def test_what_ends_a_batch_before_its_first_photo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
+):
+    monkeypatch.chdir(tmp_path)
+    done = physic("-o", "out", "--table", "csv", *arguments)
+    assert (done.exit_code, done.stderr.splitlines()[0]) == (code, f"Error: {message}")
+    assert not Path("out").exists()
+
+
+def test_without_pyarrow_the_command_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    done = physic(".", "-o", "out")
+    assert (done.exit_code, done.stderr) == (
+        2,
+        "Error: summary.parquet needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)\n",
+    )
+
+
+def test_the_page_lists_every_column_of_the_journal(repository: Path):
+    page = (repository / "docs" / "batch.md").read_text()
+    assert [f"| `{name}` | {text} |" in page for name, text in COLUMNS.items()] == [True] * len(COLUMNS)

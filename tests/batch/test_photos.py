@@ -1,0 +1,111 @@
+"""Which photos a batch has, what their ids and folders are, and that shards cover each once."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.batch.photos import PhotoItem, default_id, find_photos, in_shard, parse_shard, photo_folder
+from physic_core.errors import ConfigError, InputError
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("b.jpg", "a.PNG", "deep/er/c.webp", "deep/.hidden.jpg", "notes.txt"):
+        path = tmp_path / "photos" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "photos"
+
+
+def names(items: list[PhotoItem]) -> list[str]:
+    return [Path(item.path).name for item in items]
+
+
+def test_a_folder_gives_its_photos_recursively_and_in_order(folder: Path):
+    assert names(find_photos([str(folder)])) == ["a.PNG", "b.jpg", "c.webp"]
+
+
+def test_files_patterns_and_folders_give_each_photo_once(folder: Path):
+    assert names(find_photos(["photos/b.jpg", "photos/**/*.webp", "photos"])) == ["b.jpg", "c.webp", "a.PNG"]
+    assert names(find_photos(["photos/notes.txt"])) == ["notes.txt"]
+    assert find_photos(["photos/b.jpg"]) == find_photos([str(folder / "b.jpg")])
+
+
+def test_a_table_gives_cameras_statures_and_ids(folder: Path):
+    (folder / "table.csv").write_text(
+        'path,camera,stature,id\nb.jpg,"900,910,320,240",1.8,first\na.PNG,700,"1.8,1.6",\ndeep/er/c.webp,,,\n'
+    )
+    first, second, third = find_photos([str(folder / "table.csv")])
+    assert first == PhotoItem(
+        "first", str(folder / "b.jpg"), {"intrinsics": [900.0, 910.0, 320.0, 240.0], "stature": [1.8]}
+    )
+    assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6]}
+    assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
+
+
+def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
+    pa = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(pa.table({"path": ["b.jpg", "a.PNG"], "stature": [1.75, None]}), folder / "table.parquet")
+    first, second = find_photos([str(folder / "table.parquet")])
+    assert (first.path, first.settings, second.settings) == (str(folder / "b.jpg"), {"stature": [1.75]}, {})
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, id"),
+        ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
+        (
+            "path,camera\nb.jpg,wide\n",
+            ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'wide')",
+        ),
+        ("path,id\nb.jpg,x\na.PNG,x\n", "ids of a batch must be unique"),
+    ],
+)
+def test_a_table_with_faults(folder: Path, rows: str, message: str):
+    (folder / "table.csv").write_text(rows)
+    with pytest.raises(InputError) as error:
+        find_photos([str(folder / "table.csv")])
+    assert str(error.value).endswith(message)
+
+
+def test_an_input_that_is_not_there():
+    with pytest.raises(InputError) as error:
+        find_photos(["nowhere/*.jpg"])
+    assert str(error.value) == ("no photos at nowhere/*.jpg: name files, folders, patterns, or a CSV or Parquet table")
+
+
+def test_a_folder_has_two_digits_of_the_ids_hash_before_it():
+    assert photo_folder("IMG_1") == "photos/" + hashlib.sha256(b"IMG_1").hexdigest()[:2] + "/IMG_1"
+    assert photo_folder("a/b").endswith("/a%2Fb")
+
+
+@given(st.text(min_size=1, max_size=300))
+def test_every_id_is_a_valid_folder_name(item: str):
+    head, prefix, name = photo_folder(item.replace("\0", "")).split("/")
+    assert (head, len(prefix)) == ("photos", 2)
+    assert name not in ("", ".", "..")
+    assert len(os.fsencode(name)) <= 255
+
+
+@given(st.lists(st.text(min_size=1), min_size=1, max_size=50), st.integers(1, 20))
+def test_shards_cover_every_photo_once(items: list[str], count: int):
+    for item in items:
+        assert sum(in_shard(item, shard, count) for shard in range(1, count + 1)) == 1
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
+def test_what_is_no_shard(text: str):
+    assert parse_shard("3/16") == (3, 16)
+    with pytest.raises(
+        ConfigError, match=r"^a shard is written 3/16, with a first number from 1 to the second \(got '"
+    ):
+        parse_shard(text)

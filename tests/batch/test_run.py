@@ -1,0 +1,222 @@
+"""A batch that is interrupted, resumed and changed: every photo has one valid row, and nothing is done twice."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_rows
+from physic_core.batch.photos import find_photos
+from physic_core.batch.process import BatchJob, base_row
+from physic_core.batch.run import plan_batch
+from physic_core.batch.saving import Saving
+from physic_core.configuration.model import load_config
+from physic_core.errors import OutputError
+
+from .conftest import STANDIN
+
+
+def make_photos(folder: Path, *names: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        (folder / f"{name}.jpg").write_text(name)
+    return folder
+
+
+def lines(out: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
+
+
+def states(out: Path) -> dict[str, tuple[str, str]]:
+    return {Path(row["path"]).stem: (row["state"], row["error"]) for row in read_rows(out).values()}
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "out"
+
+
+# ---- faults ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a", "abort", "b", "broken", "hang", "nobody")
+    standin.run_standin(photos, out, workers=1, timeout=2.0)
+    assert states(out) == {
+        "a": ("done", ""),
+        "b": ("done", ""),
+        "abort": ("failed", "WorkerDied"),
+        "broken": ("failed", "ValueError"),
+        "hang": ("failed", "Timeout"),
+        "nobody": ("failed", "NoPersonError"),
+    }
+    rows = {Path(row["path"]).stem: row for row in lines(out)}
+    assert len(rows) == 6
+    assert rows["broken"]["message"] == "three lines here"
+    assert rows["abort"]["attempts"] == 2
+    assert all(COLUMNS.keys() <= row.keys() for row in rows.values())
+    assert rows["a"].keys() - COLUMNS.keys() == {"people", "load_seconds", "check_floor"}
+    assert rows["broken"]["photo"].startswith("sha256:")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_after_a_kill_of_the_parent_the_same_command_does_the_rest(tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", *(f"photo{i}" for i in range(12)))
+    command = [sys.executable, str(STANDIN / "batch_standin.py"), str(photos), str(out), "0.3"]
+    with subprocess.Popen(command) as parent:
+        while not (out / "journal.jsonl").exists() or len((out / "journal.jsonl").read_bytes().splitlines()) < 3:
+            assert parent.poll() is None
+            time.sleep(0.05)
+        parent.send_signal(signal.SIGKILL)
+    first = lines(out)
+    assert 3 <= len(first) < 12
+    with (out / "journal.jsonl").open("ab") as file:
+        file.write(b'{"id": "torn", "sta')  # as a full disk leaves it
+    subprocess.run(command, check=True, timeout=300)
+    rows = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines() if "torn" not in line]
+    assert Counter(Path(row["path"]).stem for row in rows) == {f"photo{i}": 1 for i in range(12)}
+    assert {row["state"] for row in rows} == {"done"}
+    subprocess.run(command, check=True, timeout=300)
+    assert len((out / "journal.jsonl").read_text().splitlines()) == 13
+
+
+def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(standin: ModuleType, tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a", "full")
+    with pytest.raises(OutputError, match="No space left on device"):
+        standin.run_standin(photos, out, workers=1)
+    assert states(out) == {"a": ("done", "")}
+    (photos / "full.jpg").rename(photos / "roomy.jpg")
+    standin.run_standin(photos, out, workers=1)
+    assert states(out) == {"a": ("done", ""), "roomy": ("done", "")}
+
+
+# ---- the journal -----------------------------------------------------------------------------------------------------
+
+
+def row(name: str, finished: str = "2026-01-01T00:00:00", **more: Any) -> dict[str, Any]:
+    return {"id": name, "state": "done", "config": "c", "finished": finished, **more}
+
+
+def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row("a", value=float("nan")))
+        journal.append(row("b"))
+        journal.append(row("a", "2026-01-02T00:00:00", value=1.0 / 3))
+    with (tmp_path / "journal.jsonl").open("ab") as file:
+        file.write(b'{"id": "c", "state": "do')
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row("d"))
+    assert list(read_rows(tmp_path)) == ["a", "b", "d"]
+    assert read_rows(tmp_path)["a"]["value"] == pytest.approx(1 / 3)
+    assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
+    assert read_rows(tmp_path, ("state",))["d"] == {"id": "d", "state": "done", "finished": "2026-01-01T00:00:00"}
+
+
+def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path):
+    for number, name in enumerate("ab", start=1):
+        with Journal(tmp_path / f"journal-{number}-of-2.jsonl") as journal:
+            journal.append(row(name))
+            journal.append(row("both", f"2026-01-0{number}T00:00:00", value=number))
+    assert sorted(read_rows(tmp_path)) == ["a", "b", "both"]
+    assert read_rows(tmp_path)["both"]["value"] == 2
+    assert Counter(found["id"] for found in last_rows(tmp_path)) == {"a": 1, "b": 1, "both": 1}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks")
+def test_two_batches_cannot_write_one_journal(tmp_path: Path):
+    path = tmp_path / "journal.jsonl"
+    with Journal(path), pytest.raises(OutputError) as error:
+        Journal(path)
+    assert str(error.value) == f"another batch is writing {path}: wait for its end, or name another folder"
+    with Journal(path):
+        pass
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_journal_on_a_full_disk(tmp_path: Path):
+    path = tmp_path / "journal.jsonl"
+    path.symlink_to("/dev/full")
+    with Journal(path) as journal, pytest.raises(OutputError) as error:
+        journal.append(row("a"))
+    assert str(error.value) == (
+        f"cannot write the journal {path}: No space left on device; the same command goes on from here later"
+    )
+
+
+# ---- what is done anew -----------------------------------------------------------------------------------------------
+
+
+def finished(job: BatchJob, photos: Path, **more: Any) -> None:
+    """Write a done row for every photo, as a run would."""
+    out = Path(job.out)
+    out.mkdir(exist_ok=True)
+    with Journal(out / "journal.jsonl") as journal:
+        for item in find_photos([str(photos)]):
+            from physic_core.io.result_folder import file_digest
+
+            journal.append(base_row(job, item) | {"state": "done", "photo": file_digest(item.path)} | more)
+
+
+def job_for(out: Path, *overrides: str, level: str = "summary") -> BatchJob:
+    return BatchJob(load_config(preset="mock", overrides=overrides), str(out), Saving(level, thumbnails=False))
+
+
+def todo(job: BatchJob, photos: Path, **options: bool) -> list[str]:
+    return [Path(item.path).stem for item in plan_batch(find_photos([str(photos)]), job, **options).todo]
+
+
+def test_what_changed_is_done_anew(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a", "b", "c"), job_for(out)
+    finished(job, photos)
+    assert todo(job, photos) == []
+    os.utime(photos / "a.jpg", (1, 1))
+    assert todo(job, photos) == []  # touched, with the same content
+    (photos / "b.jpg").write_text("B")
+    assert todo(job, photos) == ["b"]
+    assert plan_batch(find_photos([str(photos)]), job).changed == 1
+    (photos / "d.jpg").write_text("d")
+    assert todo(job, photos) == ["b", "d"]
+
+
+def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a", "b")
+    finished(job_for(out), photos)
+    assert todo(job_for(out, "run.threads=2", "run.cache=false", "run.low_memory=true"), photos) == []
+    assert todo(job_for(out, "photo.max_side=640"), photos) == ["a", "b"]
+    assert todo(job_for(out, level="numbers"), photos) == ["a", "b"]
+
+
+def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a", "b"), job_for(out)
+    finished(job, photos)
+    table = photos / "table.csv"
+    table.write_text("path,camera\na.jpg,\nb.jpg,900\n")
+    assert todo(job, table) == ["b"]
+
+
+def test_lost_files_are_made_again(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
+    finished(job, photos, folder="photos/00/a")
+    assert todo(job, photos) == ["a"]
+    (out / "photos/00/a").mkdir(parents=True)
+    (out / "photos/00/a/reconstruction.json").touch()
+    assert todo(job, photos) == []
+
+
+def test_failed_photos_are_tried_again_where_that_is_asked(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
+    finished(job, photos, state="failed", error="NoPersonError")
+    plan = plan_batch(find_photos([str(photos)]), job)
+    assert (plan.todo, plan.failed, plan.done) == ((), 1, 0)
+    assert todo(job, photos, retry_failed=True) == ["a"]

@@ -1,0 +1,150 @@
+"""Workers that are killed, hang or cannot be opened: every task has one outcome, and nothing waits for ever."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from physic_core.batch.machine import default_workers, usable_cores
+from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
+from physic_core.errors import BackendError, ConfigError, OutputError
+
+from .conftest import STANDIN
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
+
+
+def outcomes(standin: ModuleType, *tasks: str, **settings: object) -> dict[str, Outcome[str]]:
+    found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(**settings)))  # type: ignore[arg-type]
+    assert Counter(outcome.task for outcome in found) == Counter(tasks)
+    return {outcome.task: outcome for outcome in found}
+
+
+def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType):
+    tasks = [f"task{i}" for i in range(12)]
+    found = list(run_in_workers(tasks, partial(standin.open_worker, 0.2), WorkerSettings(2)))
+    assert sorted(outcome.task for outcome in found) == sorted(tasks)
+    assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
+    assert all((outcome.failure, outcome.attempts) == ("", 1) for outcome in found)
+    assert all(outcome.peak_mb > 5 for outcome in found)
+
+
+def test_no_tasks_start_no_worker(standin: ModuleType):
+    assert outcomes(standin, count=2) == {}
+
+
+@pytest.mark.parametrize(
+    ("task", "how"),
+    [
+        ("abort", "it was ended by SIGABRT"),
+        ("killed", "it was ended by SIGKILL; often the memory is too small"),
+        ("exit", "it exited with code 7"),
+    ],
+)
+def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
+    standin: ModuleType, tmp_path: Path, task: str, how: str
+):
+    found = outcomes(standin, "a", task, "b", "c", count=1, logs=tmp_path)
+    bad = found.pop(task)
+    assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
+    assert bad.message == f"{how}; see {tmp_path / 'worker-1.txt'}"
+    assert all(outcome.failure == "" for outcome in found.values())
+    if task == "abort":
+        assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
+
+
+def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin: ModuleType, tmp_path: Path):
+    task = str(tmp_path / "once")
+    found = outcomes(standin, "a", task, "b", count=2)
+    assert (found[task].failure, found[task].attempts) == ("", 2)
+
+
+def test_a_hanging_task_ends_with_its_time(standin: ModuleType):
+    found = outcomes(standin, "hang", "a", "b", count=1, timeout=2.0)
+    assert (found["hang"].failure, found["hang"].attempts) == ("Timeout", 1)
+    assert found["hang"].message == "no result after 2 s; --timeout sets the limit"
+    assert (found["a"].failure, found["b"].failure) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "message"),
+    [
+        ("refuse", ConfigError, "preset mock: 1 error"),
+        ("refuse_oddly", BackendError, "a worker cannot load the backends: KeyError: 'weights'"),
+        ("crash", BackendError, "a worker ended while it loaded the backends: it was ended by SIGABRT"),
+    ],
+)
+def test_workers_that_cannot_be_opened_end_everything_at_once(standin: ModuleType, name: str, kind: type, message: str):
+    with pytest.raises(kind) as error:
+        list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
+    assert str(error.value) == message
+
+
+def test_a_full_disk_ends_everything(standin: ModuleType):
+    with pytest.raises(OutputError) as error:
+        outcomes(standin, "a", "full", "b", count=1)
+    assert str(error.value) == "cannot write results: No space left on device"
+
+
+def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType):
+    asked: list[float] = []
+
+    def count(peak_mb: float) -> int:
+        asked.append(peak_mb)
+        return 2
+
+    tasks = [f"task{i}" for i in range(8)]
+    found = list(run_in_workers(tasks, partial(standin.open_worker, 0.3), WorkerSettings(count)))
+    assert len(asked) == 1
+    assert asked[0] > 5
+    assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
+
+
+def test_default_workers(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("physic_core.batch.machine.usable_cores", lambda: 8)
+    monkeypatch.setattr("physic_core.batch.machine.available_memory_mb", lambda: 5000.0)
+    assert default_workers(1000.0) == 5  # the first, and 5000 / 1250
+    assert default_workers(100.0) == 8
+    assert default_workers(9000.0) == 1
+    assert default_workers(1000.0, "cuda") == 1
+    assert default_workers(0.0) == 1
+    assert usable_cores() >= 1
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):
+    script = (
+        "import os, sys\n"
+        "from functools import partial\n"
+        f"sys.path.insert(0, {str(STANDIN)!r})\n"
+        "import batch_standin\n"
+        "from physic_core.batch.workers import *\n"
+        "if __name__ == '__main__':\n"
+        "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], batch_standin.open_worker, WorkerSettings(2)):\n"
+        "        print(outcome.value, flush=True)\n"
+    )
+    (tmp_path / "parent.py").write_text(script)
+    with subprocess.Popen([sys.executable, str(tmp_path / "parent.py")], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        pids = {int(parent.stdout.readline().rpartition(" ")[2]) for _ in range(2)}
+        parent.kill()
+    for _ in range(300):
+        if not any(alive(pid) for pid in pids):
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"still running: {pids}")
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (OSError, IndexError):
+        return False

@@ -1,0 +1,194 @@
+"""What a batch keeps of a photo: how large it is, what it loses, and the table and page about all photos."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core import Reconstruction, load_reconstruction, save_reconstruction
+from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
+from physic_core.batch.journal import COLUMNS, Journal
+from physic_core.batch.photos import PhotoItem, photo_folder
+from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.saving import PEOPLE_FILE, Saving, save_photo
+from physic_core.batch.table import write_table
+from physic_core.configuration.model import load_config
+from physic_core.errors import ConfigError, InputError
+from physic_core.io.compact import compact_arrays, expand_arrays
+
+
+@pytest.fixture
+def result(make: Callable[..., Reconstruction]) -> Reconstruction:
+    """On rays, as results of the engine are, with the noise of a photo."""
+    made, rng = make(320, 240), np.random.default_rng(0)
+    z = made.scene.points[..., 2].astype(np.float32)
+    K = made.intrinsics
+    x = (np.arange(320) - K.cx) / K.fx
+    y = (np.arange(240) - K.cy) / K.fy
+    points = np.stack([z * x, z * y[:, None], z], -1).astype(np.float32)
+    image = rng.integers(0, 256, made.image.shape, dtype=np.uint8)
+    colors = np.where(made.people[0].mask[..., None], made.scene.colors, image)
+    return replace(made, image=image, scene=replace(made.scene, points=points, colors=colors))
+
+
+def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstruction, tmp_path: Path):
+    save_reconstruction(result, tmp_path / "small", preview=False, glb=False, compact=True)
+    again = load_reconstruction(tmp_path / "small")
+    z = result.scene.points[..., 2]
+    valid = result.scene.valid
+    error = np.abs(again.scene.points - result.scene.points).max(-1)[valid] / z[valid]
+    assert error.max() < 2e-5  # 0.06 mm at 3 m
+    for one, other in zip(again.people, result.people, strict=True):
+        assert np.abs(one.vertices - other.vertices).max() < 4e-5
+        assert np.abs(one.joints - other.joints).max() < 4e-5
+        assert np.array_equal(one.contact, other.contact)
+        assert np.array_equal(one.mask, other.mask)
+        assert np.array_equal(one.keypoints, other.keypoints)
+        near = np.abs(other.distance) < 0.1
+        assert np.array_equal(np.isinf(one.distance), np.isinf(other.distance))
+        assert np.abs(one.distance[near] - other.distance[near]).max() < 4e-5
+    assert np.array_equal(again.image, result.image)
+    assert np.array_equal(again.scene.colors, result.scene.colors)
+    cosine = (again.scene.normals * result.scene.normals).sum(-1)[np.abs(result.scene.normals).any(-1)]
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
+
+
+def test_points_off_the_rays_keep_their_place(result: Reconstruction):
+    from physic_core.io.arrays import to_arrays
+
+    moved = replace(result, scene=replace(result.scene, points=result.scene.points + np.float32(0.01)))
+    arrays = compact_arrays(to_arrays(moved))
+    assert "scene_depth" not in arrays
+    points = expand_arrays(arrays)["scene_points"]
+    assert np.allclose(points, moved.scene.points, rtol=2e-5, atol=0)
+
+
+def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction, tmp_path: Path):
+    save_reconstruction(result, tmp_path, preview=False, glb=False, compact=True)
+    document = json.loads((tmp_path / "reconstruction.json").read_text())
+    with np.load(tmp_path / "reconstruction.npz") as arrays:
+        names = {spec["name"] for spec in document["arrays"]["shared"]}
+        assert {name for name in arrays if not name.startswith("person_")} == names
+        assert {"scene_depth", "scene_colors_change"} <= names
+        for spec in document["arrays"]["shared"]:
+            if spec["dtype"] not in ("text", "floating"):
+                assert arrays[spec["name"]].dtype.name == spec["dtype"]
+    assert document["files"] == ["reconstruction.json", "reconstruction.npz"]
+
+
+@pytest.mark.parametrize(
+    ("saving", "files"),
+    [
+        (Saving("numbers"), {"reconstruction.json", "reconstruction.npz"}),
+        (Saving("numbers", preview=True), {"reconstruction.json", "reconstruction.npz", "preview.png"}),
+        (Saving("people"), {"reconstruction.json", "people.npz"}),
+        (Saving("summary"), set()),
+        (Saving("summary", preview=True), {"preview.png"}),
+        (
+            Saving("full"),
+            {"reconstruction.json", "reconstruction.npz", "preview.png", "scene.glb", "combined.glb", "person_0.glb",
+             "person_1.glb"},
+        ),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_what_is_saved(result: Reconstruction, tmp_path: Path, saving: Saving, files: set[str]):
+    save_photo(result, tmp_path / "photo", saving)
+    save_photo(result, tmp_path / "photo", saving)
+    assert {path.name for path in tmp_path.glob("photo/*")} == files
+    assert not saving.main_file or saving.main_file in files
+
+
+def test_people_are_arrays_that_numpy_reads(result: Reconstruction, tmp_path: Path):
+    save_photo(result, tmp_path, Saving("people"))
+    with np.load(tmp_path / PEOPLE_FILE) as arrays:
+        assert np.abs(arrays["person_1_vertices"] - result.people[1].vertices).max() < 4e-5
+        assert {"faces", "intrinsics", "person_0_body_pose"} <= set(arrays)
+        assert not [name for name in arrays if name.startswith("scene")]
+
+
+@pytest.mark.parametrize(("level", "glb"), [("everything", False), ("people", True)])
+def test_what_cannot_be_saved(level: str, glb: bool):
+    with pytest.raises(ConfigError):
+        Saving(level, glb=glb)
+
+
+# ---- rows, table and page --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def batch(result: Reconstruction, tmp_path: Path) -> Path:
+    """Two photos that are done and one that failed."""
+    out = tmp_path / "batch"
+    out.mkdir()
+
+    def reconstruct(path: str, settings: Any) -> Reconstruction:
+        if "bad" in path:
+            raise InputError(f"cannot read the photo {path}: </script><b>&")
+        return result
+
+    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(out), Saving("people")), reconstruct)
+    with Journal(out / "journal.jsonl") as journal:
+        for name in ("one", "bad", "two"):
+            journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
+    return out
+
+
+def test_the_table_has_a_row_for_each_photo(batch: Path):
+    with write_table(batch, "csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["id"], row["state"], row["people"]) for row in rows] == [
+        ("one", "done", "2"),
+        ("bad", "failed", ""),
+        ("two", "done", "2"),
+    ]
+    assert list(rows[0])[: len(COLUMNS)] == list(COLUMNS)
+    assert rows[0]["folder"] == photo_folder("one")
+
+
+def test_the_parquet_table_equals_the_csv(batch: Path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(write_table(batch, "parquet")).to_pydict()
+    assert table["id"] == ["one", "bad", "two"]
+    assert table["people"] == [2.0, None, 2.0]
+    assert table["error"] == ["", "InputError", ""]
+
+
+def test_without_pyarrow_a_parquet_table_is_refused(batch: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
+    with pytest.raises(ConfigError) as error:
+        write_table(batch, "parquet")
+    assert str(error.value) == (
+        "summary.parquet needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)"
+    )
+
+
+def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
+    page = write_contact_sheet(batch).read_text()
+    assert not re.search(r"https?:|src=\"(?!data:)|@import|url\(", page)
+    data = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert data is not None
+    cards = json.loads(data[1])
+    assert [(card["name"], card["state"], card["people"]) for card in cards] == [
+        ("one", "done", 2),
+        ("bad", "failed", 0),
+        ("two", "done", 2),
+    ]
+    assert cards[0]["thumbnail"].startswith("/9j/")
+    assert len(cards[0]["thumbnail"]) < 40_000
+    assert cards[1]["message"].endswith("</script><b>&")
+    assert (batch / cards[0]["link"] / "people.npz").is_file()
+
+
+def test_the_contact_sheet_says_what_it_leaves_out(batch: Path):
+    write_contact_sheet(batch, limit=1)
+    assert "2 more photos are in the summary table only." in (batch / "contact-sheet.html").read_text()
+    assert "more photos" not in contact_sheet([])
