@@ -1,4 +1,4 @@
-"""Classical OpenCV backends: inpainting without a network, and people masks by GrabCut."""
+"""Classical OpenCV backends: inpainting, people masks by GrabCut, and depth and point maps of the user's files."""
 
 from __future__ import annotations
 
@@ -38,5 +38,19 @@ def physic_backends() -> list[BackendRecord]:
             "physic_opencv.grabcut:GrabCut",
             api=1,
             summary="People masks by graph cuts of colour models, from boxes or keypoints",
+        ),
+        BackendRecord(
+            "metric_depth",
+            "file",
+            "physic_opencv.from_file:DepthFile",
+            api=1,
+            summary="A depth map of yours: .npy, 16-bit .png or .exr",
+        ),
+        BackendRecord(
+            "relative_pointmap",
+            "file",
+            "physic_opencv.from_file:PointmapFile",
+            api=1,
+            summary="A point map of yours: .npy or .npz",
         ),
     ]

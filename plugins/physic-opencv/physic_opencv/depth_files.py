@@ -1,0 +1,176 @@
+"""Read depth maps and point maps of the user's from files, and bring them to the size of the photo."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["read_depth", "read_points", "resize_nearest"]
+
+_OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
+_ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
+
+
+def read_depth(path: Path, scale: float, invalid: float | None) -> FloatArray:
+    """Read a depth map (H, W) in metres, NaN where it is unknown.
+
+    Args:
+        path: a .npy array (H, W), a PNG of 16 or 8 bits with one channel, or an .exr file.
+        scale: metres per unit of the file.
+        invalid: value of unknown pixels besides 0, NaN and infinity, in units of the file; None for no other.
+
+    Raises:
+        InputError: the file cannot be read, has another format or shape, or has no known pixel.
+    """
+    _require(path, "depth map")
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        values = _load_npy(path)
+    elif suffix == ".png":
+        values = _read_picture(path)
+    elif suffix == ".exr":
+        values = _read_exr(path)
+    else:
+        raise InputError(f"cannot read the depth map {path}: its name ends in none of .npy, .png, .exr; convert it")
+    if values.ndim == 3 and values.shape[2] == 1:
+        values = values[..., 0]
+    if values.ndim != 2:
+        raise InputError(f"the depth map {path} must be (H, W), one number per pixel, got {values.shape}")
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"the depth map {path} must hold numbers, got {values.dtype}")
+    depth = values.astype(np.float64)
+    unknown = ~np.isfinite(depth) | (depth <= 0)
+    if invalid is not None and math.isfinite(invalid):
+        unknown |= depth == invalid
+    if unknown.all():
+        raise InputError(f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the invalid one")
+    return np.where(unknown, np.nan, depth * scale).astype(np.float32)
+
+
+def read_points(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
+    """Read a point map: points (H, W, 3) times ``scale``, and which pixels are valid (H, W).
+
+    A point is invalid if a coordinate is NaN or infinite, or z is not positive.
+
+    Args:
+        path: a .npy array (H, W, 3), or an .npz with "points" (H, W, 3) and optionally "valid" (H, W) bool.
+        scale: factor on the points.
+
+    Raises:
+        InputError: the file cannot be read, has another format or shape, or has no valid point.
+    """
+    _require(path, "point map")
+    suffix = path.suffix.lower()
+    valid: NDArray[np.bool_] | None = None
+    if suffix == ".npy":
+        points = _load_npy(path)
+    elif suffix == ".npz":
+        points, valid = _load_npz(path)
+    else:
+        raise InputError(f"cannot read the point map {path}: its name ends in none of .npy, .npz; convert it")
+    if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
+        raise InputError(f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}")
+    points = points.astype(np.float64) * scale
+    known = np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > 0)
+    if valid is not None:
+        if valid.shape != points.shape[:2] or valid.dtype != np.bool_:
+            raise InputError(
+                f'"valid" of {path} must be {points.shape[:2]} bool like its points, got {valid.shape} {valid.dtype}'
+            )
+        known &= valid
+    if not known.any():
+        raise InputError(f"the point map {path} has no valid point: every one is NaN, behind the camera or not valid")
+    return np.where(known[..., None], points, 0).astype(np.float32), known
+
+
+def resize_nearest(
+    values: NDArray[np.generic], height: int, width: int, path: Path
+) -> tuple[NDArray[np.generic], tuple[str, ...]]:
+    """Resize a map (H, W, ...) to the size of the photo without mixing pixels, and return it with a note.
+
+    Raises:
+        InputError: the map has another aspect ratio than the photo, so that it shows another crop or photo.
+    """
+    rows, columns = values.shape[:2]
+    if (rows, columns) == (height, width):
+        return values, ()
+    if abs(math.log((columns / rows) / (width / height))) > _ASPECT_TOLERANCE:
+        raise InputError(
+            f"{path} is of {columns} x {rows} px, another aspect ratio than that of the photo, {width} x {height} px: "
+            "give a map of the same photo, upright and not cropped"
+        )
+    y = np.minimum(((np.arange(height) + 0.5) * rows / height).astype(int), rows - 1)
+    x = np.minimum(((np.arange(width) + 0.5) * columns / width).astype(int), columns - 1)
+    note = f"{path.name} was resized from {columns} x {rows} to {width} x {height} px, each pixel from the nearest one"
+    return np.ascontiguousarray(values[y][:, x]), (note,)
+
+
+def _require(path: Path, what: str) -> None:
+    if not path.is_file():
+        raise InputError(f"cannot read the {what} {path}: there is no such file; check the path")
+
+
+def _load_npy(path: Path) -> NDArray[np.generic]:
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"cannot read {path}: it is not a NumPy array of numbers ({error})") from error
+    if not isinstance(values, np.ndarray):
+        raise InputError(f"cannot read {path}: it is an archive of arrays; save one array with numpy.save")
+    return values
+
+
+def _load_npz(path: Path) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
+    import zipfile
+
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            if "points" not in archive:
+                raise InputError(f'cannot read {path}: it has no array "points"; it has {", ".join(archive) or "none"}')
+            return archive["points"], archive.get("valid")
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"cannot read {path}: it is not an archive of NumPy arrays ({error})") from error
+
+
+def _read_picture(path: Path) -> NDArray[np.generic]:
+    import cv2
+
+    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if values is None:
+        raise InputError(f"cannot read the depth map {path}: it is not a PNG, or it is damaged")
+    return np.asarray(values)
+
+
+def _read_exr(path: Path) -> NDArray[np.generic]:
+    """Read the first channel of an EXR file with OpenCV, which often is built or configured without that format."""
+    import cv2
+
+    before = os.environ.get(_OPENCV_EXR)
+    os.environ[_OPENCV_EXR] = "1"
+    try:
+        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        values = None
+    finally:
+        if before is None:
+            del os.environ[_OPENCV_EXR]
+        else:
+            os.environ[_OPENCV_EXR] = before
+    if values is None:
+        raise InputError(
+            f"cannot read the depth map {path}: this OpenCV reads no EXR, or the file is damaged; set {_OPENCV_EXR}=1 "
+            "before the start, or convert it to .npy"
+        )
+    values = np.asarray(values)
+    return values[..., -1] if values.ndim == 3 else values  # BGR: the red one, which grey depth maps fill

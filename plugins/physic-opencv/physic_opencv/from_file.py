@@ -1,0 +1,131 @@
+"""Metric depth and point map of the user's, from files: a depth camera, a scanner, or another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import Field
+
+from physic_core import interfaces
+from physic_core.errors import InputError
+from physic_core.types import DepthMap, Pointmap
+from physic_opencv.depth_files import read_depth, read_points, resize_nearest
+
+if TYPE_CHECKING:
+    from physic_core.types import Hints, UInt8Array
+
+__all__ = ["DepthFile", "DepthFileOptions", "PointmapFile", "PointmapFileOptions"]
+
+
+class DepthFileOptions(interfaces.Options):
+    """Settings of the depth map from a file."""
+
+    path: Path | None = Field(
+        None, description="The file, which must be given: .npy (H, W), 16-bit .png, or .exr where OpenCV reads it."
+    )
+    scale: float = Field(1.0, gt=0, description="Metres per unit of the file; 0.001 for millimetres.")
+    invalid: float | None = Field(
+        None, description="Value of unknown pixels in the file; 0, NaN and infinity are always unknown."
+    )
+    sigma: float = Field(0.01, gt=0, description="Standard deviation of the logarithm of the file's scale.")
+
+
+class DepthFile(interfaces.MetricDepth):
+    """Metric depth of the photo from a file of the user's.
+
+    The file shows the photo with its people, and the pipeline asks for the photo without them: pixels in the inpainted
+    hole are unknown.
+    """
+
+    Options = DepthFileOptions
+    cacheable = False  # reading the file again costs less than the cache
+
+    def missing(self) -> tuple[str, ...]:
+        """Return a line if the file does not exist."""
+        assert isinstance(self.options, DepthFileOptions)
+        return _missing_file(self.options.path, "metric_depth")
+
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Return the depth (H, W) of the file in metres, NaN where it is unknown and in ``hints.hole``.
+
+        Raises:
+            InputError: the file cannot be read, or shows another photo.
+        """
+        assert isinstance(self.options, DepthFileOptions)
+        options = self.options
+        path = _given(options.path, "metric_depth")
+        depth = read_depth(path, options.scale, options.invalid)
+        resized, notes = resize_nearest(depth, image.shape[0], image.shape[1], path)
+        if hints.hole is not None:
+            resized = np.where(hints.hole, np.nan, resized)
+        if np.isnan(resized).all():
+            raise _only_people(path, "depth")
+        return DepthMap(np.asarray(resized, np.float32), None, options.sigma, notes)
+
+
+class PointmapFileOptions(interfaces.Options):
+    """Settings of the point map from a file."""
+
+    path: Path | None = Field(
+        None, description="The file, which must be given: .npy (H, W, 3), or .npz with points and valid (H, W)."
+    )
+    scale: float = Field(1.0, gt=0, description="Factor on the points; without effect where their scale is unknown.")
+    unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
+        "scale", description="What the file leaves open: a factor, a factor and a shift of z, or the same of 1 / z."
+    )
+
+
+class PointmapFile(interfaces.RelativePointmap):
+    """Point map of the photo from a file of the user's.
+
+    The file shows the photo with its people: for the inpainted photo, points in the inpainted hole are invalid.
+    """
+
+    Options = PointmapFileOptions
+    cacheable = False  # reading the file again costs less than the cache
+
+    def missing(self) -> tuple[str, ...]:
+        """Return a line if the file does not exist."""
+        assert isinstance(self.options, PointmapFileOptions)
+        return _missing_file(self.options.path, "relative_pointmap")
+
+    def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
+        """Return the points (H, W, 3) of the file and their validity, without those in ``hints.hole``.
+
+        Raises:
+            InputError: the file cannot be read, or shows another photo.
+        """
+        assert isinstance(self.options, PointmapFileOptions)
+        options = self.options
+        path = _given(options.path, "relative_pointmap")
+        points, valid = read_points(path, options.scale)
+        points_here, notes = resize_nearest(points, image.shape[0], image.shape[1], path)
+        valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
+        known = np.asarray(valid_here, np.bool_)
+        if hints.hole is not None:
+            known = known & ~hints.hole
+        if not known.any():
+            raise _only_people(path, "point")
+        return Pointmap(np.asarray(points_here, np.float32), known, options.unknown, None, notes)
+
+
+def _only_people(path: Path, what: str) -> InputError:
+    return InputError(
+        f"{path} has no {what} outside the people, so that nothing is known of the scene: give a map of the whole photo"
+    )
+
+
+def _missing_file(path: Path | None, interface: str) -> tuple[str, ...]:
+    if path is None:
+        return (f"a file of this photo: set {interface}.options.path",)
+    if path.is_file():
+        return ()
+    return (f"{path}: there is no such file; set {interface}.options.path to the file of this photo",)
+
+
+def _given(path: Path | None, interface: str) -> Path:
+    if path is None:
+        raise InputError(f"no file was given: set {interface}.options.path to the file of this photo")
+    return path

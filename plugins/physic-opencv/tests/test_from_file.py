@@ -1,0 +1,208 @@
+"""Depth maps and point maps of the user's, from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core import InputError, load_config, reconstruct
+from physic_core.types import Hints
+from physic_opencv.depth_files import resize_nearest
+from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
+from physic_testing import check_backend
+from physic_testing.worlds import World, build_world
+
+IMAGE = np.zeros((4, 6, 3), np.uint8)
+DEPTH = np.arange(1, 25, dtype=np.float64).reshape(4, 6) / 4
+
+
+def depth(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float):
+    return DepthFile(DepthFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
+
+
+def pointmap(path: Path, hole: np.ndarray | None = None, image: np.ndarray = IMAGE, **options: float):
+    return PointmapFile(PointmapFileOptions(path=path, **options)).infer(image, Hints(hole=hole))
+
+
+# ---- depth -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_numpy_array_gives_its_own_depth(tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", DEPTH)
+    found = depth(tmp_path / "d.npy")
+    np.testing.assert_array_equal(found.depth, DEPTH.astype(np.float32))
+    assert (found.depth.dtype, found.scale_sigma, found.notes) == (np.float32, 0.01, ())
+
+
+def test_a_16_bit_png_in_millimetres(tmp_path: Path) -> None:
+    stored = (DEPTH * 1000).astype(np.uint16)
+    stored[0, 0], stored[1, 1] = 0, 65535
+    cv2.imwrite(str(tmp_path / "d.png"), stored)
+    found = depth(tmp_path / "d.png", scale=0.001, invalid=65535).depth
+    expected = DEPTH.copy()
+    expected[0, 0] = expected[1, 1] = np.nan
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_nan_infinity_zero_and_negative_depths_are_unknown(tmp_path: Path) -> None:
+    values = DEPTH.copy()
+    values[0, :4] = np.nan, np.inf, 0, -1
+    np.save(tmp_path / "d.npy", values)
+    assert np.isnan(depth(tmp_path / "d.npy").depth[0]).tolist() == [True, True, True, True, False, False]
+
+
+def test_the_depth_of_people_is_unknown_in_the_photo_without_them(tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", DEPTH)
+    hole = np.zeros((4, 6), bool)
+    hole[1:3, 2:4] = True
+    found = depth(tmp_path / "d.npy", hole).depth
+    assert np.isnan(found[hole]).all()
+    np.testing.assert_array_equal(found[~hole], DEPTH.astype(np.float32)[~hole])
+
+
+def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", np.array([[1.0, np.nan, 3.0], [4.0, 5.0, 6.0]]))
+    found = depth(tmp_path / "d.npy")
+    np.testing.assert_array_equal(found.depth[0], [1, 1, np.nan, np.nan, 3, 3])
+    np.testing.assert_array_equal(found.depth[3], [4, 4, 5, 5, 6, 6])
+    assert found.notes == ("d.npy was resized from 3 x 2 to 6 x 4 px, each pixel from the nearest one",)
+    smaller, _ = resize_nearest(np.arange(8).reshape(2, 4), 1, 2, Path("x"))
+    assert smaller.tolist() == [[5, 7]]
+
+
+def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "d.exr"
+    monkeypatch.setenv("OPENCV_IO_ENABLE_OPENEXR", "1")
+    try:
+        written = cv2.imwrite(str(path), DEPTH.astype(np.float32))
+    except cv2.error:
+        written = False
+    monkeypatch.delenv("OPENCV_IO_ENABLE_OPENEXR")
+    if not written:
+        path.write_bytes(b"\x76\x2f\x31\x01")
+        with pytest.raises(InputError, match=r"this OpenCV reads no EXR, or the file is damaged"):
+            depth(path)
+        return
+    np.testing.assert_allclose(depth(path).depth, DEPTH, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "message"),
+    [
+        ("d.npy", np.zeros((4, 6)), "has no known pixel: every value is 0, negative, NaN or the invalid one"),
+        ("d.npy", np.ones((4, 6, 3)), "must be (H, W), one number per pixel, got (4, 6, 3)"),
+        ("d.npy", np.full((4, 6), "x"), "must hold numbers, got <U1"),
+        ("d.npy", np.ones((4, 9)), "d.npy is of 9 x 4 px, another aspect ratio than that of the photo, 6 x 4 px: "),
+        ("d.tif", np.ones((4, 6)), "its name ends in none of .npy, .png, .exr; convert it"),
+    ],
+)
+def test_depth_that_cannot_be_used(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
+    with (tmp_path / name).open("wb") as file:
+        np.save(file, values)
+    with pytest.raises(InputError) as error:
+        depth(tmp_path / name)
+    assert message in str(error.value)
+
+
+def test_damaged_and_missing_files(tmp_path: Path) -> None:
+    for name, reader in (("d.npy", depth), ("d.png", depth), ("d.npz", pointmap)):
+        (tmp_path / name).write_bytes(b"nothing of the kind")
+        with pytest.raises(InputError, match="cannot read"):
+            reader(tmp_path / name)
+    pickled = np.array([{}], dtype=object)
+    np.save(tmp_path / "p.npy", pickled, allow_pickle=True)
+    with pytest.raises(InputError, match="not a NumPy array of numbers"):
+        depth(tmp_path / "p.npy")
+    with pytest.raises(InputError, match="there is no such file; check the path"):
+        depth(tmp_path / "none.npy")
+    assert DepthFile(DepthFileOptions(path=tmp_path / "none.npy")).missing() == (
+        f"{tmp_path / 'none.npy'}: there is no such file; set metric_depth.options.path to the file of this photo",
+    )
+
+
+def test_people_everywhere_leave_nothing_known(tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", DEPTH)
+    with pytest.raises(InputError, match="has no depth outside the people, so that nothing is known of the scene"):
+        depth(tmp_path / "d.npy", np.ones((4, 6), bool))
+
+
+# ---- point map -------------------------------------------------------------------------------------------------------
+
+POINTS = np.stack([*np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4)), DEPTH], -1)
+
+
+def test_points_and_their_validity(tmp_path: Path) -> None:
+    valid = np.ones((4, 6), bool)
+    valid[0, 0] = False
+    broken = POINTS.copy()
+    broken[1, 1, 0], broken[2, 2, 2] = np.nan, -1
+    np.savez(tmp_path / "p.npz", points=broken, valid=valid)
+    found = pointmap(tmp_path / "p.npz", scale=2)
+    valid[1, 1] = valid[2, 2] = False
+    np.testing.assert_array_equal(found.valid, valid)
+    np.testing.assert_allclose(found.points[valid], 2 * POINTS[valid], rtol=1e-6)
+    assert (found.unknown, found.intrinsics) == ("scale", None)
+
+
+def test_points_of_people_are_invalid_in_the_photo_without_them_alone(tmp_path: Path) -> None:
+    np.save(tmp_path / "p.npy", POINTS)
+    hole = np.zeros((4, 6), bool)
+    hole[1:3, 2:4] = True
+    np.testing.assert_array_equal(pointmap(tmp_path / "p.npy", hole).valid, ~hole)
+    assert pointmap(tmp_path / "p.npy").valid.all()
+
+
+def test_an_archive_without_points(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", xyz=POINTS)
+    with pytest.raises(InputError, match='it has no array "points"; it has xyz'):
+        pointmap(tmp_path / "p.npz")
+
+
+# ---- in the pipeline and in the kit ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stand() -> World:
+    return build_world("stand", 0, (160, 120))
+
+
+def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: World) -> None:
+    np.save(tmp_path / "depth.npy", stand.depth)
+    np.save(tmp_path / "points.npy", stand.points(people=True) / 3)
+    config = load_config(
+        preset="mock",
+        overrides=[
+            "run.cache=false",
+            "engine.joint.optimiser.steps=5",
+            'metric_depth.backend="physic-opencv:file"',
+            f'metric_depth.options={{path = "{tmp_path / "depth.npy"}"}}',
+            'relative_pointmap.backend="physic-opencv:file"',
+            f'relative_pointmap.options={{path = "{tmp_path / "points.npy"}"}}',
+        ],
+    )
+    result = reconstruct(stand.image, config, intrinsics=stand.intrinsics)
+    known = result.scene.valid & ~stand.masks.any(0) & np.isfinite(stand.depth)
+    ratio = result.scene.points[..., 2][known] / stand.depth[known]
+    assert known.sum() > 5000
+    assert np.median(ratio) == pytest.approx(1, abs=0.02)
+    assert np.ptp(np.quantile(ratio, [0.1, 0.9])) < 0.02
+    assert result.scene.floor is not None
+    assert result.scene.floor.offset == pytest.approx(stand.floor.offset, rel=0.02)
+
+
+def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
+    def depth_options(world: World) -> dict[str, str]:
+        path = tmp_path / f"{world.name}-{world.seed}-{world.image.shape[1]}.npy"
+        np.save(path, world.depth)
+        return {"path": str(path)}
+
+    def point_options(world: World) -> dict[str, str]:
+        path = tmp_path / f"{world.name}-{world.seed}-{world.image.shape[1]}-points.npy"
+        np.save(path, world.points(people=True))
+        return {"path": str(path)}
+
+    check_backend("file", "metric_depth", options=depth_options).raise_if_failed()
+    check_backend("file", "relative_pointmap", options=point_options).raise_if_failed()
