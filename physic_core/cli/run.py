@@ -81,6 +81,12 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
 @_setting("--focal-px", "photo.focal_px", type=float, metavar="PX", help="Focal length in px of the photo file.")
 @_setting("--intrinsics", "photo.intrinsics", type=_Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
+@_setting(
+    "--distortion",
+    "photo.distortion",
+    type=_Numbers("k1,k2,p1,p2,k3", ""),
+    help="Lens distortion of --intrinsics, in OpenCV's order.",
+)
 @_setting("--person", "photo.person", type=_Numbers("x,y"), multiple=True, help=_PERSON)
 @_setting("--box", "photo.box", type=_Numbers("x0,y0,x1,y1"), multiple=True, help="The same by a box around a person.")
 @_setting("--masks", "photo.masks", metavar="FILE", help="The same by an indexed PNG: 1 is the first person's pixels.")

@@ -94,6 +94,9 @@ class PhotoSettings(_Table):
     intrinsics: tuple[float, float, float, float] | None = Field(
         default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
     )
+    distortion: tuple[float, float, float, float, float] | None = Field(
+        default=None, description="lens distortion k1, k2, p1, p2, k3 of the intrinsics, in OpenCV's order"
+    )
     person: tuple[tuple[float, float], ...] = Field(
         default=(), description="a pixel x, y on each person to reconstruct, px of the upright photo file"
     )
@@ -172,6 +175,10 @@ class PhotoSettings(_Table):
     def _one_camera(self) -> PhotoSettings:
         if self.focal_px is not None and self.intrinsics is not None:
             raise ValueError("has both focal_px and intrinsics: give one of them")
+        if self.distortion is not None and self.intrinsics is None:
+            raise ValueError("has distortion without intrinsics: give both, of the same calibration")
+        if self.distortion is not None and not all(map(math.isfinite, self.distortion)):
+            raise ValueError(f"distortion should be five finite numbers (got {self.distortion!r})")
         return self
 
 

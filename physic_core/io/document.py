@@ -72,6 +72,7 @@ def to_document(
         "photo": reconstruction.photo,
         "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
         "intrinsics": asdict(reconstruction.intrinsics),
+        "lens": None if reconstruction.lens is None else asdict(reconstruction.lens),
         "checks": [check_record(check) for check in reconstruction.checks],
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,

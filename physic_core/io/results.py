@@ -38,7 +38,7 @@ from physic_core.io.result_folder import (
     file_digest,
     unchanged_result_files,
 )
-from physic_core.types import BodyParameters, CheckState, Intrinsics, Person, Plane, Reconstruction, Scene
+from physic_core.types import BodyParameters, CheckState, Intrinsics, Lens, Person, Plane, Reconstruction, Scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -197,16 +197,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     checks = parse_checks(document.get("checks", ()), document["schema_version"])
     return Reconstruction(
         image=arrays["image"],
-        intrinsics=Intrinsics(
-            fx=from_json(camera["fx"]),
-            fy=from_json(camera["fy"]),
-            cx=from_json(camera["cx"]),
-            cy=from_json(camera["cy"]),
-            width=camera["width"],
-            height=camera["height"],
-            source=camera["source"],
-            trust=parse_trust(camera),
-        ),
+        intrinsics=_camera(camera),
         scene=Scene(
             points=arrays["scene_points"],
             normals=arrays["scene_normals"],
@@ -229,7 +220,28 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         checks=checks,
         photo=document.get("photo", ""),
         unposed=parse_unposed(document.get("unposed", ())),
+        lens=_lens(document.get("lens")),
     )
+
+
+def _camera(camera: Mapping[str, Any]) -> Intrinsics:
+    return Intrinsics(
+        fx=from_json(camera["fx"]),
+        fy=from_json(camera["fy"]),
+        cx=from_json(camera["cx"]),
+        cy=from_json(camera["cy"]),
+        width=camera["width"],
+        height=camera["height"],
+        source=camera["source"],
+        trust=parse_trust(camera),
+    )
+
+
+def _lens(lens: Mapping[str, Any] | None) -> Lens | None:
+    if lens is None:
+        return None
+    k1, k2, p1, p2, k3 = (float(v) for v in from_json(lens["distortion"]))
+    return Lens(_camera(lens["intrinsics"]), (k1, k2, p1, p2, k3))
 
 
 def _person(

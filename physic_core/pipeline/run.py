@@ -18,7 +18,7 @@ from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt, Person, Reconstruction
+from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
     import os
@@ -312,6 +312,12 @@ def _reconstruct(
     prompt = _prompt(given.people, plan.photo, file_size, photo.image.shape[1::-1])
     height, width = photo.image.shape[:2]
     known = plan.photo.known_sizes(given.known).resized(width / file_size[0], height / file_size[1])
+    lens = None
+    if plan.photo.distortion is not None and photo.intrinsics is not None:
+        from physic_core.pipeline.undistort import undistort
+
+        lens = Lens(photo.intrinsics.resized(*file_size), plan.photo.distortion)
+        photo, prompt, known = undistort(photo, prompt, known, lens.distortion)
     stages.note(*photo.notes)
     model = load_body(plan.body_model)
     with limited_threads(plan.config.run.threads):
@@ -324,7 +330,8 @@ def _reconstruct(
                 stages.finish()
         solution = run_engine(estimates, plan.engine, model, stages)
     checks = run_checks(estimates, solution, plan.engine)
-    return _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
+    found = _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
+    return replace(found, lens=lens)
 
 
 _EXTRA_STAGES = 6

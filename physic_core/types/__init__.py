@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
-from physic_core.types.camera import CameraTrust, Intrinsics
+from physic_core.types.camera import CameraTrust, Intrinsics, Lens
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
@@ -44,6 +44,7 @@ __all__ = [
     "Keypoints",
     "KnownLength",
     "KnownSizes",
+    "Lens",
     "Mesh",
     "People",
     "PeoplePrompt",

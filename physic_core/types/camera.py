@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_core.types.arrays import FloatArray
 
-__all__ = ["CameraTrust", "Intrinsics"]
+__all__ = ["CameraTrust", "Intrinsics", "Lens"]
 
 
 class CameraTrust(StrEnum):
@@ -95,4 +95,40 @@ class Intrinsics:
             cy=(self.cy + 0.5) * sy - 0.5,
             width=width,
             height=height,
+        )
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Camera of a photo file with lens distortion, Brown-Conrady model as in OpenCV.
+
+    Attributes:
+        intrinsics: of the upright file, px.
+        distortion: k1, k2, p1, p2, k3.
+    """
+
+    intrinsics: Intrinsics
+    distortion: tuple[float, float, float, float, float]
+
+    def file_pixels(self, pixels: FloatArray, camera: Intrinsics) -> FloatArray:
+        """Return the pixels (..., 2) of the file that show the same as pixels of an undistorted image.
+
+        Args:
+            pixels: (..., 2) x, y.
+            camera: pinhole camera of the undistorted image.
+        """
+        import numpy as np
+
+        at = np.asarray(pixels, np.float64)
+        x, y = (at[..., 0] - camera.cx) / camera.fx, (at[..., 1] - camera.cy) / camera.fy
+        k1, k2, p1, p2, k3 = self.distortion
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * (k2 + square * k3))
+        own = self.intrinsics
+        return np.stack(
+            [
+                own.fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + own.cx,
+                own.fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + own.cy,
+            ],
+            -1,
         )

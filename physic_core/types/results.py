@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.bodies import BodyParameters
-    from physic_core.types.camera import Intrinsics
+    from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, StageRecord
@@ -125,6 +125,8 @@ class Reconstruction(ShortRepr):
         checks: all self-checks of the result: ok, failed or unknown.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
+        lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
+            ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
     """
 
     image: UInt8Array
@@ -141,6 +143,7 @@ class Reconstruction(ShortRepr):
     config: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
+    lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
 
     def __post_init__(self) -> None:

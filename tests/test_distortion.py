@@ -1,0 +1,125 @@
+"""Lens distortion: the picture is undistorted once, and pixels map to the file and back."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core import InputError, Intrinsics, KnownLength, KnownSizes, PeoplePrompt, load_config, reconstruct
+from physic_core.configuration.model import PhotoSettings
+from physic_core.errors import ConfigError
+from physic_core.geometry.distortion import check_distortion, undistort_image, undistort_pixels
+from physic_core.io.photo import Photo
+from physic_core.pipeline.undistort import undistort
+from physic_core.types import Lens
+from physic_testing.worlds import build_world
+
+CAMERA = Intrinsics(300.0, 310.0, 155.0, 118.0, 320, 240)  # the principal point is off the centre
+BARREL = (-0.28, 0.09, 0.0012, -0.0007, 0.004)
+PINCUSHION = (0.12, -0.03, -0.001, 0.0015, 0.0)
+
+
+def picture(seed: int = 0) -> np.ndarray:
+    noise = np.random.default_rng(seed).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+    return np.ascontiguousarray(cv2.GaussianBlur(noise, (0, 0), 3))
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+def test_the_picture_is_that_of_opencv(distortion: tuple[float, ...]) -> None:
+    own = undistort_image(picture(), CAMERA, distortion).astype(int)
+    maps = cv2.initUndistortRectifyMap(CAMERA.matrix, np.array(distortion), None, CAMERA.matrix, (320, 240), cv2.CV_32F)
+    theirs = cv2.remap(picture(), maps[0], maps[1], cv2.INTER_LINEAR).astype(int)
+    # OpenCV interpolates at steps of 1/32 px.
+    inside = (maps[0] > 0) & (maps[0] < 319) & (maps[1] > 0) & (maps[1] < 239)
+    assert inside.mean() > 0.85
+    assert np.abs(own - theirs)[inside].max() <= 3
+    assert np.abs(own - theirs)[inside].mean() < 0.5
+
+
+@pytest.mark.parametrize("distortion", [BARREL, PINCUSHION])
+def test_pixels_are_those_of_opencv_and_map_back(distortion: tuple[float, float, float, float, float]) -> None:
+    rng = np.random.default_rng(1)
+    seen = rng.uniform([0, 0], [320, 240], (50, 2))
+    own = undistort_pixels(seen, CAMERA, distortion)
+    rays = np.concatenate([own, np.ones((50, 1))], 1) @ np.linalg.inv(CAMERA.matrix).T
+    theirs, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), CAMERA.matrix, np.array(distortion))
+    np.testing.assert_allclose(theirs[:, 0], seen, atol=1e-3)
+    np.testing.assert_allclose(Lens(CAMERA, distortion).file_pixels(own, CAMERA), seen, atol=1e-3)
+
+
+def test_pixels_of_a_resized_picture_map_to_the_larger_file() -> None:
+    lens, half = Lens(CAMERA, BARREL), CAMERA.resized(160, 120)
+    at = np.array([[0.0, 0.0], [80.0, 60.0], [159.0, 119.0]])
+    np.testing.assert_allclose(lens.file_pixels(at, half), lens.file_pixels((at + 0.5) * 2 - 0.5, CAMERA), atol=1e-9)
+
+
+def test_no_distortion_changes_no_pixel() -> None:
+    np.testing.assert_array_equal(undistort_image(picture(), CAMERA, (0, 0, 0, 0, 0)), picture())
+
+
+def test_prompts_and_lengths_move_with_the_picture() -> None:
+    mask = np.zeros((1, 240, 320), bool)
+    mask[0, 20:60, 30:70] = True
+    prompt = PeoplePrompt(((30.0, 20.0),), ((30.0, 20.0, 70.0, 60.0),), mask)
+    known = KnownSizes(lengths=(KnownLength((30.0, 20.0), (300.0, 220.0), 1.0),))
+    photo, moved, sizes = undistort(Photo(picture(), CAMERA), prompt, known, BARREL)
+    assert moved is not None
+    assert moved.masks is not None
+    corner = undistort_pixels(np.array([[30.0, 20.0]]), CAMERA, BARREL)[0]
+    assert corner[0] < 25  # away from the centre: the lens has drawn it inwards
+    assert moved.points[0] == pytest.approx(tuple(corner))
+    assert sizes.lengths[0].start == pytest.approx(tuple(corner))
+    rows, columns = moved.masks[0].nonzero()
+    extent = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    assert moved.boxes[0] == pytest.approx(extent, abs=1.5)
+    assert photo.notes[-1].startswith("the picture was undistorted")
+    assert photo.intrinsics == CAMERA
+
+
+def test_a_distortion_that_folds_the_picture_is_refused() -> None:
+    with pytest.raises(InputError) as error:
+        check_distortion(CAMERA, (-2.0, 0, 0, 0, 0))
+    assert str(error.value) == (
+        "the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its corners: give k1, k2, p1, p2, k3 in "
+        "OpenCV's order, with the intrinsics of the same calibration"
+    )
+    check_distortion(CAMERA, BARREL)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("photo.distortion=[0, 0, 0, 0, 0]", "has distortion without intrinsics: give both, of the same calibration"),
+        ("photo={intrinsics=[9, 9, 4, 4], distortion=[0, 0, 0, 0, inf]}", "distortion should be five finite numbers"),
+    ],
+)
+def test_settings_that_cannot_be_used(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load_config(preset="mock", overrides=[setting])
+    assert message in str(error.value)
+    assert PhotoSettings().distortion is None
+
+
+def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
+    world = build_world("stand", 0, (160, 120))
+    K = [world.intrinsics.fx, world.intrinsics.fy, world.intrinsics.cx, world.intrinsics.cy]
+    overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]
+    config = load_config(preset="mock", overrides=[*overrides, "photo.distortion=[1e-9, 0, 0, 0, 0]"])
+    result = reconstruct(world.image, config)
+    assert result.lens is not None
+    assert result.lens.distortion == (1e-9, 0, 0, 0, 0)
+    assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)
+    result.save(str(tmp_path / "out"), preview=False)
+    assert result.load(str(tmp_path / "out")).lens == result.lens
+
+
+def test_an_off_centre_principal_point_is_kept_by_a_resize() -> None:
+    """As of a crop: the camera's axis is not in the middle of the picture."""
+    from physic_core.io.photo import limit_size
+    from physic_core.pipeline.run import _with_camera
+
+    photo = Photo(np.zeros((400, 800, 3), np.uint8))
+    camera = limit_size(_with_camera(photo, PhotoSettings(intrinsics=(900, 910, 95.5, 301.5))), 400).intrinsics
+    assert camera is not None
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (450, 455, 47.5, 150.5)
