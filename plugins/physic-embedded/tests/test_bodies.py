@@ -16,6 +16,7 @@ from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
 from physic_embedded.body_fit.pose_prior import hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
+from physic_embedded.body_fit.stature_prior import ADULT_STATURE_M, ADULT_STATURE_SPREAD_M, adult_shape
 from physic_embedded.body_fit.world_offset import world_landmark_offset
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.standing import standing_bodies
@@ -25,6 +26,9 @@ IMAGE = np.zeros((800, 1000, 3), np.uint8)
 UPRIGHT = np.diag([1.0, -1.0, -1.0])
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 0.4)
 MODEL = load_body("embedded")
+ZERO = torch.zeros(1, MODEL.num_betas)
+SLOPE = (MODEL.stature(torch.eye(MODEL.num_betas)) - MODEL.stature(-torch.eye(MODEL.num_betas))) / 2
+ADULT = adult_shape(float(MODEL.stature(ZERO)), SLOPE)  # a photo shows no other stature than that of the prior
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ def truth(
     rotations = roma.rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
     turn = roma.rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
     rotations[:, 0] = torch.as_tensor(UPRIGHT, dtype=torch.float32) @ turn
-    betas = torch.zeros(count, MODEL.num_betas)
+    betas = ADULT.expand(count, -1)
     transl = torch.tensor(places)
     out = MODEL(rotations, betas, transl)
     points = MODEL.landmarks(out, skeleton).double().numpy()
@@ -393,3 +397,16 @@ def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend: EmbeddedBo
     np.testing.assert_allclose(second.parameters.body_pose, first.parameters.body_pose, rtol=0, atol=1e-9)
     np.testing.assert_allclose(second.parameters.transl, first.parameters.transl, rtol=0, atol=1e-9)
     assert miss_mm(posed(first)[0], seen.joints)[0] < 250
+
+
+def test_the_mean_adult_has_the_stature_of_the_prior() -> None:
+    assert float(MODEL.stature(ADULT[None])) == pytest.approx(ADULT_STATURE_M, abs=1e-3)
+    assert float(ADULT.norm()) < 0.3  # of a standard deviation of all shapes: the proportions stay those of the mean
+    # Of men and women alike, each sex 6.65 cm about its mean.
+    assert pytest.approx(np.hypot(0.0665, (1.78 - 1.65) / 2), abs=1e-3) == ADULT_STATURE_SPREAD_M
+
+
+def test_a_person_of_unknown_stature_gets_that_of_the_mean_adult(backend: EmbeddedBodies) -> None:
+    answer = fit(backend, truth([STANDS, WALKS], PLACES[:2]))
+    stature = MODEL.stature(torch.as_tensor(np.array(answer.parameters.betas), dtype=torch.float32))
+    assert stature.tolist() == pytest.approx([ADULT_STATURE_M] * 2, abs=0.02)

@@ -12,6 +12,7 @@ import torch
 from physic_core.body import JOINT_INDEX
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
+from physic_embedded.body_fit.stature_prior import adult_shape
 from physic_embedded.body_fit.world_offset import world_landmark_offset
 
 if TYPE_CHECKING:
@@ -36,8 +37,10 @@ class FitSettings:
         iterations: of L-BFGS, which choose the minimum that Newton's method then finds.
         sigma_2d: of a keypoint, in sizes of the person.
         sigma_3d: of a 3D landmark in metres: right, down, and away from the camera.
-        shape_weight: on the squared shape components; with 1, landmark noise shows as odd bodies.
-        stature_sigma: metres of the stature about the mean body's; landmarks say nothing about it.
+        shape_weight: on the squared shape components about the shape of a mean adult; with 1, landmark noise shows as
+            odd bodies.
+        stature_sigma: metres of the stature about the mean adult's, as far as the photo may show it. Landmarks say
+            nothing about it: their bones are as long for short people as for tall ones.
         size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
         lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
         upright_sigma: radians between the line from ankles to neck and the vertical, seen from the side.
@@ -158,6 +161,7 @@ class FitProblem:
     soles: tuple[int, int]
     upright: Tensor
     stature: Tensor
+    adult: Tensor
     settings: FitSettings
 
     @property
@@ -184,7 +188,7 @@ class FitProblem:
         return DecodedUnknowns(
             rotations,
             rotvecs,
-            betas,
+            self.adult + betas,
             transl,
             torch.exp(self.settings.size_sigma * size)[:, 0],
             self.lean + self.settings.lean_sigma * lean[:, 0] * self.upright,
@@ -219,8 +223,9 @@ class FitProblem:
             loss = loss + (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
 
         loss = loss + ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
-        loss = loss + s.shape_weight * body.betas.square().sum(1)
-        loss = loss + (body.betas @ self.stature / s.stature_sigma).square()
+        shape = body.betas - self.adult
+        loss = loss + s.shape_weight * shape.square().sum(1)
+        loss = loss + (shape @ self.stature / s.stature_sigma).square()
         loss = loss + unknowns[:, -2:].square().sum(1)
         for hinge in hinge_joints():
             bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
@@ -268,6 +273,7 @@ def fit_problem(
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
         feet = (ankles > _SEEN).astype(float)
+    stature = _stature_per_component(model)
     soles = [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
     z = start.transl[:, 2:]
     return FitProblem(
@@ -299,7 +305,8 @@ def fit_problem(
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
         upright=tensor(upright),
-        stature=_stature_per_component(model),
+        stature=stature,
+        adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
         settings=settings,
     )
 
