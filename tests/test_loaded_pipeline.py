@@ -171,8 +171,9 @@ def test_an_error_names_the_photo(photo: Path):
             height, width = image.shape[:2]
             return People(np.zeros((0, height, width), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
 
-    with Pipeline("mock", backends={"segmenter": Blind}) as pipeline:
-        for one in (photo, Image.open(photo)):
+    config = {"extends": "mock", "photo": {"require_people": True}}
+    with Pipeline(config, backends={"segmenter": Blind}) as pipeline, Image.open(photo) as image:
+        for one in (photo, image):
             with pytest.raises(NoPersonError) as error:
                 pipeline(one)
             assert str(error.value).startswith(f"{photo}: no person was found in the photo of 320 x 240 px by ")

@@ -26,7 +26,7 @@ _COLUMNS = ("path", "camera", "stature", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PhotoItem:
     """One photo of a batch.
 
@@ -41,17 +41,20 @@ class PhotoItem:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
-def find_photos(inputs: Iterable[str]) -> list[PhotoItem]:
+def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> list[PhotoItem]:
     """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path.
+    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path; those below the output
+    folder ``out``, such as thumbnails of an earlier run, are left out.
 
     Raises:
         InputError: an input does not exist, a table is invalid, or two photos have one id.
     """
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items(text)):
+        if out is not None and Path(item.path).is_relative_to(os.path.abspath(out)):
+            continue
         same = found.setdefault(item.id, item)
         if same != item:
             raise InputError(

@@ -19,6 +19,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection
+from operator import length_hint
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
@@ -34,6 +35,7 @@ LOAD_LIMIT_S = 1800.0
 
 _MAX_ATTEMPTS = 2  # a worker that is killed for want of memory need not be the one whose photo needs it
 _MAX_FAILED_REPLACEMENTS = 3
+_UNKNOWN = 1 << 40  # tasks of an iterator
 _END_S = 5.0  # for a process that has closed its pipe
 _SINGLE_THREAD = {
     "MKL_NUM_THREADS": "1",
@@ -132,7 +134,7 @@ class _Supervisor(Generic[Task]):
     def __init__(
         self, tasks: Iterable[Task], open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings
     ) -> None:
-        self._tasks = iter(tasks)
+        self._tasks, self._left = iter(tasks), length_hint(tasks, _UNKNOWN)
         self._open, self._settings = open_worker, settings
         self._again: deque[_Attempt[Task]] = deque()
         self._workers: list[_Worker[Task]] = []
@@ -154,7 +156,9 @@ class _Supervisor(Generic[Task]):
 
     def _take(self) -> _Attempt[Task] | None:
         for task in self._tasks:
+            self._left -= 1
             return _Attempt(task)
+        self._left = 0
         return None
 
     def _has_work(self) -> bool:
@@ -183,8 +187,8 @@ class _Supervisor(Generic[Task]):
                 with suppress(OSError):  # it has just died, which _wait finds
                     worker.pipe.send(attempt.task)
         starting = sum(not worker.ready for worker in self._workers)
-        waiting = len(self._again) + (self._next is not None)
-        if len(self._workers) < self._limit and waiting > starting:
+        waiting = len(self._again) + (self._next is not None) + self._left
+        for _ in range(min(self._limit - len(self._workers), waiting - starting)):
             self._start()
 
     def _wait(self) -> Iterator[Outcome[Task]]:

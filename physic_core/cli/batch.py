@@ -58,7 +58,7 @@ def batch(
     from physic_core.batch.workers import WorkerSettings
 
     check_table_kind(table)
-    items, name = find_photos(photos), "journal.jsonl"
+    items, name = find_photos(photos, out), "journal.jsonl"
     if shard is not None:
         part, count = parse_shard(shard)
         items = [item for item in items if in_shard(item.id, part, count)]

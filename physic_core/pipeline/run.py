@@ -188,6 +188,8 @@ class Pipeline:
         camera, plan, name = given.camera(), _with_photo_settings(self._plan, settings), photo_name(source)
         with self._exclusive(), _naming(name):
             photo = read_source(source)
+            if camera is not None and (camera.width, camera.height) == photo.file_size:
+                camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:
                 photo = replace(photo, intrinsics=camera)
             stages = self._stages(progress)

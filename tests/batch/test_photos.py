@@ -38,6 +38,12 @@ def test_files_patterns_and_folders_give_each_photo_once(folder: Path):
     assert find_photos(["photos/b.jpg"]) == find_photos([str(folder / "b.jpg")])
 
 
+def test_pictures_of_an_earlier_run_are_no_photos(folder: Path):
+    (folder / "out" / "thumbnails").mkdir(parents=True)
+    (folder / "out" / "thumbnails" / "b.jpg").touch()
+    assert names(find_photos(["photos", "photos/**/*.jpg"], "photos/out")) == ["a.PNG", "b.jpg", "c.webp"]
+
+
 def test_a_table_gives_cameras_statures_and_ids(folder: Path):
     (folder / "table.csv").write_text(
         'path,camera,stature,id\nb.jpg,"900,910,320,240",1.8,first\na.PNG,700,"1.8,1.6",\ndeep/er/c.webp,,,\n'

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -28,9 +27,9 @@ def outcomes(standin: ModuleType, *tasks: str, **settings: object) -> dict[str, 
     return {outcome.task: outcome for outcome in found}
 
 
-def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType):
-    tasks = [f"task{i}" for i in range(12)]
-    found = list(run_in_workers(tasks, partial(standin.open_worker, 0.2), WorkerSettings(2)))
+def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType, tmp_path: Path):
+    tasks = [str(tmp_path / f"meet{i}") for i in range(12)]
+    found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(2)))
     assert sorted(outcome.task for outcome in found) == sorted(tasks)
     assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
     assert all((outcome.failure, outcome.attempts) == ("", 1) for outcome in found)
@@ -94,15 +93,15 @@ def test_a_full_disk_ends_everything(standin: ModuleType):
     assert str(error.value) == "cannot write results: No space left on device"
 
 
-def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType):
+def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType, tmp_path: Path):
     asked: list[float] = []
 
     def count(peak_mb: float) -> int:
         asked.append(peak_mb)
         return 2
 
-    tasks = [f"task{i}" for i in range(8)]
-    found = list(run_in_workers(tasks, partial(standin.open_worker, 0.3), WorkerSettings(count)))
+    tasks = ["alone", *(str(tmp_path / f"meet{i}") for i in range(4))]
+    found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(count)))
     assert len(asked) == 1
     assert asked[0] > 5
     assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2

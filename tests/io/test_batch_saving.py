@@ -18,7 +18,7 @@ from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.saving import PEOPLE_FILE, Saving, save_photo
+from physic_core.batch.saving import PEOPLE_FILE, Saving, save_photo, thumbnail_jpeg
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
@@ -119,6 +119,10 @@ def test_people_are_arrays_that_numpy_reads(result: Reconstruction, tmp_path: Pa
 def test_what_cannot_be_saved(level: str, glb: bool):
     with pytest.raises(ConfigError):
         Saving(level, glb=glb)
+
+
+def test_a_scene_without_people_has_a_thumbnail_too(make: Callable[..., Reconstruction]):
+    assert thumbnail_jpeg(make(people=0)).startswith(b"\xff\xd8\xff")
 
 
 # ---- rows, table and page --------------------------------------------------------------------------------------------
