@@ -18,7 +18,7 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.known_sizes import body_point, stature_factor
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError
-from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
+from physic_core.pipeline.known_sizes import bodies_of_stature, contradicting_statures, statures_of_people
 from physic_core.types import Bodies, People
 from physic_testing.worlds import World, build_world
 
@@ -104,6 +104,16 @@ def test_contradicting_sizes_are_reported_with_both_numbers(stand: World) -> Non
     (message,) = contradictions(run(stand, KnownSizes(camera_height=1.1, lengths=(wide,))))
     assert message.startswith("the given sizes contradict one another or the photo: in the result the camera height is")
     assert "and was given as 1.10 m, the length from (10, 100) to (150, 100) is" in message
+
+
+def test_people_of_impossible_stature_are_reported() -> None:
+    unknown, ratio = np.array([np.nan, np.nan, 1.8]), torch.tensor([1.5, math.nan, 1.05])
+    estimated = torch.tensor([1.7, 1.7, 1.8])
+    assert contradicting_statures(unknown, estimated, ratio) == [
+        "in a scene of the given size the photo shows person 0 as 2.55 m tall: check the size, and in the preview "
+        "whether the floor lies under the person's feet"
+    ]
+    assert contradicting_statures(None, estimated, torch.ones(3)) == []
 
 
 def test_a_length_outside_the_photo_is_not_used_and_reported(stand: World) -> None:

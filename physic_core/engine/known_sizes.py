@@ -20,6 +20,7 @@ from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
 __all__ = [
+    "STATURES_M",
     "BodyPoint",
     "KnownDistances",
     "KnownGeometry",
@@ -36,7 +37,8 @@ _FACING_DEG = 89.0
 _STATURE_SPREAD = 0.06  # log standard deviation of adults' statures about the estimate
 _FACTOR_SPREAD = 0.05  # log standard deviation of one person's size by a scene of known scale
 _CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
-_STATURES_M = (0.5, 2.2)  # of people whose size follows from the scene
+STATURES_M = (0.5, 2.2)
+"""Limits of the stature of people whose size follows from the scene."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,7 @@ def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
     log = torch.nan_to_num(measured, nan=1.0).log()
     trust = _STATURE_SPREAD**2 / (_STATURE_SPREAD**2 + _FACTOR_SPREAD**2)
     share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
-    least, most = (limit / stature for limit in _STATURES_M)
+    least, most = (limit / stature for limit in STATURES_M)
     return (log * share).exp().clamp(torch.minimum(least, torch.ones_like(least)), torch.maximum(most, most * 0 + 1))
 
 

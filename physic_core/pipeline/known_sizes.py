@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.known_sizes import body_point
+from physic_core.engine.known_sizes import STATURES_M, body_point
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import InputError
 from physic_core.geometry.tensors import tensor
@@ -115,21 +115,30 @@ def resize_bodies(
     return taller, transl + before * ratio[:, None] - after, ratio
 
 
-def contradicting_statures(statures: FloatArray | None, ratio: Tensor) -> list[str]:
-    """Warn of people whose known stature (N,) contradicts the known scale of the scene.
+def contradicting_statures(statures: FloatArray | None, estimated: Tensor, ratio: Tensor) -> list[str]:
+    """Warn of people whose known or possible stature contradicts the known scale of the scene.
 
     Args:
-        statures: metres, NaN where unknown; None if none is known.
-        ratio: (N,) factor by which the scene would enlarge people of these statures, NaN where unknown.
+        statures: (N,) metres, known ones, NaN where unknown; None if none is known.
+        estimated: (N,) metres, of the bodies; the known ones where known.
+        ratio: (N,) factor by which the scene would enlarge these bodies, NaN where unknown.
     """
-    if statures is None:
-        return []
-    return [
-        f"the stature {height:.2f} m of person {i} contradicts the given size of the scene, in which the photo shows a "
-        f"person of {height * factor:.2f} m: check both, or leave one out"
-        for i, (height, factor) in enumerate(zip(statures.tolist(), ratio.tolist(), strict=True))
-        if math.isfinite(height * factor) and abs(math.log(factor)) > _SAME_STATURE
-    ]
+    known = [math.nan] * len(ratio) if statures is None else statures.tolist()
+    warnings = []
+    for i, (given, own, factor) in enumerate(zip(known, estimated.tolist(), ratio.tolist(), strict=True)):
+        if not math.isfinite(own * factor):
+            continue
+        if math.isfinite(given) and abs(math.log(factor)) > _SAME_STATURE:
+            warnings.append(
+                f"the stature {given:.2f} m of person {i} contradicts the given size of the scene, in which the photo "
+                f"shows a person of {given * factor:.2f} m: check both, or leave one out"
+            )
+        elif not math.isfinite(given) and not STATURES_M[0] <= own * factor <= STATURES_M[1]:
+            warnings.append(
+                f"in a scene of the given size the photo shows person {i} as {own * factor:.2f} m tall: check the "
+                "size, and in the preview whether the floor lies under the person's feet"
+            )
+    return warnings
 
 
 def contradictions(

@@ -77,7 +77,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if factor is not None:
             ratio = _size_by_scene(scene, photo, bodies, placed)
-            stages.warn(*contradicting_statures(estimates.statures, ratio))
+            stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
             placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if floor_cuts_people(scene.floor, bodies.placed_vertices(placed)):
