@@ -74,6 +74,13 @@ PERSON_METRICS = {
     "floating_mm": "mean distance, from the reconstructed scene or floor, of the vertices that truly touch what "
     "the true point map or floor has within 50 mm; 0 inside, and 150 mm at most",
     "floating_all_mm": "the same of all that truly touch, though it may be something that no photo shows",
+    "true_penetration_mm": "mean depth, in the true walls, ground and furniture, of the vertices inside them, after "
+    "the factor about the camera that gives the reconstructed scene its true median depth; 0 where none is, 150 mm at "
+    "most, and without vertices that truly are over 10 mm inside",
+    "true_floating_mm": "mean distance of the vertices that truly touch from the true scene, after the same factor; 0 "
+    "inside, and 150 mm at most",
+    "true_penetration_unscaled_mm": "true_penetration_mm with nothing aligned",
+    "true_floating_unscaled_mm": "true_floating_mm with nothing aligned",
 }
 """Metric of a person -> definition."""
 
@@ -181,7 +188,10 @@ class Evaluator:
     def truth_records(self) -> list[dict[str, Any]]:
         """Return distance, visibility and contact metrics of every person in the ground truth."""
         world = self.world
-        touch = self._touch(np.arange(len(world.masks)), self._near, world.vertices)
+        everybody = np.arange(len(world.masks))
+        touch = self._touch(everybody, self._near, world.vertices)
+        for facts, true in zip(touch, self._true_touch(everybody, world.vertices), strict=True):
+            facts |= true
         seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
         return [
             {
@@ -291,7 +301,26 @@ class Evaluator:
             return []
         vertices = estimate.vertices[rows]
         near = scene_distance(vertices, scene.points, scene.normals, scene.valid, estimate.intrinsics, scene.floor)
-        return self._touch(true, near, vertices)
+        error = scene_error(scene.points, self._empty, scene.valid, self._known)
+        factor = math.exp(-error.log_scale) if math.isfinite(error.log_scale) else 1.0
+        scaled, unscaled = self._true_touch(true, factor * vertices), self._true_touch(true, vertices)
+        return [
+            {**touch, **own, **{name.replace("_mm", "_unscaled_mm"): value for name, value in raw.items()}}
+            for touch, own, raw in zip(self._touch(true, near, vertices), scaled, unscaled, strict=True)
+        ]
+
+    def _true_touch(self, true: Indices, vertices: FloatArray) -> list[dict[str, float]]:
+        """Return penetration and floating of vertices (n, V, 3) of true people relative to the true scene."""
+        world = self.world
+        distance = world.room.signed_distance(world.camera.to_room(np.asarray(vertices, np.float64)))
+        distance = np.maximum(distance, -SEARCH_RADIUS_M)
+        counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
+        inside = penetration(distance, np.ones(distance.shape), counted=counted)
+        gap = contact_gap(distance, world.contact[true], reach=SEARCH_RADIUS_M)
+        return [
+            {"true_penetration_mm": 1000 * float(inside.mean_depth[j]), "true_floating_mm": 1000 * float(gap[j])}
+            for j in range(len(true))
+        ]
 
     def _touch(self, true: Indices, near: SceneDistance, vertices: FloatArray) -> list[dict[str, float]]:
         """Return penetration and floating for given scene distances."""

@@ -118,7 +118,11 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
 def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Statistic]:
     """Average the contact metrics of the ground truth itself, the lower bound for reconstructions."""
     people = [[person["measured"] for person in record["people"]] for record in records]
-    names = [name for name in PERSON_METRICS if name.startswith(("penetration", "floating"))]
+    names = [
+        name
+        for name in PERSON_METRICS
+        if name.startswith(("penetration", "floating", "true_")) and "unscaled" not in name
+    ]
     return _with_intervals({name: _ratio(people, name) for name in names})[0]
 
 

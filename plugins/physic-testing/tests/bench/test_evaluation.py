@@ -45,7 +45,9 @@ def test_the_truth_is_perfect(world, truth, skin):
         assert person["geodesic_fp_cm"] == person["geodesic_fn_cm"] == 0
         assert person["penetration_max_mm"] < 25
         assert person["floating_mm"] < 20
-        for name in ("penetration_mm", "floating_mm"):
+        assert person["true_penetration_mm"] < 11
+        assert person["true_floating_mm"] < 20
+        for name in ("penetration_mm", "floating_mm", "true_penetration_mm", "true_floating_mm"):
             assert person[name] == pytest.approx(facts["measured"][name], abs=1e-3)
     scene = evaluator.scene_record(truth)
     assert set(WORLD_METRICS) - {"seconds"} <= set(scene)
@@ -80,6 +82,18 @@ def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
     assert 5 < person["penetration_mm"] < 30
     assert person["floating_mm"] < 3
     assert 0.05 < person["penetration_litres"] < 1.5
+    assert 5 < person["true_penetration_mm"] < 35
+    assert person["true_floating_mm"] < 3
+
+
+def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(world, truth, skin):
+    evaluator = Evaluator(world, world.masks, skin)
+    scene = replace(truth.scene, points=1.1 * truth.scene.points, floor=None)
+    larger = replace(truth, scene=scene, vertices=1.1 * truth.vertices, joints=1.1 * truth.joints)
+    for person, facts in zip(evaluator.person_records(larger), evaluator.truth_records(), strict=True):
+        for name in ("true_penetration_mm", "true_floating_mm"):
+            assert person[name] == pytest.approx(facts["measured"][name], abs=0.1)
+        assert person["true_floating_unscaled_mm"] > 100 or person["true_penetration_unscaled_mm"] > 50
 
 
 def test_people_are_told_apart_whatever_their_order(world, truth, skin):
