@@ -131,14 +131,16 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
 
 
-def benchmark_cases(count: int, seed: int, size: tuple[int, int]) -> tuple[WorldCase, ...]:
+def benchmark_cases(count: int, seed: int, size: tuple[int, int], other_bodies: bool = False) -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 
     Args:
         count: number of worlds; the actions take turns.
         seed: seed of the random world seeds.
         size: width and height of the photos, px.
+        other_bodies: whether people have bodies that no shape of the body model has.
     """
-    from physic_testing.worlds import benchmark_worlds
+    from physic_testing.worlds import OTHER_BODIES, benchmark_worlds
 
-    return tuple(WorldCase(name, number, size) for name, number in benchmark_worlds(count, seed))
+    suffix = OTHER_BODIES if other_bodies else ""
+    return tuple(WorldCase(name + suffix, number, size) for name, number in benchmark_worlds(count, seed))

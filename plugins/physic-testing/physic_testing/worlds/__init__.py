@@ -1,6 +1,24 @@
 """Synthetic scenes of people, indoors and outdoors, with ground truth for all estimates of PhySIC."""
 
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
-from physic_testing.worlds.world import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world
+from physic_testing.worlds.world import (
+    CONTACT_DISTANCE,
+    OTHER_BODIES,
+    WORLDS,
+    World,
+    benchmark_worlds,
+    build_world,
+    is_world,
+)
 
-__all__ = ["BLAZEPOSE", "CONTACT_DISTANCE", "SKELETONS", "WORLDS", "World", "benchmark_worlds", "build_world"]
+__all__ = [
+    "BLAZEPOSE",
+    "CONTACT_DISTANCE",
+    "OTHER_BODIES",
+    "SKELETONS",
+    "WORLDS",
+    "World",
+    "benchmark_worlds",
+    "build_world",
+    "is_world",
+]

@@ -32,6 +32,7 @@ _UNRELATED_MODULES = (
     "disk_cache",
     "ground_truth",
     "labels",
+    "other_bodies",
     "ray_casting",
     "rendering",
     "rooms",
@@ -53,7 +54,9 @@ class StagedScene:
     intrinsics: Intrinsics
 
 
-def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int]) -> StagedScene:
+def set_up_scene(
+    model: BodyModel, name: str, seed: int, size: tuple[int, int], other_bodies: bool = False
+) -> StagedScene:
     """Draw action scenes until a camera shows everybody, then build the surroundings.
 
     Args:
@@ -61,6 +64,7 @@ def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int]) 
         name: name of the action.
         seed: seed of all random choices.
         size: width and height of the photo, px.
+        other_bodies: whether the model is one of ``other_bodies``, which has action scenes of its own.
 
     Raises:
         RuntimeError: no camera shows everybody in any of the drawn action scenes.
@@ -71,7 +75,7 @@ def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int]) 
             np.random.default_rng([seed, zlib.crc32(name.encode()), take, matter]) for matter in range(3)
         )
         action_scene = disk_cache.load_or_build(
-            disk_cache.cache_key("action_scene", name, seed, take, without=_UNRELATED_MODULES),
+            _cache_key(name, seed, take, other_bodies),
             ActionScene,
             (PosedPerson, Block, Ground),
             lambda act=act: draw_action(name, model, act),  # type: ignore[misc]
@@ -91,6 +95,13 @@ def set_up_scene(model: BodyModel, name: str, seed: int, size: tuple[int, int]) 
             room = _build_surroundings(action_scene, subject.sparse, shot, place)
             return StagedScene(room, action_scene.actors, shot.camera, shot.intrinsics)
     raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
+
+
+def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
+    if not other_bodies:
+        return disk_cache.cache_key("action_scene", name, seed, take, without=_UNRELATED_MODULES)
+    unrelated = tuple(module for module in _UNRELATED_MODULES if module != "other_bodies")
+    return disk_cache.cache_key("action_scene", f"{name}+other", seed, take, without=unrelated)
 
 
 def _build_surroundings(

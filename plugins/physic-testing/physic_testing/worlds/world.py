@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -25,11 +25,13 @@ from physic_testing.worlds.skeletons import SKELETONS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_testing.worlds.cameras import Camera
+    from physic_testing.worlds.ground_truth import PosedBodies
     from physic_testing.worlds.rooms import Room
 
-__all__ = ["CONTACT_DISTANCE", "WORLDS", "World", "benchmark_worlds", "build_world"]
+__all__ = ["CONTACT_DISTANCE", "OTHER_BODIES", "WORLDS", "World", "benchmark_worlds", "build_world", "is_world"]
 
 WORLDS: tuple[str, ...] = (
     "stand",
@@ -54,6 +56,9 @@ WORLDS: tuple[str, ...] = (
 )
 """Names of the worlds; each names the action of its people."""
 
+OTHER_BODIES = "+other"
+"""At the end of a world's name: its people have other proportions and skin than any shape of the body model."""
+
 CONTACT_DISTANCE = 0.02
 """Maximum distance of a contact vertex to a surface, m; vertices inside count too (rule of the paper's code)."""
 
@@ -65,7 +70,7 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS.
+        name: one of WORLDS, followed by OTHER_BODIES or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
         empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
@@ -86,7 +91,8 @@ class World:
         keypoints: skeleton name -> (N, J, 2) float64 px.
         visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own skin or limb.
         joints_visible: (N, 55) bool, the same for the body joints.
-        parameters: parameters of the N bodies.
+        parameters: parameters of the N bodies; of OTHER_BODIES, those of the body model in the same pose and with the
+            same pelvis, whose vertices are not ``vertices``.
         body_model: name of the body model.
         topology: name of its mesh topology.
         faces: (F, 3) int32.
@@ -143,14 +149,14 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
-        name: one of WORLDS.
+        name: one of WORLDS; followed by OTHER_BODIES, people have bodies that no shape of the body model has.
         seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
     Raises:
         InputError: no world has this name, or the size is too small for a label.
     """
-    if name not in WORLDS:
+    if not is_world(name):
         raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
     if min(size) < labels.SMALLEST_PX:
         raise InputError(
@@ -161,6 +167,12 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
 
 
 _COLOUR_STREAM = 9  # of the random numbers of clothes and light
+_BODY_STREAM = 10  # of those of other bodies
+
+
+def is_world(name: str) -> bool:
+    """Return whether a world has this name."""
+    return name.removesuffix(OTHER_BODIES) in WORLDS
 
 
 def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
@@ -193,13 +205,19 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
 
     from physic_core.body import load_body
     from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
+    from physic_testing.worlds.other_bodies import other_body
     from physic_testing.worlds.reproducible_math import apply, dot
     from physic_testing.worlds.scene_setup import set_up_scene
 
-    model = load_body("embedded").to(dtype=torch.float64)
-    stage = set_up_scene(model, name, seed, size)
-    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, zlib.crc32(name.encode()), _COLOUR_STREAM])
+    fitted = model = load_body("embedded").to(dtype=torch.float64)
+    action, other = name.removesuffix(OTHER_BODIES), name.endswith(OTHER_BODIES)
+    number = zlib.crc32(action.encode())
+    if other:
+        model = other_body(model, np.random.default_rng([seed, number, _BODY_STREAM]))
+    stage = set_up_scene(model, action, seed, size, other)
+    intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
+    parameters = _with_same_pelvis(fitted, bodies) if other else bodies.parameters
     pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
     up = np.array(stage.room.ground.normal)
@@ -229,7 +247,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
         visible={name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()},
         joints_visible=seen(bodies.joints, model.joint_names),
-        parameters=bodies.parameters,
+        parameters=parameters,
         body_model=model.name,
         topology=model.topology,
         faces=model.faces.numpy().astype(np.int32),
@@ -240,6 +258,14 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         distance=distance.astype(np.float32),
         residual=np.array([actor.residual for actor in stage.actors]),
     )
+
+
+def _with_same_pelvis(model: BodyModel, bodies: PosedBodies) -> BodyParameters:
+    """Return the parameters of bodies of another model, moved so that this model has the pelvis at the same place."""
+    from physic_testing.worlds.contact_fit import pose_body
+
+    rest = [pose_body(model, np.zeros((55, 3)), row, np.zeros(3))[1][0] for row in bodies.parameters.betas]
+    return replace(bodies.parameters, transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32))
 
 
 def _box(mask: BoolArray) -> FloatArray:
