@@ -25,7 +25,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
 from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendNotFoundError, InputError
-from physic_core.types import StageRecord
+from physic_core.types import CheckResult, Grade, StageRecord
 
 
 @pytest.fixture(autouse=True)
@@ -55,6 +55,9 @@ class Result_:
     warnings: tuple[str, ...] = ("no floor was found",)
     notes: tuple[str, ...] = ("focal length is a default",)
     stages: tuple[StageRecord, ...] = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
+    unposed: tuple[Any, ...] = ()
+    checks: tuple[CheckResult, ...] = ()
+    grade: Grade | None = None
     saved: list[str] = field(default_factory=list)
 
     def save(self, folder: str, *, overwrite: bool) -> None:
@@ -95,11 +98,11 @@ def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
     assert done.stdout == (
-        "0 people in 3.2 s, and 0.5 s to load models\n"
+        "no person, the scene alone in 3.2 s, and 0.5 s to load models\n"
         "note: focal length is a default\n"
         "warning: no floor was found\n"
-        "checks: no checks were run\n"
         "results: photo-physic/  (look at preview.png first)\n"
+        "grade: none  (checks: no checks were run)\n"
     )
     assert done.stderr == "[1/2] people\n[2/2] scene\n"
     assert pipeline.result.saved == ["photo-physic"]
@@ -115,12 +118,15 @@ def test_run_says_where_each_person_stands_and_touches(pipeline):
         contact: Any
         failed_checks: tuple[str, ...]
         unknown_checks: tuple[str, ...]
+        grade: Grade
 
     joints = numpy.full((55, 3), 2.5)
-    pipeline.result.people = (One(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean")),)
+    pipeline.result.people = (
+        One(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean"), Grade.DOUBTFUL),
+    )
     assert physic(*run()).stdout.splitlines()[:2] == [
         "1 person in 3.2 s, and 0.5 s to load models",
-        "  person 0: 2.5 m away, 2 of 3 vertices touch; check: reprojection; not measured: floating, lean",
+        "  person 0: doubtful: 2.5 m away, 2 of 3 vertices touch; check: reprojection; not measured: floating, lean",
     ]
 
 

@@ -15,15 +15,24 @@ import pytest
 import torch
 
 from physic_core.body import load_body
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.io.check_records import check_record, parse_checks
-from physic_core.pipeline.checks import CHECKS, check_warnings, failed_checks, run_checks, unknown_checks
+from physic_core.pipeline.checks import (
+    CHECKS,
+    check_warnings,
+    failed_checks,
+    grade_person,
+    grade_photo,
+    run_checks,
+    unknown_checks,
+)
 from physic_core.pipeline.checks.result import check_value
-from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
-from physic_core.types import CameraTrust, CheckResult, CheckState, Intrinsics, Plane
+from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
@@ -40,23 +49,43 @@ def standing(lean_deg: float = 0.0) -> np.ndarray:
     return np.stack([joints[:, 0], 1.5 - foot - up * math.cos(tilt), 4.0 - up * math.sin(tilt)], -1)
 
 
+def bent() -> np.ndarray:
+    """(55, 3) joints of one whose left knee is bent."""
+    joints = standing()
+    joints[7] = joints[4] + [0.0, 0.0, 0.4]
+    return joints
+
+
+def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0) -> Any:
+    """COCO keypoints at the projected joints, ``moved`` of the limbs' displaced."""
+    skeleton = skeleton_named("coco17")
+    points = np.zeros((1, 17, 2))
+    limbs = [k for k, name in enumerate(skeleton.names) if name in JOINT_INDEX and "eye" not in name]
+    for row, k in enumerate(limbs):
+        x, y, z = np.nan_to_num(joints[JOINT_INDEX[skeleton.names[k]]], nan=1.0)
+        points[0, k] = [500 * x / z + camera.cx + (off_px if row < moved else 0.0), 500 * y / z + camera.cy]
+    return SimpleNamespace(points=points, confidence=np.ones((1, 17)), skeleton="coco17")
+
+
 def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     """Estimates, solution and settings of one person where all is well, but for the changes."""
     known = {"told": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
-    known |= {"scene_camera": CAMERA} | changes
-    assert len(known) == 14, sorted(known)
+    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"} | changes
+    assert len(known) == 18, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [4, 7]] = known["legs"]
+    joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
     maps = {"scene": known["scene_camera"], "original": None}
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
         missing_results=(known["lost"],),
+        keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
+        people=SimpleNamespace(boxes=np.array([[0.0, 0.0, 300.0, 400.0]]), unposed=known["unposed"]),
         **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
     )
     floor = FLOOR if known["floor"] == "found" else None
-    joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
     solution = SimpleNamespace(
         people=(known["told"],),
         failures=(known["failure"],),
@@ -66,7 +95,8 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
         diagnostics={
             "scene": {
                 "alignment": {"inlier_share": known["scene_share"]},
-                "floor": {"reason": known["floor"], "inlier_share": 0.62, "mask_reason": known["mask"]},
+                "floor": {"reason": known["floor"], "inlier_share": 0.62}
+                | {"mask_reason": known["mask"], "source": "lower image" if known["mask"] else known["source"]},
             },
             "placement": {"alignment": {"inlier_share": known["photo_share"]}},
         },
@@ -107,6 +137,7 @@ def test_nothing_fails_where_all_is_well() -> None:
         ({"camera": Intrinsics(500, 500, 319.5, 239.5 - 0.16 * 480, 640, 480)}, "principal_point", 0.16),
         ({"scene_camera": Intrinsics.from_focal(325, 320, 240)}, "focal_agreement", 0.3),
         ({"scene_camera": Intrinsics.from_focal(400, 640, 480)}, "focal_agreement", 0.25),
+        ({"unposed": ("somebody", "another")}, "unposed_people", 2.0),
     ],
 )
 def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float) -> None:
@@ -128,6 +159,19 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"told": {"seen_share": 0.23}}, ("visible",)),
         ({"told": {"seen_share": 0.75}}, ()),
         ({"told": {"depth_order_share": 0.2}}, ("depth_order",)),
+        ({"told": {"mask_covered_share": 0.78}}, ("mask_covered",)),
+        ({"told": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
+        ({"told": {"clearance_m": 0.28}}, ("support",)),
+        ({"told": {"clearance_m": 0.28}, "legs": False}, ("legs_seen", "support")),
+        ({"told": {"sole_height_m": 0.25}}, ("sole_height",)),
+        ({"told": {"sole_height_m": 0.25}, "legs": False}, ("legs_seen",)),
+        ({"told": {"sole_height_m": 0.25}, "joints": bent()}, ()),
+        ({"told": {"sole_height_m": -2.3}}, ("sole_height",)),
+        ({"told": {"sole_height_m": -2.3}, "joints": bent(), "legs": False}, ("legs_seen", "sole_height")),
+        ({"told": {"low_depth_ratio": 0.5}}, ("low_depth",)),
+        ({"off": 30.0, "moved": 3}, ("limb_keypoints",)),
+        ({"off": 30.0, "moved": 2}, ()),
+        ({"off": 10.0, "moved": 12}, ()),
         ({"told": {"depth_ratio": 1.45}}, ("person_depth",)),
         ({"told": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
         ({"told": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
@@ -259,6 +303,15 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "no_pixels"}, "placed", "no floor was found: the position is by size and scene alone"),
         ({"floor": "no_pixels"}, "floating", "no floor was found"),
         ({"floor": "no_pixels"}, "lean", "no floor was found"),
+        ({"floor": "no_pixels", "told": {"sole_height_m": -2.3}}, "sole_height", "no floor was found"),
+        (
+            {"joints": bent(), "told": {"sole_height_m": 0.3}},
+            "sole_height",
+            "this person does not stand straight",
+        ),
+        ({"source": "lower image"}, "floor_mask", "the segmenter gives no floor pixels"),
+        ({}, "trunk_tilt", "fewer than two people have a body"),
+        ({}, "support", "there is no floor, and no surface near the body"),
         ({"floor": "no_pixels"}, "floor_mask", "no floor was found"),
         ({"floor": "switched_off"}, "floor", "the settings of the engine search no floor"),
         ({"legs": False}, "floating", "a leg is not visible"),
@@ -273,6 +326,61 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
 def test_what_is_not_measured_is_unknown_for_a_reason(changes: dict[str, Any], name: str, reason: str) -> None:
     (check,) = [d for d in run_checks(*case(**changes)) if d.name == name]
     assert (check.state, check.value, check.message) == (CheckState.UNKNOWN, None, f"not measured: {reason}")
+
+
+@pytest.mark.parametrize(("lean", "failed"), [(12.0, False), (18.0, True), (-18.0, True)])
+def test_people_who_all_lean_doubt_the_floor(lean: float, failed: bool) -> None:
+    estimates, solution, settings = case(lean=lean)
+    solution.joints = np.concatenate([solution.joints, solution.joints])
+    (check,) = [d for d in run_checks(estimates, solution, settings) if d.name == "trunk_tilt"]
+    assert check.value == pytest.approx(abs(lean), abs=0.5)
+    assert check.failed == failed
+
+
+def results(*failed: str, unknown: tuple[str, ...] = ()) -> list[CheckResult]:
+    """All checks of person 0 and the photo, ok but for those named."""
+    checks = []
+    for name, check in CHECKS.items():
+        state = "failed" if name in failed else "unknown" if name in unknown else "ok"
+        person = None if check.of == "photo" else 0
+        checks.append(CheckResult(name, state, None, 0.0, check.direction, check.unit, "", person))  # type: ignore[arg-type]
+    return checks
+
+
+@pytest.mark.parametrize(
+    ("failed", "unknown", "grade"),
+    [
+        ((), (), Grade.GOOD),
+        (("legs_seen",), (), Grade.DOUBTFUL),
+        (("legs_seen", "visible"), (), Grade.DOUBTFUL),
+        (("support",), (), Grade.DOUBTFUL),
+        (("support", "mask_covered"), (), Grade.BAD),
+        (("missing_outputs",), (), Grade.BAD),
+        ((), ("placed",), Grade.DOUBTFUL),
+        ((), ("mask_covered",), Grade.DOUBTFUL),
+        ((), ("lean", "sole_height", "person_depth"), Grade.GOOD),
+    ],
+)
+def test_the_grade_of_a_person(failed: tuple[str, ...], unknown: tuple[str, ...], grade: Grade) -> None:
+    assert grade_person(results(*failed, unknown=unknown), 0) is grade
+
+
+@pytest.mark.parametrize(
+    ("failed", "unknown", "people", "grade"),
+    [
+        ((), (), [Grade.GOOD, Grade.GOOD], Grade.GOOD),
+        (("focal_known",), (), [Grade.GOOD], Grade.GOOD),
+        (("floor", "scale_sigma"), (), [Grade.GOOD], Grade.DOUBTFUL),
+        ((), ("floor_mask",), [Grade.GOOD], Grade.DOUBTFUL),
+        ((), (), [Grade.GOOD, Grade.DOUBTFUL], Grade.DOUBTFUL),
+        (("floor",), (), [Grade.BAD, Grade.GOOD], Grade.BAD),
+        ((), (), [], Grade.DOUBTFUL),
+    ],
+)
+def test_the_grade_of_a_photo(
+    failed: tuple[str, ...], unknown: tuple[str, ...], people: list[Grade], grade: Grade
+) -> None:
+    assert grade_photo(results(*failed, unknown=unknown), people) is grade
 
 
 def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:
@@ -379,6 +487,24 @@ def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:
     assert lifted.gap(lifted.free, lifted.floor) == pytest.approx(0.2, abs=1e-6)
     assert lifted.gap(lifted.free, lifted.floor - 0.3) == 0
     assert lifted.gap(lifted.free, None) == 0.15
+
+
+def test_the_clearance_counts_every_vertex() -> None:
+    body = Body(lift=0.2)
+    assert clearance(body.vertices, body.free, body.up, body.floor) == pytest.approx(0.2, abs=1e-6)
+    assert clearance(body.vertices, body.free, body.up, None) is None
+    near = body.free.clone()
+    near[load_body().contact_sets["left_hand"]] = 0.01
+    assert clearance(body.vertices, near, body.up, body.floor) == pytest.approx(0.01)
+    assert clearance(body.vertices, body.free, body.up, body.floor - 2.3) == 0
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.25, -2.3])
+def test_the_soles_are_above_or_below_the_floor(lift: float) -> None:
+    body, sets = Body(lift=lift), load_body().contact_sets
+    soles = torch.cat([sets["left_sole"], sets["right_sole"]])
+    assert sole_height(body.vertices, soles, body.up, body.floor) == pytest.approx(lift, abs=0.02)
+    assert sole_height(body.vertices, soles, body.up, None) is None
 
 
 def test_a_hand_on_a_table_does_not_carry_one_who_stands() -> None:

@@ -112,6 +112,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
                 "keypoints": np.round(keypoints, 4).tolist(),
                 "contact": {name: float(person.contact[rows.cpu().numpy()].mean()) for name, rows in sets.items()},
                 "failed_checks": list(person.failed_checks),
+                "grade": person.grade,
             }
         )
     floor = result.scene.floor
@@ -122,6 +123,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
         "checks": [
             {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)} for c in result.checks
         ],
+        "grade": result.grade,
         "warnings": list(result.warnings),
     }
     if "depth_file" in sample.truth:

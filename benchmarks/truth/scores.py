@@ -47,7 +47,7 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
 
 
 def photo_record(sample: Sample, answer: Answer) -> Record:
-    """Time and checks."""
+    """Time, checks and grade; no grade where there is no result."""
     failed = sorted({check["name"] for check in answer["checks"] if check["state"] == "failed"})
     unknown = sorted({check["name"] for check in answer["checks"] if check["state"] == "unknown"})
     return {
@@ -59,7 +59,7 @@ def photo_record(sample: Sample, answer: Answer) -> Record:
         "bodies": len(people_of(answer)),
         "failed_checks": failed,
         "unknown_checks": unknown,
-        "passes": not answer["error"] and not failed,
+        "grade": answer.get("grade"),
         **{key: answer.get(key, math.nan) for key in ("wall_s", "cpu_s", "absrel", "absrel_scaled", "depth_factor")},
     }
 
@@ -134,6 +134,7 @@ def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
             pixels = projected(joints_of(found[matched[i]]), answer["camera"])
             record["visible"] = points_error(pixels, mark[:, :2], mark[:, 2] == 2, box)
             record["hidden"] = points_error(pixels, mark[:, :2], mark[:, 2] == 1, box)
+            record["grade"] = found[matched[i]].get("grade")
         records.append(record)
     return records
 
@@ -150,7 +151,7 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
     if person is not None:
         own = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
-        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")}
+        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")} | {"grade": person.get("grade")}
     limbs = []
     for limb, part in LIMBS.items():
         if sample.truth["uncaptured"][limb]:
@@ -198,7 +199,7 @@ def _person(sample: Sample, name: str, truth: Array, up: Array | None, person: M
     posture = {True: "upright", False: "bent", None: "unknown"}[is_upright(truth, up)]
     record: Record = {**_of(sample), "person": name, "found": person is not None, "posture": posture}
     if person is not None:
-        record |= pose_errors(joints_of(person), truth)
+        record |= pose_errors(joints_of(person), truth) | {"grade": person.get("grade")}
     return record
 
 

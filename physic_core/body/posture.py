@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-__all__ = ["is_body_straight", "lean_deg"]
+__all__ = ["is_body_straight", "lean_deg", "trunk_tilt_deg"]
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
-_NECK = JOINT_INDEX["neck"]
+_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _STRAIGHT_KNEE_DEG = 140.0
 _STRAIGHT_HIP_DEG = 35.0
 
@@ -52,6 +52,12 @@ def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
     length = float(np.linalg.norm(towards))
     part = math.nan if length < 1e-9 else math.degrees(math.atan2(body @ towards / length, body @ normal))
     return _angle_deg(body, normal), part
+
+
+def trunk_tilt_deg(joints: Array, up: Array) -> float:
+    """Return the angle between the trunk, from pelvis to neck, and an up direction (3,), in degrees."""
+    trunk = np.asarray(joints[_NECK], np.float64) - np.asarray(joints[_PELVIS], np.float64)
+    return _angle_deg(trunk, np.asarray(up, np.float64))
 
 
 def _angle_deg(first: Array, second: Array) -> float:

@@ -310,12 +310,13 @@ def _summary(result: Reconstruction, folder: Path) -> str:
             place = f"{distance:.1f} m away, {touching} of {len(person.contact)} vertices touch"
         else:
             place = "no body"
-        lines.append(f"  person {i}: {place}{failed}{unknown}")
+        grade = f"{person.grade}: " if person.grade else ""
+        lines.append(f"  person {i}: {grade}{place}{failed}{unknown}")
     lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
-    lines.append(f"checks: {summarize_checks(result.checks)}")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
+    lines.append(f"grade: {result.grade or 'none'}  (checks: {summarize_checks(result.checks)})")
     return "\n".join(lines)
 
 

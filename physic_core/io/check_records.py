@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import Any, Literal
 
 from physic_core.files.strict_json import from_json
-from physic_core.types import CheckResult, CheckState
+from physic_core.types import CheckResult, CheckState, Grade
 
-__all__ = ["check_record", "parse_checks"]
+__all__ = ["check_record", "parse_checks", "parse_grade"]
 
 _AT_LEAST = {
     *("scene_alignment", "photo_alignment", "floor", "floor_mask", "focal_known"),
@@ -29,6 +29,12 @@ def parse_checks(records: Sequence[Mapping[str, Any]], version: int) -> tuple[Ch
     Version 1 has ``ok``, which is true if nothing was measured, in place of ``state`` and ``direction``.
     """
     return tuple(_parse(record, version) for record in records)
+
+
+def parse_grade(record: Mapping[str, Any]) -> Grade | None:
+    """Parse the ``grade`` of a document or of a person; None if it was written without grades."""
+    grade = record.get("grade")
+    return None if grade is None else Grade(grade)
 
 
 def _parse(record: Mapping[str, Any], version: int) -> CheckResult:

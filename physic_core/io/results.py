@@ -19,7 +19,7 @@ from physic_core.io.arrays import (
     npz_checksum,
     to_arrays,
 )
-from physic_core.io.check_records import parse_checks
+from physic_core.io.check_records import parse_checks, parse_grade
 from physic_core.io.compact import COMPACT_PERSON_ARRAYS, COMPACT_SHARED_ARRAYS, compact_arrays, expand_arrays
 from physic_core.io.document import (
     decode_document,
@@ -218,6 +218,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         notes=tuple(document["notes"]),
         config=from_json(document["config"]),
         checks=checks,
+        grade=parse_grade(document),
         photo=document.get("photo", ""),
         unposed=parse_unposed(document.get("unposed", ())),
         lens=_lens(document.get("lens")),
@@ -265,4 +266,5 @@ def _person(
         distance=of("distance"),
         failed_checks=tuple(record["failed_checks"]),
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
+        grade=parse_grade(record),
     )

@@ -1,4 +1,4 @@
-"""Measures of one person for the self-checks: visible share, support gap and depth ratio.
+"""Measures of one person for the self-checks: visible share, gaps to the support, heights and depth ratio.
 
 OpenCV camera frame, metres.
 """
@@ -16,7 +16,7 @@ from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["depth_ratio", "support_gap", "visible_share"]
+__all__ = ["clearance", "depth_ratio", "sole_height", "support_gap", "visible_share"]
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
@@ -82,6 +82,35 @@ def support_gap(
     elif gap == float("inf"):
         gap = reach
     return max(0.0, gap)
+
+
+def clearance(vertices: Tensor, distance: Tensor, up: Tensor, floor_offset: float | None) -> float | None:
+    """Compute the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
+
+    Unlike :func:`support_gap`, all vertices count, seen or not. None without a floor and without a surface in reach.
+
+    Args:
+        vertices: (V, 3).
+        distance: (V,) signed, to scene or floor; inf beyond the search radius.
+        up: (3,) unit.
+        floor_offset: the floor is ``up . X + floor_offset = 0``, metres; None without a floor.
+    """
+    gap = float(distance.min())
+    if floor_offset is not None:
+        gap = min(gap, float((vertices @ up).min()) + floor_offset)
+    return max(0.0, gap) if gap != float("inf") else None
+
+
+def sole_height(vertices: Tensor, soles: Tensor, up: Tensor, floor_offset: float | None) -> float | None:
+    """Return the height of the lowest sole vertex over the floor, metres, negative below it; None without a floor.
+
+    Args:
+        vertices: (V, 3).
+        soles: indices of the sole vertices.
+        up: (3,) unit.
+        floor_offset: the floor is ``up . X + floor_offset = 0``, metres.
+    """
+    return None if floor_offset is None else float((vertices[soles] @ up).min()) + floor_offset
 
 
 def depth_ratio(

@@ -381,8 +381,9 @@ def _result(
     config: Config,
     stages: StageRunner,
 ) -> Reconstruction:
-    from physic_core.pipeline.checks import check_warnings, failed_checks, unknown_checks
+    from physic_core.pipeline.checks import check_warnings, failed_checks, grade_person, grade_photo, unknown_checks
 
+    grades = [grade_person(checks, i) for i in range(len(estimates.people))]
     people = []
     for i in range(len(estimates.people)):
         people.append(
@@ -399,6 +400,7 @@ def _result(
                 distance=solution.distance[i],
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
+                grade=grades[i],
             )
         )
     stages.warn(*check_warnings(checks))
@@ -417,4 +419,5 @@ def _result(
         config=config.as_dict(),
         checks=checks,
         unposed=tuple(estimates.people.unposed),
+        grade=grade_photo(checks, grades),
     )

@@ -15,7 +15,8 @@ from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_sur
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.geometry.visibility import vertex_normals
-from physic_core.pipeline.measures import depth_ratio, support_gap, visible_share
+from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
@@ -183,15 +184,31 @@ def measure_contacts(
         free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
     contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
+    up, soles = up.to(vertices), torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
+    silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, s))
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]
         measured[i] = {
+            **silhouettes[i],
+            "clearance_m": clearance(body, distance[i], up, height),
+            "sole_height_m": sole_height(body, soles, up, height),
             "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
             "support_gap_m": support_gap(
-                body, result.joints[i], normals, may_touch[row], distance[i], up.to(body), height, SEARCH_RADIUS_M
+                body, result.joints[i], normals, may_touch[row], distance[i], up, height, SEARCH_RADIUS_M
             ),
         }
         if problem.human_depth is not None:
             depth = problem.human_depth * s
             measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
     return contact, distance, measured
+
+
+def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
+    """Return masks and depths of the problem, with the final scale of the scene."""
+    scene, photo = problem.scene_depth, problem.human_depth
+    return PhotoEvidence(
+        masks=problem.masks,
+        scene_depth=None if scene is None else scene * scale,
+        photo_depth=None if photo is None else photo * scale,
+        K=problem.K,
+    )

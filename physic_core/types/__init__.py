@@ -16,7 +16,7 @@ from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.people import Keypoints, People, UnposedPerson
 from physic_core.types.prompt import PeoplePrompt
-from physic_core.types.records import CheckResult, CheckState, Provenance, StageRecord, summarize_checks
+from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
@@ -38,6 +38,7 @@ __all__ = [
     "CheckState",
     "ContactProbability",
     "DepthMap",
+    "Grade",
     "Hands",
     "Hints",
     "Intrinsics",

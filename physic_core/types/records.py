@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
 
-__all__ = ["CheckResult", "CheckState", "Provenance", "StageRecord", "summarize_checks"]
+__all__ = ["CheckResult", "CheckState", "Grade", "Provenance", "StageRecord", "summarize_checks"]
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,19 @@ class CheckState(StrEnum):
 
     UNKNOWN = "unknown"
     """Nothing was measured; the message says why."""
+
+
+class Grade(StrEnum):
+    """How far a result can be trusted, by its self-checks; docs/checks.md says how often each grade is right."""
+
+    GOOD = "good"
+    """All checks that the grade needs were measured and are ok."""
+
+    DOUBTFUL = "doubtful"
+    """A check failed, or one that the grade needs was not measured."""
+
+    BAD = "bad"
+    """The checks contradict the result."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, StageRecord
+    from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
 
 __all__ = ["Person", "Reconstruction", "Scene"]
@@ -69,6 +69,7 @@ class Person(ShortRepr):
             search radius.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
+        grade: how far the body can be trusted, or None in a result that was written without grades.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
@@ -84,6 +85,7 @@ class Person(ShortRepr):
     distance: FloatArray
     failed_checks: tuple[str, ...] = ()
     unknown_checks: tuple[str, ...] = ()
+    grade: Grade | None = None
     faces: NDArray[np.int32] | None = None
 
     def mesh(self) -> Any:
@@ -123,6 +125,8 @@ class Reconstruction(ShortRepr):
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
+        grade: how far the result can be trusted: the worst of its people's grades and of the photo's own checks. None
+            in a result that was written without grades.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
@@ -143,6 +147,7 @@ class Reconstruction(ShortRepr):
     config: Mapping[str, Any] = field(default_factory=dict)
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
+    grade: Grade | None = None
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
 

@@ -99,9 +99,10 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
 
 
 def summary_line(reconstruction: Reconstruction) -> str:
-    """Return one line of text with size, focal length, scale, floor, time and checks of a reconstruction."""
+    """Return one line of text with grade, size, focal length, scale, floor, time and checks of a reconstruction."""
     camera, scene = reconstruction.intrinsics, reconstruction.scene
     facts = [
+        f"grade: {reconstruction.grade or 'none'}",
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px ({camera.source})",
         "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
@@ -272,7 +273,10 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
         _draw_person_number(pen, x + 18, y + 16, index)
         person = people[index]
         share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
-        pen.text((x + 36, y + 16), f"{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm")
+        grade = f"{person.grade}, " if person.grade else ""
+        pen.text(
+            (x + 36, y + 16), f"{grade}{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm"
+        )
         if line := person_checks(person):
             line = _shorten(line, 14, width - 16)
             color = _ALERT if person.failed_checks else _SOFT

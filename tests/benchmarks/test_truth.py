@@ -63,7 +63,9 @@ def person_of(truth, joints: np.ndarray, contact: dict[str, float] | None = None
     pixels = pixels[:, :2] / pixels[:, 2:]
     keypoints = np.column_stack([pixels, np.ones(12)])
     box = [*(pixels.min(0) - 20), *(pixels.max(0) + 20)]
-    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "contact": contact or {}}
+    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "contact": contact or {}} | {
+        "grade": "good"
+    }
 
 
 def moved(points: object, *by: float) -> np.ndarray:
@@ -72,7 +74,7 @@ def moved(points: object, *by: float) -> np.ndarray:
 
 def answer_with(*people: dict, **more: object) -> dict:
     answer = {"error": "", "people": list(people), "camera": [1000, 1000, 500, 400], "floor": [0, -1, 0, 1.0]}
-    return answer | {"checks": [], "wall_s": 2.0, "cpu_s": 1.0} | more
+    return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
 
 
 def test_sides_may_be_one_letter_and_what_is_missing_is_nan(truth):
@@ -393,7 +395,17 @@ def test_a_person_too_near_comes_out_in_the_table(truth, joints):
     assert rows["floor: angle deg"] == pytest.approx(0)
     assert rows["height"] == pytest.approx(0.05)
     assert rows["CPU seconds a photo"] == 1
-    assert (rows["photos of which all checks pass"], rows["wrong"]) == (1, 0)
+    assert (rows["photos graded good"], rows["people with 3D truth graded good"], rows["wrong"]) == (1, 1, 0)
+
+
+@pytest.mark.parametrize("scale", [0.7, 1.3])
+def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
+    for grade, wrong in (("good", 1), ("doubtful", math.nan)):
+        person = person_of(truth, scale * joints) | {"grade": grade}
+        records = truth.main.compared([alone(truth, joints)], [answer_with(person) | {"grade": grade}])
+        rows = truth.table.rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
+        found = [row.figure.value for row in rows if row.name == "  measurably wrong of those"]
+        assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
 def test_who_has_no_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
@@ -403,7 +415,7 @@ def test_who_has_no_body_is_missed_and_a_refused_floor_is_missing(truth, joints)
     rows = rows_by_name(truth, records)
     assert (rows["people found, mpi_inf_3dhp"], rows["missing"]) == (0, 1)
     assert records["photos"][0]["failed_checks"] == ["floor"]
-    assert rows["photos of which all checks pass"] == 0
+    assert rows["photos graded good"] == 1
 
 
 def test_the_bystander_is_not_compared(truth, joints):
@@ -489,6 +501,7 @@ def test_results_are_kept_in_px_of_the_photo(truth):
         keypoint_confidence=np.ones(17),
         contact=np.zeros(5, bool),
         failed_checks=(),
+        grade="good",
     )
     result = SimpleNamespace(
         intrinsics=Intrinsics(100.0, 100.0, 49.5, 39.5, 100, 80),
@@ -497,6 +510,7 @@ def test_results_are_kept_in_px_of_the_photo(truth):
         skeleton="coco17",
         scene=SimpleNamespace(floor=None),
         checks=(),
+        grade="doubtful",
         warnings=(),
     )
     sample = truth.sets.Sample("people2d", "a", "a", Path("a.jpg"))
@@ -504,6 +518,7 @@ def test_results_are_kept_in_px_of_the_photo(truth):
     assert kept["people"][0]["box"] == [20, 40, 60, 80]
     assert kept["people"][0]["keypoints"][0] == [19.5, 19.5, 1]
     assert kept["camera"] == [200, 200, 99.5, 79.5]
+    assert (kept["grade"], kept["people"][0]["grade"]) == ("doubtful", "good")
 
 
 def test_a_run_goes_on_where_it_was_broken_off(truth, tmp_path, monkeypatch, joints):

@@ -8,6 +8,7 @@ import trimesh
 
 from physic_core.types import (
     BodyParameters,
+    Grade,
     Intrinsics,
     Person,
     Plane,
@@ -147,6 +148,7 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         distance=np.where(heights < 0.15, heights, np.inf).astype(np.float32),
         failed_checks=("stands apart from the floor",),
         unknown_checks=("lean",),
+        grade=Grade.DOUBTFUL,
     )
     return person, faces
 
@@ -175,6 +177,7 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
         diagnostics={"joint": {"contact": [12.5, 0.1], "lowest": float("-inf")}, "rounds": 2},
         warnings=("The focal length is a default – “0.95” of the long side.", "NaN"),
         notes=("read from a file",),
+        grade=Grade.BAD,
         config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
     )
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_core.types import CheckResult, Intrinsics
+from physic_core.types import CheckResult, Grade, Intrinsics
 from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, side_view, top_view
 from physic_core.visual.panels import depth_panel, depth_range, overlay_panel, render_contact_views
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
@@ -241,8 +241,9 @@ def checks(*states):
 
 def test_the_headline_states_the_facts(reconstruction):
     judged = replace(reconstruction, checks=checks("failed", "unknown", "ok"))
-    assert summary_line(judged) == "  ·  ".join(
+    assert summary_line(replace(judged, grade=Grade.BAD)) == "  ·  ".join(
         [
+            "grade: bad",
             "160 x 120 px",
             "focal length 128 px (given)",
             "scale ±7 %",
@@ -258,8 +259,9 @@ def test_the_headline_states_the_facts(reconstruction):
 def test_the_headline_of_a_bare_result(make):
     bare = make(people=1)
     scene = replace(bare.scene, floor=None, scale=1.0, scale_sigma=None)
-    assert summary_line(replace(bare, scene=scene, stages=(), warnings=())) == "  ·  ".join(
+    assert summary_line(replace(bare, grade=None, scene=scene, stages=(), warnings=())) == "  ·  ".join(
         [
+            "grade: none",
             "160 x 120 px",
             "focal length 128 px (given)",
             "scale of unknown certainty",

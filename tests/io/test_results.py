@@ -221,6 +221,7 @@ def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
     assert document["intrinsics"]["fx"] == reconstruction.intrinsics.fx
     assert document["people"][0]["failed_checks"] == ["stands apart from the floor"]
     assert document["people"][0]["unknown_checks"] == ["lean"]
+    assert (document["grade"], document["people"][0]["grade"]) == ("bad", "doubtful")
     assert document["people"][1]["box"] == reconstruction.people[1].box.tolist()
     assert document["scene"]["floor"]["offset"] == 1.4
     assert document["scene"]["scale"] == 1.0625
@@ -375,6 +376,8 @@ def test_a_result_of_schema_version_1(tmp_path, reconstruction):
     low = {"value": 0.0, "threshold": 0.15, "unit": "share", "ok": False, "message": "no floor was found"}
     document |= {"schema_version": 1, "checks": [{"name": "floor", "person": None} | low]}
     document["checks"].append({"name": "lean", "person": 1} | old)
+    for record in (document, *document["people"]):
+        del record["grade"]
     for person in document["people"]:
         del person["unknown_checks"]
     path.write_bytes(json.dumps(document).encode())
@@ -384,6 +387,7 @@ def test_a_result_of_schema_version_1(tmp_path, reconstruction):
         CheckResult("lean", "unknown", None, 12.0, "at most", "deg", "not measured: tilt", 1),
     )
     assert [person.unknown_checks for person in loaded.people] == [(), ("lean",)]
+    assert (loaded.grade, loaded.people[0].grade) == (None, None)
 
 
 def test_another_schema_version(tmp_path, reconstruction):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from physic_core.pipeline.checks.grade import grade_person, grade_photo
 from physic_core.pipeline.checks.person import check_person
 from physic_core.pipeline.checks.photo import check_photo
 from physic_core.pipeline.checks.result import check_warnings, failed_checks, unknown_checks
@@ -20,7 +21,16 @@ if TYPE_CHECKING:
     from physic_core.pipeline.solution import Solution
     from physic_core.types import CheckResult
 
-__all__ = ["CHECKS", "CheckSpec", "check_warnings", "failed_checks", "run_checks", "unknown_checks"]
+__all__ = [
+    "CHECKS",
+    "CheckSpec",
+    "check_warnings",
+    "failed_checks",
+    "grade_person",
+    "grade_photo",
+    "run_checks",
+    "unknown_checks",
+]
 
 
 def run_checks(estimates: Estimates, solution: Solution, settings: EngineSettings) -> tuple[CheckResult, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import is_body_straight, lean_deg
+from physic_core.pipeline.checks.keypoints import limb_keypoint_error
 from physic_core.pipeline.checks.result import check_value, measured, relative_difference
 from physic_core.types import CheckResult
 
@@ -66,6 +67,25 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
         unmeasured="no keypoint is confident, or there is no body",
     )
     yield check_value(
+        "limb_keypoints",
+        limb_keypoint_error(estimates, solution, person),
+        "a limb misses its keypoints: its pose is doubtful, look at it over the photo in preview.png",
+        unmeasured="too few joints of the limbs have a confident keypoint",
+    )
+    yield check_value(
+        "mask_covered",
+        measured(report, "mask_covered_share"),
+        "the body leaves a part of the person in the photo uncovered: a limb, the pose or the size is wrong",
+        unmeasured=_NO_BODY,
+    )
+    yield check_value(
+        "body_in_mask",
+        measured(report, "body_in_mask_share"),
+        "the body reaches beyond the person in the photo: the pose, the size or the mask is wrong, or an object hides "
+        "a part",
+        unmeasured=_NO_BODY,
+    )
+    yield check_value(
         "visible",
         measured(report, "seen_share"),
         "most of the body is hidden or outside the photo: what is not seen is a guess",
@@ -97,6 +117,13 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
         "the body hangs in the air: its distance or the floor is wrong, or what carries it is missing in the scene",
         unmeasured=unknown or _NO_BODY,
     )
+    yield check_value(
+        "support",
+        measured(report, "clearance_m"),
+        "nothing carries this person: neither floor nor a surface of the scene is near",
+        unmeasured="there is no floor, and no surface near the body",
+    )
+    yield _check_soles(solution, person, unknown)
     yield _check_lean(solution, person, unknown)
 
 
@@ -109,11 +136,34 @@ def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
         f"the depth at this person's pixels is {ratio or 1:.2f} times that of the body: their distance is doubtful",
         unmeasured="too few visible vertices have a depth",
     )
+    ratio = measured(report, "low_depth_ratio")
+    yield check_value(
+        "low_depth",
+        None if not ratio else relative_difference(ratio),
+        f"the depth at feet or seat is {ratio or 1:.2f} times that of the body: person and ground do not meet",
+        unmeasured="too few pixels at the lower end of the body are visible and have a depth",
+    )
     yield check_value(
         "depth_order",
         measured(report, "depth_order_share"),
         "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
         unmeasured=_NO_BODY,
+    )
+
+
+def _check_soles(solution: Solution, person: int, unknown: str | None) -> CheckResult:
+    """Compare the lower sole with the floor: people who stand touch it, and nobody is below it."""
+    joints, height = solution.joints[person], measured(solution.people[person], "sole_height_m")
+    floor = _floor_problem(solution)
+    if floor is None and height is not None and height > 0:
+        # Only the feet of people who stand and whose legs are visible must be on the floor.
+        floor = unknown or (None if is_body_straight(joints) else "this person does not stand straight")
+    side = "above" if (height or 0) > 0 else "below"
+    return check_value(
+        "sole_height",
+        abs(height) if height is not None and floor is None else None,
+        f"the lower sole is {abs(height or 0):.2f} m {side} the floor: the floor or the person's distance is wrong",
+        unmeasured=floor or _NO_BODY,
     )
 
 

@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from physic_core.body.posture import trunk_tilt_deg
 from physic_core.pipeline.checks.result import check_value, measured, relative_difference
 from physic_core.types import CheckResult
 
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["check_photo"]
 
 _NO_PEOPLE = "there is no person in the result"
+_FEWEST_TRUNKS = 2  # a single person may bend
+
 _NO_FLOOR = {
     "no_pixels": "too few pixels to search",
     "no_consensus": "no horizontal plane has enough pixels",
@@ -56,8 +61,15 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         threshold=human_points.MIN_ALIGN_INLIER_SHARE,
     )
     yield from _check_floor(report["scene"]["floor"], settings)
+    yield _check_tilt(solution)
     yield from _check_scale(estimates, solution)
     yield from _check_focal(estimates, solution)
+    unposed = len(estimates.people.unposed)
+    yield check_value(
+        "unposed_people",
+        float(unposed),
+        f"{unposed} of the people in the photo have no body, and are part of the scene: see unposed",
+    )
 
 
 def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
@@ -78,12 +90,26 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         threshold=min_inlier_share(settings.scene.floor),
     )
     wrong = report["mask_reason"]
+    followed = report.get("source") == "floor mask"
     yield check_value(
         "floor_mask",
-        float(wrong is None) if reason == "found" else None,
+        float(followed) if reason == "found" and (followed or wrong is not None) else None,
         f"the floor mask was not followed, since {_NO_FLOOR.get(str(wrong), wrong)}: the floor was searched in the "
         "lower part of the photo, look whether it is the floor in preview.png",
-        unmeasured="no floor was found",
+        unmeasured="no floor was found" if reason != "found" else "the segmenter gives no floor pixels",
+    )
+
+
+def _check_tilt(solution: Solution) -> CheckResult:
+    """Compare the floor with the trunks of several people: they do not all lean."""
+    floor, joints = solution.scene.floor, [j for j in solution.joints if np.isfinite(j).all()]
+    tilts = [] if floor is None else [trunk_tilt_deg(j, floor.normal) for j in joints]
+    tilt = median(tilts) if len(tilts) >= _FEWEST_TRUNKS else None
+    return check_value(
+        "trunk_tilt",
+        tilt,
+        f"half of the people lean by {tilt or 0:.0f} degrees or more from the floor's normal: the floor is doubtful",
+        unmeasured="no floor was found" if floor is None else "fewer than two people have a body",
     )
 
 

@@ -1,0 +1,42 @@
+"""Distance of the final limbs from the detected keypoints, in the photo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.types import skeleton_named
+
+if TYPE_CHECKING:
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.solution import Solution
+
+__all__ = ["limb_keypoint_error"]
+
+_LIMB_JOINTS = tuple(
+    f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
+)
+_CONFIDENT = 0.5
+_FEWEST = 4
+_QUANTILE = 0.9  # two joints of a dozen may be wrong
+
+
+def limb_keypoint_error(estimates: Estimates, solution: Solution, person: int) -> float | None:
+    """Return the 0.9 quantile of the limb joints' distances from their confident keypoints, of the box's diagonal.
+
+    None with fewer than four such keypoints or without a body.
+    """
+    names = skeleton_named(estimates.keypoints.skeleton).names
+    rows = [(names.index(name), JOINT_INDEX[name]) for name in _LIMB_JOINTS if name in names]
+    points, confidence = estimates.keypoints.points[person], estimates.keypoints.confidence[person]
+    pixels = np.asarray(solution.joints[person], np.float64) @ solution.intrinsics.matrix.T
+    box = np.asarray(estimates.people.boxes[person], np.float64)
+    diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
+    errors = [
+        float(np.linalg.norm(points[k] - pixels[j, :2] / pixels[j, 2])) for k, j in rows if confidence[k] >= _CONFIDENT
+    ]
+    if len(errors) < _FEWEST or not np.isfinite(errors).all() or diagonal <= 0:
+        return None
+    return float(np.quantile(errors, _QUANTILE, method="lower")) / diagonal

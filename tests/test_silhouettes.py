@@ -1,0 +1,103 @@
+"""Silhouettes of bodies of known size against masks and depths."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+
+HEIGHT, WIDTH = 300, 400
+K = torch.tensor([[200.0, 0.0, 199.5], [0.0, 200.0, 149.5], [0.0, 0.0, 1.0]])
+FACES = torch.tensor([[0, 3, 2], [0, 2, 1], [0, 1, 2], [0, 2, 3]])
+
+
+def plate(x: float = 0.0, z: float = 4.0) -> torch.Tensor:
+    """(4, 3): a plate of 1 m by 2 m that faces the camera, 50 by 100 px at 4 m."""
+    return torch.tensor([[x - 0.5, -1.0, z], [x + 0.5, -1.0, z], [x + 0.5, 1.0, z], [x - 0.5, 1.0, z]])
+
+
+def mask(left: int = 175, right: int = 225, top: int = 100, bottom: int = 200) -> torch.Tensor:
+    """(300, 400) bool, the pixels of the plate unless other edges are given."""
+    pixels = torch.zeros((HEIGHT, WIDTH), dtype=torch.bool)
+    pixels[top:bottom, left:right] = True
+    return pixels
+
+
+def compare(
+    *masks: torch.Tensor,
+    bodies: tuple[torch.Tensor, ...] = (),
+    scene: torch.Tensor | None = None,
+    photo: torch.Tensor | None = None,
+) -> list[dict[str, float | None]]:
+    vertices = torch.stack(bodies or (plate(),) * len(masks))
+    return compare_silhouettes(vertices, FACES, PhotoEvidence(torch.stack(masks), scene, photo, K))
+
+
+def depth(metres: float) -> torch.Tensor:
+    return torch.full((HEIGHT, WIDTH), metres)
+
+
+def test_a_body_that_fills_its_mask() -> None:
+    assert compare(mask()) == [{"mask_covered_share": 1.0, "body_in_mask_share": 1.0, "low_depth_ratio": None}]
+
+
+def test_a_body_that_covers_the_upper_half_of_a_person() -> None:
+    (found,) = compare(mask(bottom=300))  # 50 by 200 px; clothes may reach 8 px beyond the body
+    assert found["mask_covered_share"] == pytest.approx((100 + 8) / 200, abs=0.01)
+    assert found["body_in_mask_share"] == 1
+
+
+def test_clothes_widen_the_mask() -> None:
+    assert compare(mask(left=170, right=230))[0]["mask_covered_share"] == 1
+
+
+def test_a_body_beyond_its_mask() -> None:
+    (found,) = compare(mask(bottom=150))
+    assert found["mask_covered_share"] == 1
+    assert found["body_in_mask_share"] == pytest.approx((50 + 2) / 100, abs=0.015)
+
+
+def test_pixels_that_another_person_hides_do_not_count() -> None:
+    upper, lower = mask(bottom=150), mask(top=150)
+    other = plate(x=1.5)
+    assert compare(upper, lower, bodies=(plate(), other))[0]["body_in_mask_share"] == 1
+
+
+def test_pixels_that_a_nearer_object_hides_do_not_count() -> None:
+    desk = depth(9.0)
+    desk[150:] = 3.0
+    assert compare(mask(bottom=150), scene=desk)[0]["body_in_mask_share"] == 1
+    desk[150:] = 4.5  # it is behind the body
+    share = compare(mask(bottom=150), scene=desk)[0]["body_in_mask_share"]
+    assert share == pytest.approx(0.52, abs=0.015)
+
+
+def test_a_body_outside_the_photo_is_measured_where_the_photo_ends() -> None:
+    (found,) = compare(mask(left=375, right=400), bodies=(plate(x=4.0),))
+    assert found["body_in_mask_share"] == 1
+
+
+@pytest.mark.parametrize("metres", [2.0, 4.0, 6.0])
+def test_the_depth_at_the_lower_end(metres: float) -> None:
+    photo = depth(50.0)
+    photo[184:] = metres
+    (found,) = compare(mask(), photo=photo)
+    assert found["low_depth_ratio"] == pytest.approx(metres / 4)
+
+
+def test_nothing_is_measured_without_mask_or_depth() -> None:
+    nobody = torch.zeros((HEIGHT, WIDTH), dtype=torch.bool)
+    (found,) = compare(nobody, photo=depth(4.0))
+    assert found["mask_covered_share"] is None
+    assert found["low_depth_ratio"] is None
+    (unknown,) = compare(mask(), photo=depth(float("nan")))
+    assert unknown["low_depth_ratio"] is None
+
+
+def test_a_large_photo_gives_the_same_shares() -> None:
+    large = mask(bottom=300).repeat_interleave(4, 0).repeat_interleave(4, 1)
+    camera = torch.tensor([[800.0, 0.0, 799.5], [0.0, 800.0, 599.5], [0.0, 0.0, 1.0]])
+    (found,) = compare_silhouettes(plate()[None], FACES, PhotoEvidence(large[None], None, None, camera))
+    (small,) = compare(mask(bottom=300))
+    assert found["mask_covered_share"] == pytest.approx(small["mask_covered_share"], abs=0.01)
