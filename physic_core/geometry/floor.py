@@ -62,6 +62,7 @@ _FEET_NEAR = 0.006  # as ``FEET_WINDOW``, to confirm a plane
 _FEET_AGREE = 0.1  # largest relative error of inverse depth at feet that confirm a plane
 _REANCHOR_RANGE = (0.5, 2.0)
 _REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the plane, in tolerances
+_STEEP_COSINE = math.cos(math.radians(35.0))  # between up and the camera's up axis, of a camera that looks down steeply
 _MASK_SHARE_FACTOR = 0.9  # on ``_MASK_SHARE``, if the up direction is known
 _LEVEL_COSINE = math.cos(math.radians(25.0))  # least cosine between up and the normal of a horizontal pixel
 _LEVELS = 3  # number of horizontal surfaces tried
@@ -167,6 +168,16 @@ def fit_floor(
     view = _inverse_depth_map(points, valid, evidence or FloorEvidence(), normals)
     if isinstance(view, str):
         return FloorSearch(None, view)
+    found = _search(view)
+    if found.plane is None and view.normals is not None:
+        # The estimated up direction may belong to a wall, if the camera looks down steeply.
+        up = _steep_up(view)
+        again = found if up is None else _search(view._replace(up=up))
+        found = again if again.plane is not None else found
+    return found
+
+
+def _search(view: _InverseDepthMap) -> FloorSearch:
     mask = view.evidence.mask
     if mask is None or not bool(mask.any()):
         return _search_picture(view)
@@ -174,6 +185,20 @@ def fit_floor(
     if masked.reason == "no_consensus":
         masked = _search_mask(view, mask, _MASK_SLACK * view.tolerance)
     return masked if masked.plane is not None else replace(_search_picture(view), mask_reason=masked.reason)
+
+
+def _steep_up(view: _InverseDepthMap) -> Tensor | None:
+    """Estimate up (3,) from the best plane of the floor mask, else of the lower part, if it is steep in the camera."""
+    mask = view.evidence.mask
+    samples = view.samples(mask if mask is not None and bool(mask.any()) else None)
+    plane = _fit_plane(samples, view._replace(up=None), _MASK_SLACK * view.tolerance)
+    if isinstance(plane, str) or view.normals is None:
+        return None
+    normal = -plane / torch.linalg.vector_norm(plane)
+    if float(-normal[1]) > _STEEP_COSINE:
+        return None
+    estimate = estimate_up(view.normals[view.valid], normal)
+    return estimate.up if estimate is not None and estimate.confidence >= MIN_UP_CONFIDENCE else None
 
 
 def _inverse_depth_map(

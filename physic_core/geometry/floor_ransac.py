@@ -22,7 +22,7 @@ HOLE_WEIGHT = 0.3
 """Weight of inpainted pixels: an inpainter may continue furniture instead of the floor."""
 
 MAX_ROLL_DEG = 25.0
-"""Largest roll of the camera relative to the floor."""
+"""Largest roll of the camera relative to the floor, if up is not known."""
 
 _HYPOTHESES = 1000
 _SEED = 0
@@ -142,9 +142,10 @@ def _draw_planes(samples: BlockSamples, slope: float, up: Tensor | None, generat
 def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
     """Return whether planes (..., 3) are seen from above, unrolled and perpendicular to up: (...) bool."""
     # Inverse depth increases downwards on a plane seen from above; a / b is the tangent of the camera's roll.
-    level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
-    if up is not None:
-        level = level & (-(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1))
+    if up is None:
+        level: Tensor = planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
+    else:
+        level = -(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1)
     return level & (planes[..., 1] > slope)
 
 

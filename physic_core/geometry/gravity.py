@@ -31,16 +31,17 @@ class UpEstimate(NamedTuple):
     confidence: float
 
 
-def estimate_up(normals: Tensor) -> UpEstimate | None:
+def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | None:
     """Estimate the up direction from unit surface normals (M, 3), camera frame, zero where unknown.
 
-    The search starts at the camera's own up axis, which may be wrong by 45 degrees. None if there are too few normals.
+    The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by 45 degrees, which a
+    camera that looks down steeply exceeds. None if there are too few normals.
     """
     known = normals[normals.square().sum(-1) > 0.5].double()
     if len(known) < _FEWEST:
         return None
     known = known[:: max(1, len(known) // _SAMPLES)]
-    up = known.new_tensor([0.0, -1.0, 0.0])
+    up = known.new_tensor([0.0, -1.0, 0.0]) if start is None else start.to(known)
     values = known.new_ones(3)
     for degrees, times in _ROUNDS:
         reach = math.radians(degrees)

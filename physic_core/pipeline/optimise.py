@@ -29,7 +29,7 @@ from physic_core.engine.placement.people import Detections, PlacedPeople, place_
 from physic_core.engine.placement.place import PosedBodies
 from physic_core.engine.scene.build import alignment_diagnostics, build_scene
 from physic_core.engine.scene.camera import Cameras
-from physic_core.engine.scene.floor_below_people import floor_cuts_people, without_floor
+from physic_core.engine.scene.floor_below_people import without_floor, wrong_floor
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
@@ -80,8 +80,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
             placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
-        if floor_cuts_people(scene.floor, bodies.placed_vertices(placed)):
-            scene = without_floor(scene)
+        if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
+            scene = without_floor(scene, not_theirs)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
         problem = _joint_problem(estimates, scene, photo, bodies, placed, model)

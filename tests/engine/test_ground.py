@@ -11,7 +11,12 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.scene import floor_below_people
-from physic_core.engine.scene.floor_below_people import floor_cuts_people, floor_under_people, plane_cuts_people
+from physic_core.engine.scene.floor_below_people import (
+    floor_cuts_people,
+    floor_under_people,
+    plane_cuts_people,
+    wrong_floor,
+)
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
@@ -166,3 +171,16 @@ def test_a_floor_of_a_mask_is_never_taken_for_furniture(people):
     assert floor_cuts_people(fit, vertices)
     assert not floor_cuts_people(replace(fit, source="floor mask"), vertices)
     assert not floor_cuts_people(None, vertices)
+
+
+def test_a_floor_metres_below_everybody_is_not_what_they_stand_on(people):
+    vertices, _, soles = people
+    under = -float((vertices[:, soles] @ UP).min())
+    deep = 0.8 + 0.15 * float(vertices[..., 2].mean(1).max())
+    fit = PlaneFit(UP, under, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "floor mask")
+    assert wrong_floor(fit, vertices) is None
+    assert wrong_floor(replace(fit, offset=under + 0.6), vertices) is None
+    assert wrong_floor(replace(fit, offset=under + deep + 0.1), vertices) == "far_below_people"
+    assert wrong_floor(replace(fit, offset=under - 0.8, source="lower image"), vertices) == "through_people"
+    assert wrong_floor(None, vertices) is None
+    assert wrong_floor(fit, vertices[:0]) is None

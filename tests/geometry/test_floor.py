@@ -403,3 +403,14 @@ def test_surfaces_that_tell_nothing_find_no_floor_that_was_not_there() -> None:
     found = fit_floor(RAYS * depth[..., None], ALL, normals=torch.zeros_like(RAYS))
     assert found == fit_floor(RAYS * depth[..., None], ALL)
     assert (found.plane, found.reason) == (None, "below_plane")
+
+
+@pytest.mark.parametrize(("pitch", "roll", "masked"), [(55, 0, True), (50, -15, True), (55, 5, False)])
+def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch: float, roll: float, masked: bool) -> None:
+    """The up direction is first looked for round the camera's own, and finds the walls' there."""
+    depth, on_floor = walled(up(pitch, roll), 3.0)
+    points = RAYS * (depth + 0.004 * depth * noise())[..., None]
+    found = fit_floor(points, ALL, normals(points, ALL), mask=on_floor if masked else None)
+    assert found.plane is not None
+    assert angle_deg(found.plane.normal, up(pitch, roll)) < 2
+    assert found.plane.offset == pytest.approx(3.0, rel=0.03)

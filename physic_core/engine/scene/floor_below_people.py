@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -18,7 +19,18 @@ from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
 from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["floor_cuts_people", "floor_under_people", "plane_cuts_people", "without_floor"]
+__all__ = [
+    "FloorRejection",
+    "floor_cuts_people",
+    "floor_far_below_people",
+    "floor_under_people",
+    "plane_cuts_people",
+    "without_floor",
+    "wrong_floor",
+]
+
+FloorRejection = Literal["through_people", "far_below_people"]
+"""Why a floor is rejected for the people's sake."""
 
 _UPRIGHT = math.cos(math.radians(50.0))  # least cosine between up and pelvis-to-neck
 _CONFIDENCE_FACTOR = 0.5  # on the up confidence of a floor search: a tilt has little effect near the feet
@@ -26,6 +38,7 @@ _APART_M = 0.2  # metres, largest difference of sole heights on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and share of the depth: least distance of a point below the floor
 _MAX_BELOW = 0.05  # largest share of points below the floor
 _CUT_M, _CUT_SHARE = 0.25, 0.1  # metres below a plane, and share of a body's vertices below that
+_FAR_BELOW_M, _FAR_BELOW_SHARE = 0.8, 0.15  # metres, and share of the depth: a floor this far below is not theirs
 
 
 def floor_under_people(
@@ -75,9 +88,27 @@ def floor_cuts_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
     return plane_cuts_people(vertices, floor.normal, floor.offset)
 
 
-def without_floor(scene: SceneState) -> SceneState:
-    """Return a copy of the scene without its floor."""
-    diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "reason": "through_people"}}
+def wrong_floor(floor: PlaneFit | None, vertices: Tensor) -> FloorRejection | None:
+    """Return why a floor cannot be that of all people (B, V, 3), or None."""
+    if floor_cuts_people(floor, vertices):
+        return "through_people"
+    return "far_below_people" if floor_far_below_people(floor, vertices) else None
+
+
+def floor_far_below_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
+    """Return whether a floor lies so far below all people (B, V, 3) that they stand on something else.
+
+    The largest distance grows with the depth of the person, which is uncertain. False without people.
+    """
+    if floor is None or not len(vertices):
+        return False
+    height = height_over_plane(vertices, floor.normal, floor.offset).amin(1)
+    return bool((height > _FAR_BELOW_M + _FAR_BELOW_SHARE * vertices[..., 2].mean(1)).all())
+
+
+def without_floor(scene: SceneState, reason: FloorRejection) -> SceneState:
+    """Return a copy of the scene without its floor, with the reason in its diagnostics."""
+    diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "reason": reason}}
     return replace(
         scene,
         floor=None,

@@ -28,6 +28,7 @@ _NO_FLOOR = {
     "no_consensus": "no horizontal plane has enough pixels",
     "below_plane": "too many pixels lie below the best plane",
     "through_people": "the only horizontal plane cuts through the people, as tables and seats do",
+    "far_below_people": "the only horizontal plane lies far below the people, who stand on something else",
 }
 
 
