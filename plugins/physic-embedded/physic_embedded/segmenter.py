@@ -14,7 +14,7 @@ from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import encode_image
 from physic_embedded.networks.sessions import PackagedNetworks
-from physic_embedded.segmentation.floor_mask import floor_mask
+from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.people import SearchSettings, detect_poses
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 
@@ -59,7 +59,7 @@ class EmbeddedSegmenterOptions(Options):
     )
     max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
     min_height_px: float = Field(default=40, ge=0, description="People whose mask is lower than this are left out.")
-    floor: bool = Field(default=True, description="Look for the floor beside the feet.")
+    floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
     threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
@@ -110,7 +110,9 @@ class EmbeddedSegmenter(Segmenter):
         masks, floor = self._masks(image, poses)
         surfaces = None
         if options.surfaces:
-            surfaces = label_surfaces(networks["deeplabv3_mnv2_ade20k"], image, np.asarray(masks.any(axis=0)))
+            anybody = np.asarray(masks.any(axis=0))
+            surfaces = label_surfaces(networks["deeplabv3_mnv2_ade20k"], image, anybody)
+            floor = None if floor is None else add_labelled_floor(floor, surfaces, anybody)
         boxes = boxes_from_masks(masks).astype(np.float32)
         tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
         return People(

@@ -13,13 +13,14 @@ from physic_core.adapters.detections import box_iou
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
+from physic_core.types import SurfaceLabels
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
-from physic_embedded.segmentation.floor_mask import ground_points
+from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
 from physic_embedded.segmentation.people import (
     DETECTOR_LAYERS,
     DetectedPose,
@@ -382,3 +383,24 @@ def test_a_segmenter_that_is_not_loaded_says_so(image: NDArray[np.uint8]) -> Non
     with pytest.raises(BackendError) as error:
         EmbeddedSegmenter().infer(image)
     assert str(error.value) == "network 'yolox_nano' is not loaded: call load() before infer()"
+
+
+def rectangle(rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:
+    mask = np.zeros((100, 100), bool)
+    mask[rows, columns] = True
+    return mask
+
+
+def test_labels_extend_the_floor_that_people_stand_on_and_no_step() -> None:
+    person, labelled = rectangle(slice(20, 70), slice(40, 50)), rectangle(slice(60, 100))
+    surfaces = SurfaceLabels(labelled.astype(np.uint8), ("unknown", "floor"))
+    nobody, nothing = np.zeros_like(person), np.zeros_like(person)
+    near, step = rectangle(slice(65, 80), slice(30, 60)) & ~person, rectangle(slice(50, 60), slice(30, 60)) & ~person
+    assert (add_labelled_floor(near, surfaces, person) == (labelled & ~person)).all()
+    assert (add_labelled_floor(step, surfaces, person) == step).all()
+    apart = SurfaceLabels((labelled | rectangle(slice(0, 5))).astype(np.uint8), ("unknown", "floor"))
+    assert (add_labelled_floor(near, apart, person) == (labelled & ~person)).all()
+    assert (add_labelled_floor(nothing, surfaces, nobody) == labelled).all()
+    assert not add_labelled_floor(nothing, surfaces, person).any()
+    speck = SurfaceLabels(rectangle(slice(99, 100)).astype(np.uint8), ("unknown", "floor"))
+    assert (add_labelled_floor(near, speck, person) == near).all()

@@ -14,16 +14,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_core.types import SurfaceLabels
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
 
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["floor_mask", "ground_points", "visible_feet"]
+__all__ = ["add_labelled_floor", "floor_mask", "ground_points", "visible_feet"]
 
 FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
+
+_LEAST_LABELLED = 0.02  # of the picture; a smaller floor among the labels is ignored
+_LEAST_SHARED = 0.6  # of the smaller of two masks, if both show the same floor
 
 
 def visible_feet(pose: Pose, width: int, height: int, clear: float = 0.5) -> list[Float]:
@@ -82,6 +86,37 @@ def floor_mask(
         if value > most:
             best, most = mask, value
     return best & ~people
+
+
+def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool) -> Bool:
+    """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of surfaces.
+
+    Without people, the labels are the floor. Otherwise they extend the mask where they are connected with it, if the
+    smaller of the two mostly lies in the other: then people stand on the labelled floor. If not, they stand on
+    something else, which alone is the floor, as on a step or a treadmill. Where people have no visible feet, the labels
+    are not used, since they may show a bench that people sit on.
+
+    Args:
+        beside_feet: (H, W) of :func:`floor_mask`.
+        surfaces: of the same photo.
+        people: (H, W), pixels of anybody.
+    """
+    labelled = surfaces.mask("floor", "ground", "rug") & ~people
+    if labelled.mean() < _LEAST_LABELLED:
+        return beside_feet
+    if not people.any():
+        return np.asarray(labelled)
+    shared = (beside_feet & labelled).sum()
+    on_it = shared > _LEAST_SHARED * min(beside_feet.sum(), labelled.sum())
+    return _parts_that_touch(beside_feet | labelled, beside_feet) if on_it else beside_feet
+
+
+def _parts_that_touch(mask: Bool, wanted: Bool) -> Bool:
+    """Return the connected parts of a mask (H, W) that have a pixel of another mask."""
+    import cv2
+
+    _, parts = cv2.connectedComponents(mask.astype(np.uint8))
+    return np.asarray(mask & np.isin(parts, np.unique(parts[wanted])))
 
 
 def _person_points(poses: Sequence[Pose], people: Bool) -> Float:
