@@ -154,7 +154,7 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
         assert written[0][name] == written[1][name], name
     camera = json.loads(written[0]["reconstruction.json"])["intrinsics"]
     numbers = {"fx": 356, "fy": 357, "cx": 160, "cy": 119, "width": 320, "height": 240}
-    assert camera == numbers | {"source": "given", "trust": "known"}
+    assert camera == numbers | {"source": "given", "trust": "known", "focal_sigma": None}
 
 
 def test_the_document_states_every_stage_loss_backend_and_person(world: World):

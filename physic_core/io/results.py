@@ -235,6 +235,7 @@ def _camera(camera: Mapping[str, Any]) -> Intrinsics:
         height=camera["height"],
         source=camera["source"],
         trust=parse_trust(camera),
+        focal_sigma=camera.get("focal_sigma"),
     )
 
 

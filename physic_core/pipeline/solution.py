@@ -150,11 +150,11 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
     )
 
 
-def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust]:
+def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, float | None]:
     for camera in (estimates.intrinsics, estimates.depth.intrinsics):
         if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
-            return camera.source, camera.trust
-    return "point map and metric depth", CameraTrust.ESTIMATED
+            return camera.source, camera.trust, camera.focal_sigma
+    return "point map and metric depth", CameraTrust.ESTIMATED, None
 
 
 def measure_contacts(

@@ -38,6 +38,7 @@ class Intrinsics:
         height: image height, px.
         source: origin of the numbers as text for people ("EXIF: 50 mm", "vanishing points"); no code depends on it.
         trust: a :class:`CameraTrust` or its value. State it for a known or a guessed camera.
+        focal_sigma: standard deviation of the logarithm of the focal length, or None if it is not known.
 
     Raises:
         ValueError: ``trust`` is none of the three.
@@ -51,6 +52,7 @@ class Intrinsics:
     height: int
     source: str = "given"
     trust: CameraTrust = CameraTrust.ESTIMATED
+    focal_sigma: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "trust", CameraTrust(self.trust))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.focal import stable_manhattan_frame
 from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
+from physic_embedded.single_view.upright import body_planes, wall_planes
 from physic_embedded.standing import StandingPerson, standing_people
 
 if TYPE_CHECKING:
@@ -40,13 +41,22 @@ _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
 
 
+_EDGE_FOCAL_SIGMA = 0.08  # of log focal length from vanishing points: searches that differ by more are refused
+_DEFAULT_FOCAL_SIGMA = 0.25  # of log focal length of cameras: a phone's wide lens .7, a portrait lens 1.4 long sides
+
+
 class EmbeddedPointmapOptions(Options):
-    """Settings of the embedded relative point map."""
+    """Settings of the embedded relative point map.
+
+    The default focal length lies between those of phones and of other cameras. Main cameras of phones are stated as 24
+    to 28 mm in 35 mm terms, by the diagonal: .69 to .81 of the long side of a 4:3 photo. Kit zooms start at 24 to 28 mm
+    and are mostly used at 35 to 50 mm, .97 to 1.39 of the long side of a 3:2 photo.
+    """
 
     short_side: int = Field(518, ge=70, description="px of the short side that the network sees; 518 as trained")
     max_tokens: int = Field(3600, ge=64, description="cap on 14 px patches, which limits the time of long panoramas")
     default_focal: float = Field(
-        0.95, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
+        0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
     )
     focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
     threads: int = Field(2, ge=0, description="threads of the network; 0 leaves the choice to onnxruntime")
@@ -136,12 +146,14 @@ class EmbeddedPointmap(RelativePointmap):
             frame = None if segments is None else stable_manhattan_frame(segments, width, height)
             if frame is not None:
                 camera = Intrinsics.from_focal(frame.focal_px, width, height, "vanishing points")
+                camera = replace(camera, focal_sigma=_EDGE_FOCAL_SIGMA)
                 note = f"focal length {frame.focal_px:.0f} px from the vanishing points of straight edges"
                 return camera, _EdgeCues(frame, gravity_from_manhattan_frame(frame)), [note]
             focal = self.options.default_focal * max(width, height)
             source = f"default ({self.options.default_focal:g} x the long side)"
             camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
-            notes = [f"focal length is a {source}"]
+            camera = replace(camera, focal_sigma=_DEFAULT_FOCAL_SIGMA)
+            notes = [f"focal length is a {source}, give or take {_DEFAULT_FOCAL_SIGMA:.0%}"]
         else:
             camera, notes = given, []
         if segments is None:
@@ -154,14 +166,25 @@ class EmbeddedPointmap(RelativePointmap):
     ) -> tuple[float, str]:
         """Estimate the disparity at infinity from the photo's cues, and describe the cues used."""
         rows, columns = raw.shape
-        floor = fit_disparity_floor(raw, None if hints.hole is None else _shrink_mask(hints.hole, rows, columns))
+        focal = camera.fx * columns / camera.width
+        surfaces = None if hints.people is None else hints.people.surfaces
+        ground = None if surfaces is None else _shrink_labels(surfaces.mask("floor", "ground", "rug"), rows, columns)
+        walls = None if surfaces is None else _shrink_labels(surfaces.mask("wall", "cabinet"), rows, columns)
+        hole = None if hints.hole is None else _shrink_mask(hints.hole, rows, columns)
         shrink = rows / camera.height
         people = tuple(
             StandingPerson(s.nose * shrink, s.ankle * shrink)
             for s in standing_people(hints.keypoints, camera.height, camera.width)
         )
         infinity = disparity_at_infinity(
-            raw, floor, camera.fx * columns / camera.width, gravity=edges.gravity, frame=edges.frame, standing=people
+            raw,
+            fit_disparity_floor(raw, hole, ground),
+            focal,
+            gravity=edges.gravity,
+            frame=edges.frame,
+            standing=people,
+            walls=None if walls is None else wall_planes(raw, walls, focal),
+            bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )
         return infinity.disparity, f"depth is ambiguous up to an offset: {infinity.rule}"
 
@@ -180,6 +203,13 @@ def _shrink_mask(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np
 
     small = cv2.resize(mask.astype(np.float32), (columns, rows), interpolation=cv2.INTER_AREA)
     return np.asarray(small > 0)
+
+
+def _shrink_labels(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.bool_]:
+    """Resize a mask to network resolution by its nearest pixels."""
+    import cv2
+
+    return np.asarray(cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST_EXACT) > 0)
 
 
 def _match_to_scene(raw: FloatArray, hints: Hints) -> _SceneMatch | None:

@@ -1,0 +1,127 @@
+"""What stands upright on the floor, as a cue for the disparity at infinity: walls, and people's bodies in the image.
+
+A plane of the scene is a plane over the pixels of a disparity map, ``disparity = a x + b y + c`` with the ray
+(x, y, 1), and its normal is proportional to (a, b, c - infinity). So two planes that are known to be perpendicular,
+such as a wall and the floor, settle the disparity at infinity. A person who stands defines a vertical plane through
+the camera: gravity lies in it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types.skeletons import SIDES
+from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
+from physic_embedded.standing import angle_deg
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Keypoints
+
+    FloatArray = NDArray[np.floating]
+    BoolArray = NDArray[np.bool_]
+
+__all__ = ["axes_cost", "body_planes", "wall_planes", "walls_cost"]
+
+_MIN_CONFIDENCE = 0.5  # of a visible keypoint
+_MAX_BEND_DEG = 25.0  # of a straight knee, and between legs and trunk
+_AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
+_SIDE = 160  # px, long side of the grid on which walls are looked at
+_FEWEST = 100
+_LARGEST_SLOPES = 90  # percentile of the slopes of wall pixels; the steepest are depth edges
+_WALL_SIGMA_DEG = 5.0  # error of a wall's normal
+_MAX_WALL_DEG = 30.0  # a larger deviation is no wall
+_WALLS = 6.0  # number of independent observations that the pixels of all walls are worth
+
+
+def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: float) -> FloatArray:
+    """Return the local planes (M, 3) a, b, c of a disparity map at its wall pixels.
+
+    Args:
+        disparity: (H, W), larger is nearer.
+        walls: (H, W) bool.
+        focal_px: focal length at the resolution of ``disparity``.
+
+    Returns:
+        (M, 3) float64, M = 0 where too little wall is seen.
+    """
+    import cv2
+
+    height, width = disparity.shape
+    step = max(1, max(height, width) // _SIDE)
+    window = np.ones((2 * step + 1, 2 * step + 1), np.uint8)
+    smooth = cv2.GaussianBlur(np.asarray(disparity, np.float32), (0, 0), step)[::step, ::step].astype(np.float64)
+    inside = cv2.erode(walls.astype(np.uint8), window)[::step, ::step] > 0
+    inside[:2] = inside[-2:] = False
+    inside[:, :2] = inside[:, -2:] = False
+    if inside.sum() < _FEWEST:
+        return np.zeros((0, 3))
+    down, right = np.gradient(smooth)
+    slope = np.hypot(down, right)
+    inside &= slope <= np.percentile(slope[inside], _LARGEST_SLOPES)
+    rows, columns = np.mgrid[0:height:step, 0:width:step]
+    a, b = right / step * focal_px, down / step * focal_px
+    c = smooth - (a * (columns - (width - 1) / 2) + b * (rows - (height - 1) / 2)) / focal_px
+    return np.asarray(np.stack([a, b, c], -1)[inside])
+
+
+def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray, most: int = 1500) -> FloatArray:
+    """Return how badly walls stand upright, -2 log likelihood up to a constant, (C,).
+
+    The spread of the walls about the vertical is estimated too, so that curved or wrongly labelled walls count less.
+
+    Args:
+        planes: (M, 3) of :func:`wall_planes`.
+        infinity: (C,) candidates of the disparity at infinity.
+        down: (C, 3) unit normals of the floor for each candidate.
+        most: planes that are looked at.
+    """
+    if not len(planes):
+        return np.zeros(len(infinity))
+    planes = planes[:: -(-len(planes) // most)]
+    along = down[:, :2] @ planes[:, :2].T + down[:, 2:] * (planes[:, 2] - infinity[:, None])
+    length = np.sqrt((planes[:, :2] ** 2).sum(1) + (planes[:, 2] - infinity[:, None]) ** 2)
+    tilt = np.degrees(np.arcsin(np.clip(np.abs(along) / (length + 1e-12), 0, 1)))
+    return np.asarray(_WALLS * np.log(np.minimum(tilt, _MAX_WALL_DEG) ** 2 + _WALL_SIGMA_DEG**2).mean(1))
+
+
+def body_planes(keypoints: Keypoints | None, center: tuple[float, float], focal_px: float) -> FloatArray:
+    """Return the unit normals (N, 3) of the planes through the camera and the bodies of people who stand straight.
+
+    A body counts if both legs or at least the visible one are straight, and in line with the trunk.
+
+    Args:
+        keypoints: of the photo, or None.
+        center: principal point x, y, px.
+        focal_px: focal length, px.
+    """
+    if keypoints is None or not len(keypoints.points):
+        return np.zeros((0, 3))
+    keypoints = limb_keypoints(keypoints)
+    row = keypoint_indices(keypoints.joint_set)
+    needed = [row[f"{s}_{j}"] for s in SIDES for j in ("shoulder", "hip", "knee", "ankle")]
+    visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
+    points = {name: keypoints.points[:, i] for name, i in row.items()}
+    shoulder, hip, knee, ankle = (
+        (points[f"left_{joint}"] + points[f"right_{joint}"]) / 2 for joint in ("shoulder", "hip", "knee", "ankle")
+    )
+    bends = (angle_deg(knee - hip, ankle - knee), angle_deg(hip - shoulder, ankle - hip))
+    straight = visible & (np.maximum(*bends) < _MAX_BEND_DEG)
+    ones = np.ones((int(straight.sum()), 1))
+    high, low = (np.concatenate([(p[straight] - center) / focal_px, ones], 1) for p in (shoulder, ankle))
+    normals = np.cross(high, low)
+    return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12))
+
+
+def axes_cost(normals: FloatArray, down: FloatArray) -> FloatArray:
+    """Return how far gravity is from the bodies of standing people, -2 log likelihood up to a constant, (C,).
+
+    Args:
+        normals: (N, 3) of :func:`body_planes`.
+        down: (C, 3) unit candidates of the direction of gravity.
+    """
+    tilt = np.degrees(np.arcsin(np.clip(down @ normals.T, -1, 1))) / _AXIS_SIGMA_DEG
+    return np.asarray(4 * np.log1p(tilt**2 / 4).sum(1))
