@@ -16,7 +16,7 @@ from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
-from physic_embedded.networks.pose import MIRROR_PAIRS, Pose
+from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
@@ -212,6 +212,18 @@ def test_two_poses_are_one_person_if_masks_and_noses_are_together() -> None:
     short, tall = pose_at((100, 100)), pose_at((100, 160), height=330)
     assert np.linalg.norm(short.points[0] - tall.points[0]) < 10
     assert is_same_person(DetectedPose(short, 1.0, box), DetectedPose(tall, 1.0, box))
+
+
+def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept() -> None:
+    """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
+    pose, other = pose_at((100, 100)), pose_at((100, 100))
+    other.points[15] += [4.0, 0.0]
+    other.world[15] = [0.0, 0.0, 0.2]
+    other.points[16] += [40.0, 0.0]
+    other.world[16] = [0.0, 0.0, 0.2]
+    mean = average_agreeing(pose, [pose, other], near=0.02)
+    np.testing.assert_allclose(mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(mean.world, np.eye(33)[15][:, None] * [0.0, 0.0, 0.1], atol=1e-9)
 
 
 def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:

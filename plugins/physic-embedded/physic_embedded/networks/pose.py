@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from physic_core.adapters.detections import sigmoid
 from physic_embedded.networks.crops import RotatedSquare
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from physic_core.adapters.onnx_sessions import OnnxSession
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["MIRROR_PAIRS", "Pose", "person_square", "predict_pose"]
+__all__ = ["MIRROR_PAIRS", "Pose", "average_agreeing", "person_square", "predict_pose"]
 
 LANDMARK_SIZE = 256
 MIRROR_PAIRS = (
@@ -105,6 +107,25 @@ def predict_pose(session: OnnxSession, picture: ImagePyramid, square: RotatedSqu
     look = _look(session, cut)
     other = _look(session, cut[:, ::-1]).mirrored()
     return _pose(_mean(look, other), square, _gap(look, other), _mask_iou(look.mask, other.mask))
+
+
+def average_agreeing(pose: Pose, others: Sequence[Pose], near: float) -> Pose:
+    """Return a pose with each joint averaged over the poses of the same person that agree about it.
+
+    Args:
+        pose: counts at every joint.
+        others: poses from other squares; may contain ``pose`` itself.
+        near: share of the side of the pose's square by which joints may differ.
+    """
+    points, world, count = pose.points.copy(), pose.world.copy(), np.ones((len(pose.points), 1))
+    for other in others:
+        if other is pose:
+            continue
+        agree = np.linalg.norm(other.points - pose.points, axis=1, keepdims=True) < near * pose.square.side
+        points += np.where(agree, other.points, 0.0)
+        world += np.where(agree, other.world, 0.0)
+        count += agree
+    return replace(pose, points=points / count, world=world / count)
 
 
 @dataclass(frozen=True)

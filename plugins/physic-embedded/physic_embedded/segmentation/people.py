@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_core.adapters.detections import box_iou
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
-from physic_embedded.networks.pose import person_square, predict_pose
+from physic_embedded.networks.pose import average_agreeing, person_square, predict_pose
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.networks.yolox import detect_boxes
@@ -51,8 +51,10 @@ TILE_MARGIN = 0.1
 """Added to the lowest score of YOLOX in a tile, where a close view of anything looks more like a person."""
 MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
-SIMILAR_FIT = 0.85
+SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
+SAME_PLACE = 0.02
+"""Joints of two poses that are nearer than this share of the square's side are averaged."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,7 @@ def _poses_of_boxes(
         fits = np.array([box_fit(pose, box) for pose in poses])
         similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
+        best = average_agreeing(best, similar, SAME_PLACE)
         if best.score > 0.5 and fits.max() > MIN_BOX_FIT:
             found.append(DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box))
     return found
