@@ -17,7 +17,6 @@ from physic_embedded.body_fit.observations import observe_people, rotation_to_ra
 from physic_embedded.body_fit.pose_prior import hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
 from physic_embedded.body_fit.stature_prior import ADULT_STATURE_M, ADULT_STATURE_SPREAD_M, adult_shape
-from physic_embedded.body_fit.world_offset import world_landmark_offset
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.standing import standing_bodies
 
@@ -95,9 +94,7 @@ def truth(
         ray = (middle[i] @ CAMERA.matrix.T)[0]
         pixel = ray[:2] / ray[2]
         direction = np.array([*((pixel - CAMERA.matrix[:2, 2]) / CAMERA.fx), 1.0])
-        world[i] = (points[i] - middle[i]) @ rotation_to_ray(direction) @ lean.T - world_landmark_offset(
-            skeleton, names
-        )
+        world[i] = (points[i] - middle[i]) @ rotation_to_ray(direction) @ lean.T
     # The network puts its origin between its own hips.
     world -= world[:, hips].mean(1, keepdims=True)
     boxes = np.concatenate([seen.min(1), seen.max(1)], 1)
@@ -364,13 +361,6 @@ def test_the_lean_of_a_body_is_measured_about_the_view() -> None:
     leaning = joints @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
     turn = np.eye(3)[None]
     assert lean_towards_camera(leaning, turn, up) - lean_towards_camera(joints, turn, up) == pytest.approx(0.2)
-
-
-def test_only_blazepose_s_world_landmarks_are_offset() -> None:
-    offset = world_landmark_offset(BLAZEPOSE_SKELETON, list(BLAZEPOSE_SKELETON.names))
-    assert offset.shape == (33, 3)
-    assert 0.07 < np.abs(offset).max() < 0.1
-    assert not world_landmark_offset(SKELETONS["coco17"], list(SKELETONS["coco17"].names)).any()
 
 
 def test_the_prior_s_mean_bends_hinges_the_way_they_initial_angles() -> None:

@@ -13,7 +13,6 @@ from physic_core.body import JOINT_INDEX
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.stature_prior import adult_shape
-from physic_embedded.body_fit.world_offset import world_landmark_offset
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -287,9 +286,7 @@ def fit_problem(
         confidence=tensor(observations.confidence[:, rows]),
         size=tensor(observations.size),
         turn=tensor(observations.turn),
-        world=None
-        if observations.world is None
-        else tensor(observations.world[:, rows] + world_landmark_offset(skeleton, used)),
+        world=None if observations.world is None else tensor(observations.world[:, rows]),
         world_weight=tensor(observations.world_weight[:, rows]),
         camera=tensor(camera),
         root=tensor(start.root),
