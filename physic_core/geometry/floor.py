@@ -56,6 +56,7 @@ MAX_BELOW_SHARE = 0.1
 
 _PICTURE_SHARE = 0.3  # least inlier share in the lower part of the image
 _MASK_SHARE = 0.5  # least inlier share in the floor mask
+_MASK_BELOW_SHARE = 0.15  # as ``MAX_BELOW_SHARE``, for a floor mask: depth networks bend floors, tables are no floor
 _MASK_SLACK = 2.5  # factor on the tolerance of a second fit to the mask, as depth networks bend floors
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 _FEET_NEAR = 0.006  # as ``FEET_WINDOW``, to confirm a plane
@@ -231,7 +232,8 @@ def _search_mask(view: _InverseDepthMap, mask: Tensor, tolerance: float) -> Floo
     if isinstance(plane, str):
         return FloorSearch(None, plane)
     shares = plane_inlier_shares(samples, plane, tolerance)
-    rejected = _rejection(shares, _MASK_SHARE if view.up is None else _MASK_SHARE * _MASK_SHARE_FACTOR)
+    least = _MASK_SHARE if view.up is None else _MASK_SHARE * _MASK_SHARE_FACTOR
+    rejected = _rejection(shares, least, _MASK_BELOW_SHARE)
     if rejected is not None:
         return rejected
     floor = view.valid & mask & (view.error(plane) < _REANCHOR_BANDS * tolerance)
@@ -287,12 +289,12 @@ def _fit_plane(samples: BlockSamples, view: _InverseDepthMap, tolerance: float) 
     return "no_consensus" if plane is None else plane
 
 
-def _rejection(shares: tuple[float, float], least: float) -> FloorSearch | None:
+def _rejection(shares: tuple[float, float], least: float, below_most: float = MAX_BELOW_SHARE) -> FloorSearch | None:
     """Return a failed search if too few pixels lie on the plane or too many below it, else None."""
     on, below = shares
     if on <= least:
         return FloorSearch(None, "no_consensus", on, below)
-    if below > MAX_BELOW_SHARE:
+    if below > below_most:
         return FloorSearch(None, "below_plane", on, below)
     return None
 
