@@ -186,7 +186,8 @@ class EmbeddedPointmap(RelativePointmap):
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )
-        return infinity.disparity, f"depth is ambiguous up to an offset: {infinity.rule}"
+        within = f"known within a factor of {np.exp(infinity.sigma):.2g}"
+        return infinity.disparity, f"depth is ambiguous up to an offset, {within}: {infinity.rule}"
 
 
 @dataclass(frozen=True)
