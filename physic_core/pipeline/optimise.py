@@ -64,7 +64,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
     with stages.time_engine("scene"):
-        scene, known, factor = _scene_of_known_size(estimates, _metric_scene(estimates, settings))
+        estimated = _metric_scene(estimates, settings)
+        scene, known, factor = _scene_of_known_size(estimates, estimated)
     if estimates.scale_guess and factor is None:
         stages.warn(estimates.scale_guess)
     if not len(estimates.people):
@@ -73,13 +74,12 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     with stages.time_engine("placement"):
         photo = _align_photo(estimates, scene, settings.placement)
         bodies = _pose_bodies(estimates, estimates.bodies.parameters, model, settings.placement)
-        detections = _detections(estimates, photo, bodies)
-        placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if factor is not None:
-            ratio = _size_by_scene(scene, photo, bodies, placed)
+            ratio = factor * _size_by_scene(estimates, estimated, bodies, settings.placement)
             stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
-            placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
+        detections = _detections(estimates, photo, bodies)
+        placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
             scene = without_floor(scene, not_theirs)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
@@ -256,23 +256,34 @@ def _pose_bodies(
     return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set)
 
 
-def _size_by_scene(scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, placed: PlacedPeople) -> Tensor:
+def _size_by_scene(
+    estimates: Estimates, scene: SceneState, bodies: _EstimatedBodies, settings: PlacementSettings
+) -> Tensor:
     """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
 
     The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
-    soles, else that of the person's points. NaN where neither is known.
+    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
+    the floor show. NaN where nothing is known.
+
+    Args:
+        scene: before the known sizes, where bodies and scene roughly agree: who stands on furniture shows there.
     """
+    photo = _align_photo(estimates, scene, settings)
+    placed = place_people(
+        bodies.posed, _detections(estimates, photo, bodies), bodies.K(scene), scene.floor_plane, settings
+    )
     at = placed.placement.keypoint_transl.to(bodies.posed.transl) - bodies.posed.transl
     vertices = bodies.posed.vertices + at[:, None]
-    ratio = torch.full_like(vertices[:, 0, 0], torch.nan)
+    by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
     for i, (body, person) in enumerate(zip(vertices, placed.placement.people, strict=True)):
         if scene.floor_plane is not None and bodies.posed.soles is not None and person.on_floor and person.grounded:
             normal, offset = scene.floor_plane
             drop = -(body[bodies.posed.soles] @ normal.to(body)).amin()
-            ratio[i] = offset / drop if bool(drop > 0) else torch.nan
-        elif len(photo.people[i]):
-            ratio[i] = photo.people[i][:, 2].median().to(body) / body[:, 2].median()
-    return ratio
+            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
+        if len(photo.people[i]):
+            by_points[i] = photo.people[i][:, 2].median().to(body) / body[:, 2].median()
+    too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
+    return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
 
 
 def _bodies_of_scene_size(
