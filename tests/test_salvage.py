@@ -145,7 +145,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert again.people[LOST].failed_checks == lost.failed_checks
     document = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
     (answered,) = [
-        c for c in document["checks"] if (c["name"], c["person"], c["ok"]) == ("missing_outputs", LOST, False)
+        c for c in document["checks"] if (c["name"], c["person"], c["state"]) == ("missing_outputs", LOST, "failed")
     ]
     assert (answered["value"], answered["threshold"], answered["unit"]) == (1, 0, "count")
     files = {name: trimesh.load(tmp_path / "out" / name) for name in ("person_0.glb", "person_1.glb", "combined.glb")}
@@ -154,9 +154,8 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
         "person_1.glb": ["person_1"],
         "combined.glb": ["person_1", "scene"],
     }
-    assert (
-        "  person 0: no body; check: missing_outputs, placed, optimised" in _summary(result, tmp_path).splitlines()[1]
-    )
+    line = "  person 0: bad: no body; check: missing_outputs, placed, optimised"
+    assert _summary(result, tmp_path).splitlines()[1].startswith(line)
 
 
 @pytest.mark.parametrize(
