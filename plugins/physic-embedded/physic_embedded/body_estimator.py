@@ -150,7 +150,7 @@ class EmbeddedBodies(BodyEstimator):
                 skeleton,
                 _restart(fit, observations, turn, upright),
                 settings,
-                floor=FloorConstraint(up, upright, turn),
+                floor=FloorConstraint(up, upright, turn, np.full(len(turn), self.options.cure_lean)),
             )
             costly = upright & (again.loss - fit.loss > self.options.accepted_rise)
             if not costly.any():

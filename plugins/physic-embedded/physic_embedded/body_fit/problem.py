@@ -43,6 +43,10 @@ class FitSettings:
         size_sigma: logarithm of how much larger or smaller the network draws its landmarks.
         lean_sigma: radians of the landmarks' lean towards the camera, where it is free.
         upright_sigma: radians between the line from ankles to neck and the vertical, seen from the side.
+        trunk_sigma: radians between the trunk and the vertical, seen from the side, where a floor is known; people who
+            bend are far outside and are not pulled.
+        trunk_lean_sigma: radians by which the landmarks above the hips lean more than those of the legs, where a floor
+            is known.
         level_sigma: metres between the lowest points of two feet that are both seen; a foot in the air is far outside
             and is not pulled.
         knee_sigma: radians by which knees of people who stand may bend more or less than where the fit starts;
@@ -57,6 +61,8 @@ class FitSettings:
     size_sigma: float = 0.1
     lean_sigma: float = 0.05
     upright_sigma: float = 0.03
+    trunk_sigma: float = 0.1
+    trunk_lean_sigma: float = 0.3
     knee_sigma: float = 0.12
     level_sigma: float = 0.02
 
@@ -84,11 +90,13 @@ class FloorConstraint:
         up: (3,) unit normal of the floor, camera frame.
         upright: (N,) bool, people whose line from ankles to neck must be vertical.
         lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
+        trunk: (N,) bool, people whose trunk is likely to be vertical.
     """
 
     up: FloatArray
     upright: BoolArray
     lean: FloatArray
+    trunk: BoolArray
 
 
 # Steps of one unit of the whitened unknowns.
@@ -97,6 +105,9 @@ _HINGE_WEIGHT = 12.0
 _SEEN = 0.5  # confidence of a joint that counts as seen
 _SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
 _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
+_SHOULDERS, _HIPS = ([JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip"))
+_LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
+_TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is likely to be meant to be vertical
 _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # say the same as the eyes
 _PER_PERSON = (
     "points",
@@ -114,6 +125,7 @@ _PER_PERSON = (
     "up_angle",
     "feet",
     "upright",
+    "trunk",
 )
 
 
@@ -127,6 +139,7 @@ class DecodedUnknowns:
     transl: Tensor
     landmark_size: Tensor
     lean: Tensor
+    trunk_lean: Tensor
 
 
 @dataclass(frozen=True)
@@ -159,14 +172,16 @@ class FitProblem:
     feet: Tensor
     soles: tuple[int, int]
     upright: Tensor
+    trunk: Tensor
+    upper: Tensor
     stature: Tensor
     adult: Tensor
     settings: FitSettings
 
     @property
     def num_unknowns(self) -> int:
-        """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale and lean."""
-        return 3 + 63 + len(self.stature) + 3 + 2
+        """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale and leans."""
+        return 3 + 63 + len(self.stature) + 3 + 3
 
     def select(self, rows: Tensor) -> FitProblem:
         """Select people by index (n,) int64; an index may repeat."""
@@ -176,7 +191,9 @@ class FitProblem:
     def decode(self, unknowns: Tensor) -> DecodedUnknowns:
         """Convert unknowns (N, W) to body parameters."""
         count = len(unknowns)
-        root, pose, betas, transl, size, lean = unknowns.split([3, 63, len(self.stature), 3, 1, 1], 1)  # type: ignore[no-untyped-call]
+        root, pose, betas, transl, size, lean, trunk = unknowns.split(  # type: ignore[no-untyped-call]
+            [3, 63, len(self.stature), 3, 1, 1, 1], 1
+        )
         rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
         local = roma.rotvec_to_rotmat(torch.cat([_ROOT_STEP * root[:, None], rotvecs], 1))
         rotations = torch.cat(
@@ -191,6 +208,7 @@ class FitProblem:
             transl,
             torch.exp(self.settings.size_sigma * size)[:, 0],
             self.lean + self.settings.lean_sigma * lean[:, 0] * self.upright,
+            self.settings.trunk_lean_sigma * trunk[:, 0] * self.trunk,
         )
 
     def loss(self, unknowns: Tensor) -> Tensor:
@@ -215,7 +233,8 @@ class FitProblem:
         if self.world is not None:
             hips = points[:, self.hips].mean(1, keepdim=True)
             seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
-            cos, sin = torch.cos(body.lean)[:, None], torch.sin(body.lean)[:, None]
+            lean = body.lean[:, None] + body.trunk_lean[:, None] * self.upper
+            cos, sin = torch.cos(lean), torch.sin(lean)
             x, y, z = (self.world * body.landmark_size[:, None, None]).unbind(-1)
             turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
             rest = ((seen - turned) / points.new_tensor(s.sigma_3d)).square().sum(-1)
@@ -225,7 +244,7 @@ class FitProblem:
         shape = body.betas - self.adult
         loss = loss + s.shape_weight * shape.square().sum(1)
         loss = loss + (shape @ self.stature / s.stature_sigma).square()
-        loss = loss + unknowns[:, -2:].square().sum(1)
+        loss = loss + unknowns[:, -3:].square().sum(1)
         for hinge in hinge_joints():
             bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
             loss = loss + (_HINGE_WEIGHT * torch.relu(-bend)).square()
@@ -240,7 +259,12 @@ class FitProblem:
         level = self.feet * 8 * torch.log1p(((left - right) / s.level_sigma).square() / 8)
         knees = ((body.pose - self.pose)[:, self.knees, 0] / s.knee_sigma).square().sum(1)
         vertical = self.upright * ((angle / s.upright_sigma).square() + knees)
-        return loss, vertical + level, projected
+        spine = ((joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))[:, None] @ self.turn)[:, 0]
+        tilt = torch.atan2(spine[:, 2], -spine[:, 1]) - self.up_angle
+        tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
+        # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled at all.
+        trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (1 - torch.exp(-(tilt / _TRUNK_LIMIT).square()))
+        return loss, vertical + self.trunk * trunk + level, projected
 
 
 def fit_problem(
@@ -266,7 +290,9 @@ def fit_problem(
     up, up_angle, feet = np.zeros(3), np.zeros(count), np.zeros(count)
     upright: BoolArray | FloatArray = np.zeros(count)
     lean: FloatArray = np.zeros(count)
+    trunk: BoolArray | FloatArray = np.zeros(count)
     if floor is not None:
+        trunk = floor.trunk
         up, upright, lean = np.asarray(floor.up, np.float64), floor.upright, floor.lean
         seen_up = np.einsum("nij,i->nj", observations.turn, up)
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
@@ -302,6 +328,8 @@ def fit_problem(
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
         upright=tensor(upright),
+        trunk=tensor(trunk),
+        upper=tensor([not any(part in name for part in _LEGS) for name in used]),
         stature=stature,
         adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
         settings=settings,
