@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.people import boxes_from_masks
+from physic_core.errors import NoPersonError
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import encode_image
 from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.segmentation.chosen import Scenery, choose_poses
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.people import SearchSettings, detect_poses
+from physic_embedded.segmentation.people import SearchSettings, UnposedBox, detect_poses, mask_box
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
+from physic_embedded.segmentation.unposed import segment_unposed
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, UInt8Array
+    from physic_core.types import BoolArray, PeoplePrompt, SurfaceLabels, UInt8Array
+    from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
+    from physic_embedded.segmentation.people import DetectedPose
 
 __all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
 
@@ -38,7 +44,10 @@ class EmbeddedSegmenterOptions(Options):
     """Settings of :class:`EmbeddedSegmenter`."""
 
     box_score: float = Field(
-        default=0.4, ge=0, le=1, description="Lowest score of a person's box by YOLOX; 0.1 more is needed in a tile."
+        default=0.4,
+        ge=0,
+        le=1,
+        description="Lowest score of a person's box by YOLOX; 0.1 less if a pose fits the box well.",
     )
     sure_score: float = Field(
         default=0.75,
@@ -73,6 +82,7 @@ class EmbeddedSegmenter(Segmenter):
 
     Options: ClassVar[type[Options]] = EmbeddedSegmenterOptions
     options: EmbeddedSegmenterOptions
+    takes_prompt: ClassVar[bool] = True
 
     def __init__(self, options: EmbeddedSegmenterOptions | None = None) -> None:
         super().__init__(options)
@@ -90,10 +100,16 @@ class EmbeddedSegmenter(Segmenter):
         """Close the networks."""
         self._networks.close()
 
-    def infer(self, image: UInt8Array) -> People:
-        """Segment the people and the floor of an image (H, W, 3); people are sorted by score."""
+    def infer(self, image: UInt8Array, prompt: PeoplePrompt | None = None) -> People:
+        """Segment the people and the floor of an image (H, W, 3); people are sorted by score.
+
+        With a prompt, exactly the chosen people are segmented, in the order of the prompts.
+
+        Raises:
+            NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
+        """
         networks, options = self._networks, self.options
-        found = detect_poses(
+        found, unposed = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
@@ -106,32 +122,97 @@ class EmbeddedSegmenter(Segmenter):
                 max_people=options.max_people,
             ),
         )
-        poses = [person.pose for person in found]
-        masks, floor = self._masks(image, poses)
-        surfaces = None
-        if options.surfaces:
-            anybody = np.asarray(masks.any(axis=0))
-            surfaces = label_surfaces(networks["deeplabv3_mnv2_ade20k"], image, anybody)
-            floor = None if floor is None else add_labelled_floor(floor, surfaces, anybody)
-        boxes = boxes_from_masks(masks).astype(np.float32)
-        tall = boxes[:, 3] - boxes[:, 1] >= max(options.min_height_px, 1.0)
+        if not found and not unposed and prompt is None:
+            nobody = np.zeros(image.shape[:2], bool)
+            surfaces = self._surfaces(image, nobody)
+            floor = _with_labelled_floor(nobody, surfaces, nobody) if options.floor else None
+            return self._people([], np.zeros((0, *nobody.shape), bool), floor, surfaces, image)
+        embedding = encode_image(networks["mobilesam_encoder"], image)
+        masks = self._masks(embedding, [person.pose for person in found])
+        if prompt is not None:
+            scenery = Scenery(
+                image, networks["pose_landmark_heavy"], networks["mobilesam_decoder"], embedding, found, masks
+            )
+            found, unposed = choose_poses(scenery, prompt), []
+            masks = _with_given_masks(self._masks(embedding, [person.pose for person in found]), prompt)
+        else:
+            found, masks, low = self._leave_out_low(found, masks)
+            unposed += low
+        people = np.asarray(masks.any(axis=0))
+        surfaces = self._surfaces(image, people)
+        decoder = networks["mobilesam_decoder"]
+        reported, unposed_mask = segment_unposed(decoder, embedding, unposed, people, surfaces)
+        floor = None
+        if options.floor:
+            poses, people = [person.pose for person in found], people | unposed_mask
+            floor = floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
+            floor = _with_labelled_floor(floor, surfaces, people)
+        result = self._people(found, masks, floor, surfaces, image)
+        return replace(result, unposed=reported, unposed_mask=unposed_mask)
+
+    def _surfaces(self, image: UInt8Array, people: BoolArray) -> SurfaceLabels | None:
+        """Return the semantic labels outside of the people (H, W), if ``surfaces`` is set."""
+        if not self.options.surfaces:
+            return None
+        return label_surfaces(self._networks["deeplabv3_mnv2_ade20k"], image, people)
+
+    def _masks(self, embedding: ImageEmbedding, poses: list[Pose]) -> BoolArray:
+        """Return the masks (N, H, W) of people with poses."""
+        decoder = self._networks["mobilesam_decoder"]
+        alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
+        return resolve_overlaps(alone, embedding)
+
+    def _leave_out_low(
+        self, found: list[DetectedPose], masks: BoolArray
+    ) -> tuple[list[DetectedPose], BoolArray, list[UnposedBox]]:
+        """Leave out people whose mask is lower than ``min_height_px``, and return them as boxes without a pose."""
+        least = max(self.options.min_height_px, 1.0)
+        edges = boxes_from_masks(masks)
+        tall = edges[:, 3] - edges[:, 1] >= least
+        low = [
+            UnposedBox(
+                mask_box(person.pose) if person.box is None else person.box, person.score, f"lower than {least:g} px"
+            )
+            for person, is_tall in zip(found, tall, strict=True)
+            if not is_tall
+        ]
+        return [person for person, is_tall in zip(found, tall, strict=True) if is_tall], masks[tall], low
+
+    def _people(
+        self,
+        found: list[DetectedPose],
+        masks: BoolArray,
+        floor: BoolArray | None,
+        surfaces: SurfaceLabels | None,
+        image: UInt8Array,
+    ) -> People:
+        """Return the people with their poses."""
         return People(
-            masks=masks[tall],
-            boxes=boxes[tall],
-            scores=np.array([person.score for person in found], np.float32)[tall],
+            masks=masks,
+            boxes=boxes_from_masks(masks).astype(np.float32),
+            scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=keypoints_from_poses([p for p, t in zip(poses, tall, strict=True) if t], *image.shape[:2]),
+            keypoints=keypoints_from_poses([person.pose for person in found], *image.shape[:2]),
             surfaces=surfaces,
         )
 
-    def _masks(self, image: UInt8Array, poses: list[Pose]) -> tuple[BoolArray, BoolArray | None]:
-        """Return the masks (N, H, W) of the people and, if ``floor`` is set, the floor."""
-        if not poses:
-            nothing = np.zeros(image.shape[:2], bool)
-            return np.zeros((0, *nothing.shape), bool), nothing if self.options.floor else None
-        embedding = encode_image(self._networks["mobilesam_encoder"], image)
-        decoder = self._networks["mobilesam_decoder"]
-        alone = [person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses]
-        masks = resolve_overlaps(alone, embedding)
-        floor = floor_mask(decoder, embedding, poses, np.logical_or.reduce(masks)) if self.options.floor else None
-        return masks, floor
+
+def _with_labelled_floor(floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray) -> BoolArray:
+    return floor if surfaces is None else add_labelled_floor(floor, surfaces, people)
+
+
+def _with_given_masks(masks: BoolArray, prompt: PeoplePrompt) -> BoolArray:
+    """Replace the masks (N, H, W) of the last people by the given ones, which take pixels of the others.
+
+    Raises:
+        NoPersonError: no pixel of a person is left.
+    """
+    if prompt.masks is not None:
+        masks = masks & ~prompt.masks.any(axis=0)
+        masks[len(masks) - len(prompt.masks) :] = prompt.masks
+    for i, mask in enumerate(masks):
+        if not mask.any():
+            raise NoPersonError(
+                f"the other people hide every pixel of the person at {prompt.describe(i)}: leave it out, or give masks"
+            )
+    return masks

@@ -17,9 +17,10 @@ from physic_embedded.networks.pose import average_agreeing, person_square, predi
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.networks.yolox import detect_boxes
+from physic_embedded.segmentation.hidden_people import grey_out
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,14 +33,17 @@ if TYPE_CHECKING:
 __all__ = [
     "DetectedPose",
     "SearchSettings",
+    "UnposedBox",
     "box_fit",
     "detect_people",
     "detect_poses",
     "is_person",
     "is_same_person",
+    "mask_box",
     "mask_overlap",
     "merge_candidates",
     "square_around",
+    "square_of_upper_half",
 ]
 
 DETECTOR_SIZE = 224
@@ -47,10 +51,18 @@ DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
 TORSO = [11, 12, 23, 24]
 BOX_TILES = (0.5,)
 """Sides of the tiles for YOLOX, over the image's long side."""
-TILE_MARGIN = 0.1
-"""Added to the lowest score of YOLOX in a tile, where a close view of anything looks more like a person."""
+WEAK_MARGIN = 0.1
+"""Boxes with a score lower by this than asked for are tried, and kept if a pose fits them well."""
 MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
+MIN_WEAK_FIT = 0.3
+"""The same for a box with a weak score."""
+MIN_MASK_FIT = 0.45
+"""Least intersection over union of a box and the mask of an upper half."""
+MAX_MIRROR_GAP = 0.025
+"""Largest difference of the poses of an upper half and of its mirror image, over the square's side."""
+MAX_SHARED_MASK = 0.5
+"""A pose whose mask shares more than this with another person's, over the smaller of both, is of that person."""
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
 SAME_PLACE = 0.02
@@ -91,14 +103,29 @@ class DetectedPose:
     box: Float | None = None
 
 
+@dataclass(frozen=True)
+class UnposedBox:
+    """Box of a person, by YOLOX, without a pose.
+
+    Attributes:
+        box: (4,) x0 y0 x1 y1 px.
+        score: in [0, 1].
+        reason: why there is no pose.
+    """
+
+    box: Float
+    score: float
+    reason: str
+
+
 def detect_poses(
     box_detector: OnnxSession,
     pose_detector: OnnxSession,
     landmarker: OnnxSession,
     image: NDArray[np.uint8],
     settings: SearchSettings,
-) -> list[DetectedPose]:
-    """Detect the poses of all people in an image (H, W, 3), best first.
+) -> tuple[list[DetectedPose], list[UnposedBox]]:
+    """Detect the poses of all people in an image (H, W, 3), best first, and the boxes of people without a pose.
 
     Args:
         box_detector: session of ``yolox_nano``.
@@ -108,11 +135,12 @@ def detect_poses(
         settings: of the search.
     """
     picture = ImagePyramid.from_image(image)
+    lowest = max(settings.box_score - WEAK_MARGIN, 0.0)
     boxes = detect_boxes(
         box_detector,
         image,
-        min_score=settings.box_score,
-        min_tile_score=min(1.0, settings.box_score + TILE_MARGIN),
+        min_score=lowest,
+        min_tile_score=lowest,
         fractions=BOX_TILES if settings.fractions else (),
     )
     weak = min(settings.weak, settings.sure)
@@ -121,7 +149,7 @@ def detect_poses(
         (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
         for d in detections[: 2 * settings.max_people]
     ]
-    found = _poses_of_boxes(landmarker, picture, boxes, [pose for pose, _ in blazepose])
+    found = _poses_of_boxes(landmarker, picture, boxes, [pose for pose, _ in blazepose], settings.box_score)
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
@@ -131,13 +159,67 @@ def detect_poses(
     for person in sorted(found, key=lambda person: -person.score):
         if not any(is_same_person(person, other) for other in kept):
             kept.append(person)
-    return kept[: settings.max_people]
+    unposed = _add_hidden_people(landmarker, image, boxes, kept, settings.box_score)
+    unposed += [
+        UnposedBox(person.box, person.score, f"more than {settings.max_people} people")
+        for person in kept[settings.max_people :]
+        if person.box is not None
+    ]
+    return kept[: settings.max_people], unposed
+
+
+def _add_hidden_people(
+    landmarker: OnnxSession, image: NDArray[np.uint8], boxes: Detections, kept: list[DetectedPose], box_score: float
+) -> list[UnposedBox]:
+    """Add to ``kept`` the people of boxes that gave no pose of their own, with the others in grey.
+
+    Returns:
+        The boxes that still have no pose, without those of weak score.
+    """
+    unposed = []
+    for box, score in zip(boxes.boxes, boxes.scores, strict=True):
+        if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
+            continue
+        picture = ImagePyramid.from_image(grey_out(image, [person.pose for person in kept]))
+        least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
+        for pose in _poses_of_hidden_person(landmarker, picture, box, least):
+            person = DetectedPose(pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box)
+            if all(_is_other_person(person, other) for other in kept):
+                kept.append(person)
+                break
+        else:
+            if score >= box_score:
+                unposed.append(UnposedBox(box, float(score), "no pose fits the box"))
+    return unposed
+
+
+def _poses_of_hidden_person(
+    landmarker: OnnxSession, picture: ImagePyramid, box: Float, min_fit: float
+) -> Iterator[Pose]:
+    """Yield poses that fit a box (4,), of a whole person or of a person of whom only the upper half is visible.
+
+    The squares are not refined: that would move them to a neighbour. The mask of the upper half fits the box, the
+    joints do not, and chairs look like one: its pose must be the same in the mirror image.
+    """
+    whole = predict_pose(landmarker, picture, square_around(box), passes=1)
+    if whole.score > 0.5 and box_fit(whole, box) > min_fit:
+        yield whole
+    upper = predict_pose(landmarker, picture, square_of_upper_half(box), passes=1)
+    if upper.score > 0.95 and upper.mirror_gap < MAX_MIRROR_GAP and _iou(mask_box(upper), box) > MIN_MASK_FIT:
+        yield upper
+
+
+def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
+    return not is_same_person(a, b) and mask_overlap(a.pose, b.pose) <= MAX_SHARED_MASK
 
 
 def _poses_of_boxes(
-    landmarker: OnnxSession, picture: ImagePyramid, boxes: Detections, others: Sequence[Pose]
+    landmarker: OnnxSession, picture: ImagePyramid, boxes: Detections, others: Sequence[Pose], box_score: float
 ) -> list[DetectedPose]:
-    """Return the best pose for each box, from the box and from the poses ``others``."""
+    """Return the best pose for each box, from the box and from the poses ``others``.
+
+    A box below ``box_score`` needs a better fit.
+    """
     found = []
     for box, score in zip(boxes.boxes, boxes.scores, strict=True):
         own = predict_pose(landmarker, picture, square_around(box))
@@ -146,7 +228,8 @@ def _poses_of_boxes(
         similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
         best = average_agreeing(best, similar, SAME_PLACE)
-        if best.score > 0.5 and fits.max() > MIN_BOX_FIT:
+        least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
+        if best.score > 0.5 and fits.max() > least:
             found.append(DetectedPose(best, float(score * best.score * np.sqrt(fits.max())), box))
     return found
 
@@ -155,6 +238,12 @@ def square_around(box: Float) -> RotatedSquare:
     """Return the upright square that the landmark network needs for a person in a box (4,)."""
     center = np.array([(box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2])
     return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
+
+
+def square_of_upper_half(box: Float) -> RotatedSquare:
+    """Return the upright square that the landmark network needs if a box (4,) is around the upper half of a person."""
+    center = np.array([(box[0] + box[2] - 1) / 2, box[3]])
+    return RotatedSquare(center, 2.5 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
 
 
 def box_fit(pose: Pose, box: Float) -> float:

@@ -1,0 +1,153 @@
+"""Find the poses of the people whom the user chose by points, boxes or masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.adapters.detections import box_iou
+from physic_core.adapters.people import boxes_from_masks
+from physic_core.errors import NoPersonError
+from physic_embedded.networks.crops import ImagePyramid
+from physic_embedded.networks.mobile_sam import predict_masks
+from physic_embedded.networks.pose import predict_pose
+from physic_embedded.segmentation.hidden_people import grey_out
+from physic_embedded.segmentation.people import (
+    DetectedPose,
+    box_fit,
+    mask_box,
+    square_around,
+    square_of_upper_half,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
+    from physic_embedded.networks.mobile_sam import ImageEmbedding
+    from physic_embedded.networks.pose import Pose
+
+__all__ = ["Scenery", "choose_poses"]
+
+MIN_BOX_IOU = 0.5
+"""A detected person whose box has less overlap with the user's box is somebody else, or a part."""
+WHOLE = 1
+"""Index of MobileSAM's proposal of the whole object."""
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """Photo, networks and detected people among whom the user chooses.
+
+    Attributes:
+        image: (H, W, 3) RGB.
+        landmarker: session of ``pose_landmark_heavy``.
+        decoder: session of ``mobilesam_decoder``.
+        embedding: of the photo.
+        found: detected people.
+        masks: (N, H, W) of the detected people.
+    """
+
+    image: UInt8Array
+    landmarker: OnnxSession
+    decoder: OnnxSession
+    embedding: ImageEmbedding
+    found: Sequence[DetectedPose]
+    masks: BoolArray
+
+
+def choose_poses(scenery: Scenery, prompt: PeoplePrompt) -> list[DetectedPose]:
+    """Return one person for each prompt: a detected one whom it hits, else the pose in the prompt's box.
+
+    Raises:
+        NoPersonError: no pose is found for a prompt, or two prompts hit the same person.
+    """
+    chosen: list[DetectedPose] = []
+    masks = [] if prompt.masks is None else list(prompt.masks)
+    finders: list[Callable[[], DetectedPose | None]] = [
+        *(lambda p=p: _at_point(scenery, np.array(p, float)) for p in prompt.points),
+        *(lambda b=b: _in_box(scenery, np.array(b, float)) for b in prompt.boxes),
+        *(lambda m=m: _in_mask(scenery, m) for m in masks),
+    ]
+    for i, find in enumerate(finders):
+        person = find()
+        if person is None:
+            height, width = scenery.image.shape[:2]
+            raise NoPersonError(
+                f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at {width} x {height} px: "
+                "choose a place that shows head and torso, or a box around the person"
+            )
+        same = [k for k, other in enumerate(chosen) if other.pose is person.pose]
+        if same:
+            raise NoPersonError(
+                f"{prompt.describe(same[0])} and {prompt.describe(i)} hit the same person: give one prompt for each "
+                "person, or a box or mask where people overlap"
+            )
+        chosen.append(person)
+    return chosen
+
+
+def _at_point(scenery: Scenery, point: FloatArray) -> DetectedPose | None:
+    """Return the detected person whose mask, else whose box contains a pixel; else the one of the mask at the pixel."""
+    x, y = np.rint(point).astype(int)
+    on_mask = np.flatnonzero(scenery.masks[:, y, x])
+    if len(on_mask):
+        return scenery.found[int(on_mask[0])]
+    boxes = [_box_of(person) for person in scenery.found]
+    around = [i for i, (x0, y0, x1, y1) in enumerate(boxes) if x0 <= x < x1 and y0 <= y < y1]
+    if around:
+        return scenery.found[min(around, key=lambda i: float(np.prod(boxes[i][2:] - boxes[i][:2])))]
+    answer = predict_masks(scenery.decoder, scenery.embedding, point[None], np.zeros((0, 2)))
+    mask = scenery.embedding.to_photo(answer.logits[WHOLE]) > 0
+    person = _in_box(scenery, boxes_from_masks(mask[None])[0]) if mask.any() else None
+    # The mask of a wall or a table has a box that contains other people.
+    return person if person is not None and person.pose.mask_at(point[None, None])[0, 0] > 0 else None
+
+
+def _in_box(scenery: Scenery, box: FloatArray) -> DetectedPose | None:
+    """Return the detected person of a box (4,), else the pose in it."""
+    if scenery.found:
+        overlap = box_iou(box[None], np.stack([_box_of(person) for person in scenery.found]))[0]
+        if overlap.max() >= MIN_BOX_IOU:
+            return scenery.found[int(overlap.argmax())]
+    others = [person.pose for person in scenery.found]
+    pose = max(_poses(scenery, box, others), key=lambda pose: pose.score * box_fit(pose, box))
+    return DetectedPose(pose, float(pose.score), box) if pose.score > 0.5 else None
+
+
+def _in_mask(scenery: Scenery, mask: BoolArray) -> DetectedPose | None:
+    """Return the detected or predicted pose whose own mask overlaps most with a mask (H, W)."""
+    box = boxes_from_masks(mask[None])[0]
+    neighbours = [
+        person.pose for person, own in zip(scenery.found, scenery.masks, strict=True) if not (own & mask).any()
+    ]
+    poses = [person.pose for person in scenery.found] + _poses(scenery, box, neighbours)
+
+    def overlap(pose: Pose) -> float:
+        grid = scenery.embedding.grid_points()
+        own = pose.mask_at(grid) > 0
+        x, y = np.rint(grid).astype(int).reshape(-1, 2).T
+        height, width = mask.shape
+        given = mask[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].reshape(own.shape)
+        return float((own & given).sum() / max((own | given).sum(), 1))
+
+    best = max(poses, key=lambda pose: pose.score * overlap(pose))
+    return DetectedPose(best, float(best.score), box) if best.score > 0.5 else None
+
+
+def _poses(scenery: Scenery, box: FloatArray, others: Sequence[Pose]) -> list[Pose]:
+    """Return poses in a box (4,): with and without the other people, of a whole person and of an upper half."""
+    clear = ImagePyramid.from_image(scenery.image)
+    grey = ImagePyramid.from_image(grey_out(scenery.image, others))
+    return [
+        predict_pose(scenery.landmarker, clear, square_around(box)),
+        predict_pose(scenery.landmarker, grey, square_around(box), passes=1),
+        predict_pose(scenery.landmarker, grey, square_of_upper_half(box), passes=1),
+    ]
+
+
+def _box_of(person: DetectedPose) -> FloatArray:
+    return mask_box(person.pose) if person.box is None else person.box

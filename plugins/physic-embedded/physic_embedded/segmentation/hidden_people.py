@@ -1,0 +1,34 @@
+"""Cover the people whose poses are known, to find those behind them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_embedded.networks.pose import LANDMARK_SIZE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_embedded.networks.pose import Pose
+
+__all__ = ["grey_out"]
+
+GREY = 114
+
+
+def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint8]:
+    """Return a copy of an image (H, W, 3) with the masks of poses in grey."""
+    grey = image.copy()
+    height, width = image.shape[:2]
+    for pose in poses:
+        corners = pose.square.to_photo(LANDMARK_SIZE * np.array([[0.0, 0.0], [1, 0], [0, 1], [1, 1]]), LANDMARK_SIZE)
+        x0, y0 = np.maximum(np.floor(corners.min(axis=0)), 0).astype(int)
+        x1, y1 = np.minimum(np.ceil(corners.max(axis=0)) + 1, [width, height]).astype(int)
+        if x0 < x1 and y0 < y1:
+            grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).astype(float)
+            grey[y0:y1, x0:x1][pose.mask_at(grid) > 0] = GREY
+    return grey

@@ -1,0 +1,74 @@
+"""Segment the people without a pose, and leave out boxes of people who have one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.adapters.people import boxes_from_masks
+from physic_core.types import UnposedPerson
+from physic_embedded.networks.mobile_sam import predict_masks
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_core.types import BoolArray, SurfaceLabels
+    from physic_embedded.networks.mobile_sam import ImageEmbedding
+    from physic_embedded.segmentation.people import UnposedBox
+
+__all__ = ["segment_unposed"]
+
+SURE_SCORE = 0.65
+"""A box of lower score may be of a chair or a tree, unless its pixels are labelled as a person."""
+MIN_PERSON_SHARE = 0.1
+"""Least share of the middle of such a box that is labelled as a person."""
+MIN_OWN_SHARE = 0.5
+"""A box is of a person with a pose unless this share of its mask is on nobody else."""
+
+
+def segment_unposed(
+    decoder: OnnxSession,
+    embedding: ImageEmbedding,
+    boxes: Sequence[UnposedBox],
+    people: BoolArray,
+    surfaces: SurfaceLabels | None,
+) -> tuple[tuple[UnposedPerson, ...], BoolArray]:
+    """Segment boxes without a pose by MobileSAM, best score first.
+
+    Args:
+        decoder: session of ``mobilesam_decoder``.
+        embedding: of the photo.
+        boxes: of people without a pose.
+        people: (H, W) bool, pixels of the people with a pose.
+        surfaces: semantic labels, or None to trust the scores of the boxes alone.
+
+    Returns:
+        The people of boxes whose mask is mostly on nobody else, each with the box of these pixels, and all these pixels
+        (H, W).
+    """
+    found, taken = [], np.zeros_like(people)
+    for one in sorted(boxes, key=lambda one: -one.score):
+        if surfaces is not None and one.score < SURE_SCORE and _person_share(surfaces, one) < MIN_PERSON_SHARE:
+            continue
+        none = np.zeros((0, 2))
+        answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
+        mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
+        own = mask & ~people & ~taken
+        if not mask.any() or own.sum() < MIN_OWN_SHARE * mask.sum():
+            continue
+        x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(own[None])[0])
+        found.append(UnposedPerson((x0, y0, x1, y1), one.score, one.reason))
+        taken |= own
+    return tuple(found), taken
+
+
+def _person_share(surfaces: SurfaceLabels, one: UnposedBox) -> float:
+    """Return the share of the middle two thirds of a box that is labelled as a person."""
+    x0, y0, x1, y1 = np.rint(one.box).astype(int)
+    across, down = (x1 - x0) // 6, (y1 - y0) // 6
+    middle = surfaces.mask("person")[
+        y0 + down : max(y1 - down, y0 + down + 1), x0 + across : max(x1 - across, x0 + across + 1)
+    ]
+    return float(middle.mean()) if middle.size else 0.0

@@ -1,0 +1,131 @@
+"""People whom the user chose, people who are covered by others, and boxes of people without a pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core.errors import NoPersonError
+from physic_core.interfaces import Segmenter, SegmenterRequest
+from physic_core.types import PeoplePrompt, SurfaceLabels
+from physic_embedded.networks import mobile_sam
+from physic_embedded.networks.crops import RotatedSquare
+from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
+from physic_embedded.networks.pose import Pose
+from physic_embedded.segmentation import unposed
+from physic_embedded.segmentation.hidden_people import GREY, grey_out
+from physic_embedded.segmentation.people import UnposedBox, square_of_upper_half
+from physic_embedded.segmentation.unposed import segment_unposed
+from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+LEFT, RIGHT = (85.0, 200.0), (580.0, 250.0)
+"""Pixels on the two people of the photo."""
+
+
+@pytest.fixture(scope="module")
+def image() -> NDArray[np.uint8]:
+    bgr = cv2.imread(str(PHOTO))
+    assert bgr is not None
+    return np.ascontiguousarray(bgr[..., ::-1])
+
+
+@pytest.fixture(scope="module")
+def segmenter() -> Iterator[EmbeddedSegmenter]:
+    backend = EmbeddedSegmenter(EmbeddedSegmenterOptions(threads=1, tile_fractions=()))
+    backend.load()
+    yield backend
+    backend.close()
+
+
+def test_people_are_in_the_order_of_points_boxes_and_masks(
+    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
+) -> None:
+    prompt = PeoplePrompt(points=(RIGHT,), boxes=((35.0, 80.0, 160.0, 479.0),))
+    found = segmenter.infer(image, prompt)
+    assert list(Segmenter.check(found, SegmenterRequest(image, prompt=prompt))) == []
+    assert [bool(found.masks[i, int(y), int(x)]) for i, (x, y) in enumerate((RIGHT, LEFT))] == [True, True]
+    assert found.keypoints is not None
+    assert found.keypoints.points[0, 0, 0] > 320 > found.keypoints.points[1, 0, 0]
+    mask = np.zeros(image.shape[:2], bool)
+    mask[80:470, 40:155] = True
+    given = segmenter.infer(image, PeoplePrompt(masks=mask[None]))
+    assert np.array_equal(given.masks, mask[None])
+    assert given.keypoints is not None
+    x, y = given.keypoints.points[0, 0]
+    assert 60 < x < 110  # the nose lies in the face of the person on the left
+    assert 85 < y < 140
+
+
+def test_prompts_on_nothing_and_twice_on_one_person_are_refused(
+    segmenter: EmbeddedSegmenter, image: NDArray[np.uint8]
+) -> None:
+    with pytest.raises(NoPersonError) as error:
+        segmenter.infer(image, PeoplePrompt(points=(LEFT, (320.0, 120.0))))
+    assert str(error.value) == (
+        "no pose of a person was found at point 2 (320, 120), in px of the photo at 640 x 480 px: choose a place that "
+        "shows head and torso, or a box around the person"
+    )
+    with pytest.raises(NoPersonError) as error:
+        segmenter.infer(image, PeoplePrompt(points=(LEFT, (90.0, 250.0))))
+    assert str(error.value) == (
+        "point 1 (85, 200) and point 2 (90, 250) hit the same person: give one prompt for each person, or a box or "
+        "mask where people overlap"
+    )
+
+
+def test_the_mask_of_a_pose_is_covered_in_grey() -> None:
+    square = RotatedSquare(np.array([50.0, 40.0]), 40.0, 0.0)
+    mask = np.full((256, 256), -1.0)
+    mask[:, 128:] = 1.0  # the right half of the square
+    pose = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3)), 1.0, mask, square, 0.0, 1.0)
+    image = np.zeros((100, 100, 3), np.uint8)
+    rows, columns = np.nonzero(grey_out(image, [pose])[..., 0] == GREY)
+    extent = np.array([rows.min(), rows.max(), columns.min(), columns.max()])
+    assert np.abs(extent - [20, 59, 50, 69]).max() <= 1
+    assert not image.any()
+
+
+def test_the_square_of_an_upper_half_reaches_as_far_below_the_box_as_above_its_lower_edge() -> None:
+    square = square_of_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
+    assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
+
+
+def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MobileSAM's mask is the box itself here."""
+    embedding = ImageEmbedding(np.zeros((1, 256, 64, 64)), 100, 200, 1024 / 200)
+
+    def predict_masks(session, embedding, inside, outside, box):  # type: ignore[no-untyped-def]
+        grid = embedding.grid_points()
+        logits = np.where((grid >= box[:2] - 0.5).all(-1) & (grid < box[2:] - 0.5).all(-1), 1.0, -1.0)
+        return MaskProposals(np.stack([logits] * 4), np.ones(4), logits)
+
+    monkeypatch.setattr(unposed, "predict_masks", predict_masks)
+    people = np.zeros((100, 200), bool)
+    people[:, :50] = True
+    labels = np.zeros((100, 200), np.uint8)
+    labels[:, 150:] = 1
+    surfaces = SurfaceLabels(labels, ("seat", "person"))
+    boxes = [
+        UnposedBox(np.array([10.0, 0.0, 60.0, 90.0]), 0.9, "somebody with a pose"),
+        UnposedBox(np.array([80.0, 10.0, 120.0, 90.0]), 0.6, "a chair"),
+        UnposedBox(np.array([80.0, 10.0, 120.0, 90.0]), 0.7, "sure"),
+        UnposedBox(np.array([150.0, 10.0, 190.0, 90.0]), 0.4, "labelled"),
+        UnposedBox(np.array([152.0, 12.0, 190.0, 90.0]), 0.39, "the same again"),
+    ]
+    found, mask = segment_unposed(None, embedding, boxes, people, surfaces)  # type: ignore[arg-type]
+    assert [one.reason for one in found] == ["sure", "labelled"]
+    assert np.abs(np.array(found[1].box) - [150, 10, 190, 90]).max() <= 1
+    assert mask[50, 100]
+    assert mask[50, 170]
+    assert not (mask & people).any()
+    assert mobile_sam.predict_masks is not predict_masks
