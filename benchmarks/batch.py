@@ -8,7 +8,7 @@ one process, ``batch-N`` is ``physic batch --workers N``. None uses the cache. `
 pictures that it always does; the others have one thread per process and write ``--save numbers``.
 
 Processor time is that of all processes together and says what a photo costs; the clock says so only on an idle machine.
-Memory is the resident memory of the process (of the first worker) after 10 photos, and at most.
+Memory is that of one process after 10 photos, and at most; of workers the peak.
 """
 
 from __future__ import annotations
@@ -123,7 +123,10 @@ def measure_way(way: str, photos: Path, out: Path, preset: str) -> Cost:
         return Cost(cost.clock, cost.processor, memory[min(9, len(memory) - 1)], max(memory))
     workers = way.removeprefix("batch-")
     words = ("batch", str(photos), "-o", str(out), "--workers", workers, "--preset", preset, "--table", "csv")
-    return measure(lambda: start(*physic, *words, "--no-thumbnails"))
+    cost = measure(lambda: start(*physic, *words, "--no-thumbnails"))
+    rows = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
+    memory = [row["peak_mb"] for row in rows if row["peak_mb"]]
+    return Cost(cost.clock, cost.processor, memory[min(9, len(memory) - 1)], max(memory))
 
 
 def main() -> None:

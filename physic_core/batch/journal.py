@@ -33,8 +33,9 @@ COLUMNS: Mapping[str, str] = {
     "save": "what was saved: full, numbers, people or summary, and +preview or +glb",
     "folder": "of the results, relative to the output folder; empty without files",
     "version": "of physic-core",
-    "grade": "of the result; empty if it has none",
+    "grade": "of the result: good, doubtful or bad",
     "checks_failed": "names of the failed self-checks, separated by spaces",
+    "peak_mb": "largest resident memory of the process so far, MB; empty if the photo failed",
 }
 """Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["available_memory_mb", "default_workers", "usable_cores"]
+__all__ = ["available_memory_mb", "default_workers", "peak_memory_mb", "usable_cores"]
 
 _MEMORY_RESERVE = 1.25
 """A worker is expected to need this multiple of what its first photo needed."""
@@ -43,3 +44,13 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
         return 1
     more = available_memory_mb() / (_MEMORY_RESERVE * peak_mb)
     return max(1, int(min(usable_cores(), 1 + more)))
+
+
+def peak_memory_mb() -> float:
+    """Return the peak resident memory of this process, MB; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return 0.0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1e6 if sys.platform == "darwin" else 1e3)

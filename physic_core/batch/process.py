@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg, thumbnail_path
 from physic_core.batch.settings import config_digest, settings_digest
@@ -100,8 +101,9 @@ class PhotoProcessor:
             "seconds": time.perf_counter() - start - loading,
             "photo": result.photo.partition(" ")[0],
             "folder": photo_folder(item.id) if self.job.saving.main_file else "",
-            "grade": str(getattr(result, "grade", None) or ""),
+            "grade": str(result.grade or ""),
             "checks_failed": " ".join(failed),
+            "peak_mb": peak_memory_mb(),
             **{name: value for name, value in numbers.items() if name != "seconds"},
         }
 
@@ -153,6 +155,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "version": core_version(),
         "grade": "",
         "checks_failed": "",
+        "peak_mb": None,
     }
     with suppress(OSError):
         status = os.stat(item.path)

@@ -16,7 +16,7 @@ __all__ = ["TABLE_KINDS", "check_table_kind", "write_table"]
 
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "bytes", "modified")
-_NUMBERS = ("seconds",)
+_NUMBERS = ("seconds", "peak_mb")
 _ROWS = 10_000  # of one group of a Parquet file
 
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 from physic_core import errors
+from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
 
 __all__ = ["Outcome", "WorkerSettings", "run_in_workers"]
@@ -281,7 +282,7 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
         except EOFError:
             return
         try:
-            answer: tuple[Any, ...] = ("done", process(task), _peak_mb())
+            answer: tuple[Any, ...] = ("done", process(task), peak_memory_mb())
         except OutputError as error:
             answer = ("refused", "OutputError", str(error))
         pipe.send(answer)
@@ -309,16 +310,6 @@ def _print_error() -> None:
     import traceback
 
     traceback.print_exc()
-
-
-def _peak_mb() -> float:
-    """Return the peak resident memory of this process, MB; 0 where the system does not tell."""
-    try:
-        import resource
-    except ImportError:
-        return 0.0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1e6 if sys.platform == "darwin" else 1e3)
 
 
 def _known_error(name: str, message: str) -> PhysicError:

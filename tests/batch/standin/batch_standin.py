@@ -69,6 +69,7 @@ class Result:
     """What the processor reads of a reconstruction."""
 
     checks = ()
+    grade = "good"
     photo = "sha256:0 pixels-sha256:1"
 
     def summary(self) -> dict[str, float]:
