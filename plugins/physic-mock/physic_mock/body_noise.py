@@ -23,6 +23,7 @@ __all__ = [
     "BONES",
     "LIMBS",
     "camera_rotations",
+    "depth_flip",
     "draw_bone_errors",
     "hidden_bones",
     "line_of_sight_axes",
@@ -91,6 +92,22 @@ def draw_bone_errors(
     errors: FloatArray = (draws * np.radians([lean_deg, lean_deg, plane_deg])) @ sight * factor[:, None]
     errors[0] = 0.0
     return errors
+
+
+def depth_flip(bone: FloatArray, sight: FloatArray) -> Rotation:
+    """Return the rotation that mirrors the direction of a bone (3,) in the plane across the line of sight (3,) unit.
+
+    The bone keeps its place in the image, and points away from the camera if it pointed towards it.
+    """
+    from scipy.spatial.transform import Rotation
+
+    direction = bone / np.linalg.norm(bone)
+    along = float(direction @ sight)
+    axis = np.cross(direction, sight)
+    length = np.linalg.norm(axis)
+    if length < 1e-6:  # along the line of sight, where it has no place in the image to keep
+        return Rotation.identity()
+    return Rotation.from_rotvec(-2 * np.arcsin(np.clip(along, -1, 1)) * axis / length)
 
 
 def camera_rotations(local: FloatArray) -> list[Rotation]:

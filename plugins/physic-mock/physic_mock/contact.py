@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -28,6 +28,15 @@ class ContactOptions(MockOptions):
 
     ``noise`` is the power to which both shares are raised: 0 finds all and makes up nothing, 2 squares them.
     """
+
+    VERSION_4: ClassVar = {"fixed_parts": True}
+
+    fixed_parts: bool = Field(
+        False,
+        description="Whether the same parts of every body are returned instead, whatever touches: soles, and with half "
+        "the probability the rest of feet, hands and, of who sits or lies, thighs, buttocks and back; only where their "
+        "joints are reported as observed. Unused with noise 0.",
+    )
 
     recall: float = Field(
         0.35, gt=0, le=1, description="Share of the true contact vertices that are found, on average."
@@ -68,6 +77,8 @@ class MockContactPrior(interfaces.ContactPrior):
 
         found = recognise_world(image)
         rows = match_people(found, people)
+        if self.options.fixed_parts and self.options.noise > 0 and bodies.body_model == found.world.body_model:
+            return ContactProbability(_fixed_parts(found.world, bodies), found.world.topology)
         every = np.stack([_probability(found.world, i, self.options) for i in range(len(found.world.vertices))])
         rest = (
             None
@@ -97,6 +108,41 @@ def _probability(world: World, person: int, options: ContactOptions) -> FloatArr
     probability[false] = np.linspace(0.85, 0.52, len(false))
     rounded: FloatArray = np.round(probability, 6)  # exp() differs in its last bit between CPUs
     return rounded
+
+
+_FIXED_PARTS = {
+    "left_foot": (0.5, ("left_ankle", "left_foot")),
+    "right_foot": (0.5, ("right_ankle", "right_foot")),
+    "left_hand": (0.5, ("left_wrist",)),
+    "right_hand": (0.5, ("right_wrist",)),
+    "thighs": (0.5, ("left_knee", "right_knee", "left_hip", "right_hip")),
+    "gluteus": (0.5, ("left_hip", "right_hip")),
+    "back": (0.5, ("left_shoulder", "right_shoulder")),
+    "left_sole": (1.0, ("left_ankle", "left_foot")),
+    "right_sole": (1.0, ("right_ankle", "right_foot")),
+}
+"""Contact set -> probability, and joints of which one must be observed."""
+
+_SEAT = ("thighs", "gluteus", "back")
+_BENT_HIPS = 0.7  # radians
+
+
+def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
+    """Return the contact probability (N, V) of fixed body parts of people whose joints are observed."""
+    from physic_core.body import load_body
+    from physic_core.body.joints import JOINT_INDEX
+
+    model = load_body(world.body_model)
+    probability = np.zeros((len(bodies.parameters), model.num_vertices), np.float32)
+    hips = bodies.parameters.body_pose.reshape(len(bodies.parameters), -1, 3)[:, :2]
+    bent = np.linalg.norm(hips, axis=-1).mean(1) > _BENT_HIPS
+    seen = np.ones((len(bodies.parameters), len(JOINT_INDEX)), bool) if bodies.observed is None else bodies.observed
+    for name, (value, joints) in _FIXED_PARTS.items():
+        rows = model.contact_sets[name].numpy()
+        shown = seen[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
+        for i in np.flatnonzero(shown & (bent if name in _SEAT else True)):
+            probability[i, rows] = np.maximum(probability[i, rows], value)
+    return probability
 
 
 def _draw_recall(recall: float, spread: float, rng: np.random.Generator) -> tuple[float, float]:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.types import Bodies, BodyParameters, Hands
 from physic_mock.body_noise import (
     BONES,
+    LIMBS,
     camera_rotations,
+    depth_flip,
     draw_bone_errors,
     hidden_bones,
     line_of_sight_axes,
@@ -29,10 +32,31 @@ if TYPE_CHECKING:
 __all__ = ["BodyOptions", "HandOptions", "MockBodyEstimator", "MockHandEstimator"]
 
 _WRISTS = (20, 21)
+_FLIPPABLE = {
+    f"{side}_{joint}": f"{side}_{child}"
+    for joint, child in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))
+    for side in ("left", "right")
+}
+"""Joint at the start of a limb segment -> joint at its end."""
 
 
 class BodyOptions(MockOptions):
     """Options of :class:`MockBodyEstimator`."""
+
+    VERSION_4: ClassVar = {
+        "pose_noise_deg": 10.0,
+        "plane_noise_deg": 6.0,
+        "orient_noise_deg": 6.0,
+        "lean_factor": 2.2,
+        "turns_limbs": False,
+        "person_spread": 0.3,
+        "flipped": 0.06,
+        "flipped_forearms": 0.15,
+        "stature_noise": 0.055,
+        "stature_bias": -0.035,
+        "depth_noise": 0.05,
+        "size_gives_depth": True,
+    }
 
     pose_noise_deg: float = Field(
         8.2,
@@ -52,10 +76,33 @@ class BodyOptions(MockOptions):
     orient_noise_deg: float = Field(
         7.0, ge=0, le=90, description="Standard deviation of the root rotation about each axis, degrees."
     )
+    lean_factor: float = Field(
+        1.0, ge=0, le=5, description="Factor on that rotation about the two axes across the line of sight."
+    )
+    turns_limbs: bool = Field(
+        True, description="Whether that rotation turns arms and legs, too, or the trunk between them alone."
+    )
+    person_spread: float = Field(
+        0.0,
+        ge=0,
+        le=2,
+        description="How unlike people fare: standard deviation of the logarithm of a person's factor on all of these "
+        "rotations.",
+    )
+    flipped: float = Field(
+        0.0, ge=0, le=1, description="Share of upper arms, thighs and shanks that point towards the camera, not away."
+    )
+    flipped_forearms: float = Field(0.0, ge=0, le=1, description="The same share of forearms.")
     shape_noise: float = Field(
         0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
     )
     stature_noise: float = Field(0.04, ge=0, le=0.5, description="Standard deviation of the logarithm of stature.")
+    stature_bias: float = Field(0.0, ge=-0.5, le=0.5, description="Mean of the logarithm of stature over the true one.")
+    size_gives_depth: bool = Field(
+        False,
+        description="Whether distance follows from the size in the photo: the errors of stature and of focal length "
+        "are errors of distance, too.",
+    )
     depth_noise: float = Field(
         0.34,
         ge=0,
@@ -93,7 +140,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         rows = match_people(found, people)
         world, rng = found.world, seeded_rng(found.world, options.noise_seed, "bodies")
         truth, count = world.parameters, len(world.vertices)
-        placed = _noisy_translations(world, options, rng)
+        placed = _noisy_translations(world, options, rng, intrinsics)
         posed = np.stack(
             [
                 _noisy_pose(world, i, options, seeded_rng(world, options.noise_seed, f"pose of person {i}"))
@@ -109,7 +156,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             jaw_pose=truth.jaw_pose.copy(),
             leye_pose=truth.leye_pose.copy(),
             reye_pose=truth.reye_pose.copy(),
-            betas=_noisy_betas(world, options, rng),
+            betas=_noisy_betas(world, options, rng, _stature_draws(world, options)),
             expression=truth.expression.copy(),
             transl=placed,
         )
@@ -117,13 +164,25 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         return Bodies(parameters=picked, body_model=world.body_model, observed=(world.joints_visible ^ flips)[rows])
 
 
-def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
+def _stature_draws(world: World, options: BodyOptions) -> FloatArray | None:
+    """Return a normal draw (N,) of each person's stature if it decides the distance, too; else None."""
+    if not options.size_gives_depth:
+        return None
+    draws: FloatArray = seeded_rng(world, options.noise_seed, "statures").normal(size=len(world.vertices))
+    return draws
+
+
+def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Generator, camera: Intrinsics) -> FloatArray:
     """Return translations (N, 3) float32 with log-normal errors along the line of sight, normal across it."""
     pelvis = world.joints[:, 0].astype(np.float64)
     common, own = rng.normal(), rng.normal(size=len(pelvis))
     along = np.sqrt(options.depth_share) * common + np.sqrt(1 - options.depth_share) * own
     across = rng.normal(size=(len(pelvis), 2))
     moved = pelvis * np.exp(options.noise * options.depth_noise * along)[:, None]
+    statures = _stature_draws(world, options)
+    if statures is not None:
+        moved *= np.exp(options.noise * (options.stature_bias + options.stature_noise * statures))[:, None]
+        moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
     for i, point in enumerate(pelvis):
         moved[i] += options.noise * options.lateral_noise_m * across[i] @ line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
@@ -136,30 +195,52 @@ def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.
 
     truth = world.parameters
     local = np.concatenate([truth.global_orient[person], truth.body_pose[person]]).reshape(BONES, 3).astype(np.float64)
-    whole = np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
+    sight = line_of_sight_axes(world.joints[person, 0].astype(np.float64))
+    own = seeded_rng(world, options.noise_seed, f"how the pose of person {person} fares")
+    fares = np.exp(options.person_spread * own.normal())
+    whole = fares * np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
+    if options.lean_factor != 1:
+        whole = sight.T @ (sight @ whole * [options.lean_factor, options.lean_factor, 1.0])
     errors = draw_bone_errors(
-        line_of_sight_axes(world.joints[person, 0].astype(np.float64)),
+        sight,
         hidden_bones(world.joints_visible[person]),
-        options.noise * options.pose_noise_deg,
-        options.noise * options.plane_noise_deg,
+        fares * options.noise * options.pose_noise_deg,
+        fares * options.noise * options.plane_noise_deg,
         options.limb_share,
         options.hidden_factor,
         options.trunk_factor,
         rng,
     )
     turn = Rotation.from_rotvec(whole)
-    seen = [turn * Rotation.from_rotvec(e) * g for e, g in zip(errors, camera_rotations(local), strict=True)]
+    seen = [
+        (turn if options.turns_limbs or limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(e) * g
+        for e, g, limb in zip(errors, camera_rotations(local), LIMBS, strict=True)
+    ]
+    for joint, child in _FLIPPABLE.items():
+        share = options.flipped_forearms if "elbow" in joint else options.flipped
+        if bernoulli(share, options.noise, own.random(1))[0]:
+            j = JOINT_INDEX[joint]
+            bone = (world.joints[person, JOINT_INDEX[child]] - world.joints[person, j]).astype(np.float64)
+            bone = turn.apply(bone) if options.turns_limbs else bone
+            seen[j] = depth_flip(bone, sight[2]) * seen[j]
     return local_rotations(seen).astype(np.float32)
 
 
-def _noisy_betas(world: World, options: BodyOptions, rng: np.random.Generator) -> FloatArray:
-    """Return betas (N, K) float32 with errors: ``stature_noise`` along stature, ``shape_noise`` across it."""
+def _noisy_betas(
+    world: World, options: BodyOptions, rng: np.random.Generator, statures: FloatArray | None
+) -> FloatArray:
+    """Return betas (N, K) float32 with errors: ``stature_noise`` along stature, ``shape_noise`` across it.
+
+    ``statures`` (N,) are normal draws of stature, or None for new ones.
+    """
     betas = world.parameters.betas.astype(np.float64)
     growth = _log_stature_gradient(world.body_model)
     direction = growth / np.linalg.norm(growth)
-    stature, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
+    drawn, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
+    stature: FloatArray = drawn if statures is None else statures[:, None]
     others -= (others @ direction)[:, None] * direction
     errors = options.stature_noise / np.linalg.norm(growth) * stature * direction + options.shape_noise * others
+    errors += options.stature_bias / np.linalg.norm(growth) * direction
     return (betas + options.noise * errors).astype(np.float32)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,8 @@ from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import SKELETONS
 
 if TYPE_CHECKING:
-    from physic_core.types import People, UInt8Array
+    from physic_core.types import FloatArray, People, UInt8Array
+    from physic_mock.recognition import RecognisedWorld
 
 __all__ = ["KeypointOptions", "MockKeypointDetector"]
 
@@ -28,6 +29,15 @@ _ARM = (
 
 class KeypointOptions(MockOptions):
     """Options of :class:`MockKeypointDetector`."""
+
+    VERSION_4: ClassVar = {
+        "point_noise": 0.016,
+        "hidden_noise": 0.065,
+        "overconfident": 0.5,
+        "unsure": 0.15,
+        "limb_share": 0.5,
+        "tail_freedom": 1.5,
+    }
 
     skeleton: Literal["coco17", "coco23", "blazepose33", "coco_wholebody133", "halpe26"] = Field(
         "blazepose33", description="Joint set to answer."
@@ -44,6 +54,21 @@ class KeypointOptions(MockOptions):
     )
     overconfident: float = Field(
         0.1, ge=0, le=1, description="Share of the hidden points that are as confident as the others."
+    )
+    unsure: float = Field(
+        0.0, ge=0, le=1, description="Share of the points in sight that are as unsure as hidden ones."
+    )
+    limb_share: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="Share of the variance that all points of an arm, a leg or the rest have in common.",
+    )
+    tail_freedom: float | None = Field(
+        None,
+        gt=1,
+        description="Degrees of freedom of Student's t distribution of the errors, one draw of its scale for each arm, "
+        "each leg and the rest; None: normal.",
     )
     swapped: float = Field(
         0.02, ge=0, le=1, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
@@ -70,9 +95,13 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         truth, visible = world_keypoints(found.world, skeleton)
         size = (found.world.boxes[:, 2:] - found.world.boxes[:, :2]).max(axis=1)
         sigma = options.noise * np.where(visible, options.point_noise, options.hidden_noise) * size[:, None]
-        points = truth + sigma[..., None] * rng.normal(size=truth.shape)
+        errors = _limb_errors(rng.normal(size=truth.shape), found, skeleton.names, options)
+        points = truth + sigma[..., None] * errors
         sure, unsure = rng.uniform(0.85, 0.98, visible.shape), rng.uniform(0.5, 1.5, visible.shape)
-        looks_sure = visible | bernoulli(options.overconfident, options.noise, rng.random(visible.shape))
+        unsure_rng = seeded_rng(found.world, options.noise_seed, "unsure keypoints")
+        missed = bernoulli(options.unsure, options.noise, unsure_rng.random(visible.shape))
+        bold = bernoulli(options.overconfident, options.noise, rng.random(visible.shape))
+        looks_sure = np.where(visible, ~missed, bold)
         confidence = np.where(looks_sure, sure, np.minimum(unsure * options.hidden_confidence, 1.0))
         for person, swaps in enumerate(bernoulli(options.swapped, options.noise, rng.random((len(truth), 2)))):
             for limb, swap in zip((_ARM, _LEG), swaps, strict=True):
@@ -80,6 +109,32 @@ class MockKeypointDetector(interfaces.KeypointDetector):
                     order = _swap_sides_order(skeleton.names, limb)
                     points[person], confidence[person] = points[person, order], confidence[person, order]
         return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
+
+
+def _limb_errors(
+    own: FloatArray, found: RecognisedWorld, names: tuple[str, ...], options: KeypointOptions
+) -> FloatArray:
+    """Return normal errors (N, J, 2) with a part in common and one scale for each arm, each leg and the rest."""
+    limbs = sorted({_limb_of(name) for name in names})
+    limb = [limbs.index(_limb_of(name)) for name in names]
+    rng = seeded_rng(found.world, options.noise_seed, "keypoints of limbs")
+    common = rng.normal(size=(len(own), len(limbs), 2))[:, limb]
+    errors: FloatArray = own
+    if options.limb_share > 0:
+        errors = np.sqrt(options.limb_share) * common + np.sqrt(1 - options.limb_share) * own
+    if options.tail_freedom is not None:
+        freedom = options.tail_freedom
+        scale = np.sqrt(freedom / rng.chisquare(freedom, (len(own), len(limbs))))
+        errors = errors * scale[:, limb, None]
+    return errors
+
+
+def _limb_of(name: str) -> str:
+    """Return "left arm", "right leg" and so on for a keypoint; "rest" for head and trunk."""
+    side, _, point = name.partition("_")
+    if side not in ("left", "right") or point not in (*_ARM, *_LEG):
+        return "rest"
+    return f"{side} {'arm' if point in _ARM else 'leg'}"
 
 
 def _swap_sides_order(names: tuple[str, ...], limb: tuple[str, ...]) -> list[int]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_testing.worlds import OTHER_BODIES
+
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
@@ -32,7 +34,8 @@ REFERENCE_WIDTH_PX = 640
 
 def seeded_rng(world: World, noise_seed: int, purpose: str) -> np.random.Generator:
     """Return a random generator that depends only on the world, the noise seed and the purpose."""
-    return np.random.default_rng([noise_seed, world.seed, zlib.crc32(f"{world.name} {purpose}".encode())])
+    name = world.name.removesuffix(OTHER_BODIES)  # the same errors as with bodies of the body model
+    return np.random.default_rng([noise_seed, world.seed, zlib.crc32(f"{name} {purpose}".encode())])
 
 
 def scale_to_image(stated_px: float, shape: tuple[int, int]) -> float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import People
+from physic_mock.fill import fill_from_surroundings
 from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
 from physic_mock.noise import bernoulli, roughen_border, scale_to_image, seeded_rng
 from physic_mock.recognition import MockOptions, recognise_world
@@ -17,11 +18,13 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_mock.recognition import RecognisedWorld
 
-__all__ = ["MockInpainter", "MockSegmenter", "SegmenterOptions"]
+__all__ = ["InpainterOptions", "MockInpainter", "MockSegmenter", "SegmenterOptions"]
 
 
 class SegmenterOptions(MockOptions):
     """Options of :class:`MockSegmenter`."""
+
+    VERSION_4: ClassVar = {"floor_missed": 0.22, "missed_people": 0.03}
 
     raggedness_px: float = Field(
         1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
@@ -29,6 +32,9 @@ class SegmenterOptions(MockOptions):
     missed_ends: float = Field(0.04, ge=0, le=1, description="Share of hands and feet that are left out of the masks.")
     strays: float = Field(
         0.15, ge=0, le=1, description="Share of people whose mask takes in a bit of what is beside them."
+    )
+    missed_people: float = Field(
+        0.0, ge=0, le=1, description="Share of people who are not found; the largest in the photo always is."
     )
     floor: bool = Field(True, description="Whether the floor is looked for; false answers None.")
     floor_missed: float = Field(0.15, ge=0, le=1, description="Share of photos whose floor is not found.")
@@ -55,7 +61,7 @@ class MockSegmenter(interfaces.Segmenter):
         found = recognise_world(image)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
-        for i in np.flatnonzero(found.present):
+        for i in _found_people(found, self.options):
             stray = _person(found, int(i), self.options) & ~taken
             if stray.any():
                 masks.append(stray)
@@ -67,6 +73,17 @@ class MockSegmenter(interfaces.Segmenter):
             scores=scores,
             floor=_floor(found, self.options),
         )
+
+
+def _found_people(found: RecognisedWorld, options: SegmenterOptions) -> list[int]:
+    """Return the people that are present and not missed."""
+    present = [int(i) for i in np.flatnonzero(found.present)]
+    if not present:
+        return []
+    largest = max(present, key=lambda i: np.count_nonzero(found.world.masks[i]))
+    draws = seeded_rng(found.world, options.noise_seed, "missed people").random(len(found.present))
+    missed = bernoulli(options.missed_people, options.noise, draws)
+    return [i for i in present if i == largest or not missed[i]]
 
 
 def _person(found: RecognisedWorld, person: int, options: SegmenterOptions) -> BoolArray:
@@ -89,23 +106,39 @@ def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | Non
     return draw_floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
 
 
-class MockInpainter(interfaces.Inpainter):
-    """Inpainter that returns a world's image without people inside the mask, without errors.
+class InpainterOptions(MockOptions):
+    """Options of :class:`MockInpainter`; ``noise`` 0 fills with the truth."""
 
-    The other mocks read the world instead of the image. The options ``hole_noise`` and ``disagreement`` of the point
-    map represent inpainting errors.
+    VERSION_4: ClassVar = {"fill": "surroundings"}
+
+    fill: Literal["truth", "surroundings"] = Field(
+        "truth", description="What stands in the hole: the true image without people, or what is around the hole."
+    )
+
+
+class MockInpainter(interfaces.Inpainter):
+    """Inpainter that fills the mask with a world's image without people, or with what surrounds it.
+
+    The other mocks read the world instead of the image. The options ``hole_depth``, ``hole_noise`` and ``disagreement``
+    of the point map represent inpainting errors.
     """
 
-    Options = MockOptions
+    Options = InpainterOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Return the image with masked pixels from the world's image without people; other pixels are unchanged.
+        """Return the image with filled masked pixels; other pixels are unchanged.
 
         Raises:
             BackendError: the image shows no world.
         """
+        assert isinstance(self.options, InpainterOptions)
         filled: UInt8Array = image.copy()
-        filled[mask] = recognise_world(image).world.empty_image[mask]
+        world = recognise_world(image).world
+        if self.options.fill == "surroundings" and self.options.noise > 0:
+            around = fill_from_surroundings(image.astype(np.float64), mask)[mask]
+            filled[mask] = np.rint(around).astype(np.uint8)
+        else:
+            filled[mask] = world.empty_image[mask]
         return filled
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from physic_core import interfaces
 from physic_core.errors import BackendError
-from physic_testing.worlds import WORLDS, World, build_world, labels
+from physic_testing.worlds import World, build_world, is_world, labels
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
@@ -23,12 +24,32 @@ _SAME_PERSON_IOU = 0.3
 
 
 class MockOptions(interfaces.Options):
-    """Options of all mocks."""
+    """Options of all mocks.
+
+    Attributes:
+        VERSION_4: defaults of version 4 that differ from those of version 3, which stand at the fields.
+    """
+
+    VERSION_4: ClassVar[Mapping[str, Any]] = {}
+
+    version: Literal[3, 4] = Field(
+        3,
+        description="Version of the defaults of all other options: 3 has errors as in the paper, 4 as large as those "
+        "of the embedded estimators on real photos.",
+    )
 
     noise: float = Field(
         1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
     )
     noise_seed: int = Field(0, ge=0, description="Seed of this mock's own errors.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_of_version(cls, given: Any) -> Any:
+        """Fill in the defaults of the chosen version."""
+        if isinstance(given, Mapping) and given.get("version", 3) == 4:
+            return {**cls.VERSION_4, **given}
+        return given
 
 
 @dataclass(frozen=True)
@@ -61,7 +82,7 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
     if label is None:
         raise _unknown_image_error(width, height, "carries no world's label")
     name, seed = label
-    if name not in WORLDS:
+    if not is_world(name):
         raise _unknown_image_error(width, height, f"is of the world {name!r}, which there is not")
     if height * width > _LARGEST_PX:
         raise _unknown_image_error(width, height, f"is larger than worlds are drawn ({_LARGEST_PX} px in all)")

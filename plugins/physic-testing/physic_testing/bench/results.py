@@ -164,5 +164,5 @@ def _plugin_versions(work: BenchmarkJob) -> dict[str, Any]:
         answer[who.distribution] = who.version
         noise = getattr(sys.modules.get(who.plugin), "NOISE_VERSION", None)
         if noise is not None:
-            answer[f"{who.distribution} noise"] = noise
+            answer[f"{who.distribution} noise"] = str(who.options.get("version", noise))
     return answer

@@ -49,6 +49,17 @@ def bench() -> None:
 @click.option(
     "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
 )
+@click.option(
+    "--noise-version",
+    metavar="V",
+    type=click.IntRange(3, 4),
+    default=3,
+    show_default=True,
+    help="Errors as in the paper (3), or as large as those of the embedded estimators on real photos (4).",
+)
+@click.option(
+    "--other-bodies", is_flag=True, help="Give people proportions and skin that no shape of the body model has."
+)
 @click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
 @click.option(
     "--set",
@@ -81,6 +92,8 @@ class _AccuracyOptions:
     preset: str
     size: tuple[int, int]
     noise_seed: int
+    noise_version: int
+    other_bodies: bool
     rows: str
     overrides: tuple[str, ...]
     jobs: int
@@ -94,7 +107,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     if options.no_cache and options.cache is not None:
         raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
     trial, others = _split(options.overrides)
-    config, noisy = _configs(options.preset, options.noise_seed, trial, others)
+    config, noisy = _configs(options.preset, _mock_options(options), trial, others)
 
     from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
@@ -115,13 +128,15 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
-    cases = benchmark_cases(options.worlds, options.seed, options.size)
+    cases = benchmark_cases(options.worlds, options.seed, options.size, other_bodies=options.other_bodies)
     settings = {
         "worlds": options.worlds,
         "seed": options.seed,
         "preset": options.preset,
         "size": list(options.size),
         "noise_seed": options.noise_seed,
+        "noise_version": options.noise_version,
+        "other_bodies": options.other_bodies,
         "set": list(options.overrides),
         "config": noisy.as_dict(),
     }
@@ -168,16 +183,29 @@ def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
     return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
 
 
-def _configs(preset: str, noise_seed: int, trial: list[str], others: list[str]) -> tuple[Config, Config]:
-    """Return the trial's config, and the config of the estimators, which all rows share."""
+def _mock_options(options: _AccuracyOptions) -> dict[str, int]:
+    """Return the options of every mock; version 3 is their default, and unknown to mocks of other plugins."""
+    version = {} if options.noise_version == 3 else {"version": options.noise_version}
+    return {"noise_seed": options.noise_seed, **version}
+
+
+def _configs(preset: str, mocks: dict[str, int], trial: list[str], others: list[str]) -> tuple[Config, Config]:
+    """Return the trial's config, and the config of the estimators, which all rows share.
+
+    ``mocks`` are options of every mock.
+    """
     from physic_core.configuration.model import load_config
     from physic_core.interfaces import INTERFACES
 
-    noise = {name: {"options": {"noise_seed": noise_seed}} for name in INTERFACES}
+    noise = {name: {"options": mocks} for name in INTERFACES}
     engine = {"engine": {"preset": preset}}
     return (
-        load_config(preset="mock", overrides=[*others, *trial], flags={"--noise-seed": noise, "--preset": engine}),
-        load_config(preset="mock", overrides=others, flags={"--noise-seed": noise}),
+        load_config(
+            preset="mock",
+            overrides=[*others, *trial],
+            flags={"--noise-seed, --noise-version": noise, "--preset": engine},
+        ),
+        load_config(preset="mock", overrides=others, flags={"--noise-seed, --noise-version": noise}),
     )
 
 

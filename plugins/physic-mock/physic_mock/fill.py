@@ -1,0 +1,59 @@
+"""Values of a hole interpolated from its surroundings, as an inpainter or a depth network would continue them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray
+
+__all__ = ["fill_from_surroundings"]
+
+_SWEEPS = 24  # of Jacobi's method at each resolution
+_SMALLEST = 4  # px: an image of this side is not halved again
+
+
+def fill_from_surroundings(values: FloatArray, hole: BoolArray) -> FloatArray:
+    """Replace the values in a hole by a nearly harmonic interpolation of those around it.
+
+    Laplace's equation is solved by Jacobi's method, from a coarse image to the full one. Without a pixel outside of the
+    hole, the values stay as they are.
+
+    Args:
+        values: (H, W, C); those in the hole are not read, the others are finite.
+        hole: (H, W) bool.
+
+    Returns:
+        (H, W, C) float64.
+    """
+    if hole.all() or not hole.any():
+        return values.astype(np.float64)
+    known = (~hole).astype(np.float64)[..., None]
+    return _fill(np.where(hole[..., None], 0.0, values.astype(np.float64)), known)
+
+
+def _fill(values: FloatArray, known: FloatArray) -> FloatArray:
+    """Return the values (H, W, C) with those filled whose ``known`` (H, W, 1) is 0; the others are unchanged."""
+    if (known > 0).all():
+        return values
+    if min(known.shape[:2]) <= _SMALLEST:
+        mean = (values * known).sum((0, 1)) / known.sum()
+        return np.where(known > 0, values, mean)
+    weight = _halved(known)
+    coarse = _halved(values * known) / np.maximum(weight, 1e-12)
+    finer = np.repeat(np.repeat(_fill(coarse, (weight > 0).astype(np.float64)), 2, 0), 2, 1)
+    filled = np.where(known > 0, values, finer[: values.shape[0], : values.shape[1]])
+    for _ in range(_SWEEPS):
+        padded = np.pad(filled, ((1, 1), (1, 1), (0, 0)), mode="edge")
+        mean = (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]) / 4
+        filled = np.where(known > 0, values, mean)
+    return filled
+
+
+def _halved(values: FloatArray) -> FloatArray:
+    """Return the sums (H / 2, W / 2, C) of 2 x 2 pixels, rounded up."""
+    even = np.pad(values, ((0, values.shape[0] % 2), (0, values.shape[1] % 2), (0, 0)))
+    halved: FloatArray = even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]
+    return halved
