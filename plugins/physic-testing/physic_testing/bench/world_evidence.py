@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,15 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_testing.worlds import World
 
-__all__ = ["WorldCase", "benchmark_cases", "cache_folder", "estimate_evidence", "evidence_key", "source_hash"]
+__all__ = [
+    "WorldCase",
+    "benchmark_cases",
+    "cache_folder",
+    "estimate_evidence",
+    "evidence_key",
+    "source_hash",
+    "with_other_bodies",
+]
 
 
 @dataclass(frozen=True)
@@ -131,16 +139,21 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
 
 
-def benchmark_cases(count: int, seed: int, size: tuple[int, int], other_bodies: bool = False) -> tuple[WorldCase, ...]:
+def benchmark_cases(count: int, seed: int, size: tuple[int, int]) -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 
     Args:
         count: number of worlds; the actions take turns.
         seed: seed of the random world seeds.
         size: width and height of the photos, px.
-        other_bodies: whether people have bodies that no shape of the body model has.
     """
-    from physic_testing.worlds import OTHER_BODIES, benchmark_worlds
+    from physic_testing.worlds import benchmark_worlds
 
-    suffix = OTHER_BODIES if other_bodies else ""
-    return tuple(WorldCase(name + suffix, number, size) for name, number in benchmark_worlds(count, seed))
+    return tuple(WorldCase(name, number, size) for name, number in benchmark_worlds(count, seed))
+
+
+def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:
+    """Return the same worlds with people whose body no shape of the body model has."""
+    from physic_testing.worlds import OTHER_BODIES
+
+    return tuple(replace(case, name=case.name + OTHER_BODIES) for case in cases)

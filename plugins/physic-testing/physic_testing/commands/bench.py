@@ -120,7 +120,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
 
     from physic_testing.bench.run_worlds import BenchmarkJob
     from physic_testing.bench.table_rows import FULL, TRIAL, Row, select_rows
-    from physic_testing.bench.world_evidence import benchmark_cases, cache_folder
+    from physic_testing.bench.world_evidence import benchmark_cases, cache_folder, with_other_bodies
 
     keys = [key.strip() for key in options.rows.split(",") if key.strip()]
     chosen = select_rows(options.preset, keys or ([FULL] if trial else []))
@@ -128,7 +128,8 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
-    cases = benchmark_cases(options.worlds, options.seed, options.size, other_bodies=options.other_bodies)
+    cases = benchmark_cases(options.worlds, options.seed, options.size)
+    cases = with_other_bodies(cases) if options.other_bodies else cases
     settings = {
         "worlds": options.worlds,
         "seed": options.seed,
