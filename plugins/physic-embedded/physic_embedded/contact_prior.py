@@ -10,6 +10,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
+from physic_core.types.skeletons import SIDES
+from physic_embedded.held_edges import hands_at_edges
 from physic_embedded.standing import angle_deg
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ class StaticContactOptions(Options):
     soles: float = Field(1.0, ge=0, le=1, description="probability of soles")
     feet: float = Field(0.5, ge=0, le=1, description="probability of the rest of the lower half of the feet")
     hands: float = Field(0.5, ge=0, le=1, description="probability of palms and fingers")
+    held: float = Field(0.9, ge=0, le=1, description="probability of hands at a straight edge, such as a bar's")
     seat: float = Field(0.5, ge=0, le=1, description="probability of undersides of the thighs and of the seat")
     back: float = Field(0.5, ge=0, le=1, description="probability of the back")
     seat_by_pose: bool = Field(
@@ -59,7 +62,7 @@ class StaticContactOptions(Options):
 class StaticContact(ContactPrior):
     """Contact prior of fixed body parts: feet, thighs, buttocks, back and hands (PROX).
 
-    Body parts whose joints are not observed get probability 0.
+    Body parts whose joints are not observed get probability 0, but for hands at a straight edge in the picture.
     """
 
     Options: ClassVar[type[Options]] = StaticContactOptions
@@ -109,6 +112,10 @@ class StaticContact(ContactPrior):
                 seen &= seated
             ids = self._model.contact_sets[name].cpu().numpy()
             given = np.where(seen, np.float32(value), np.float32(0))[:, None]
+            probability[:, ids] = np.maximum(probability[:, ids], given)
+        for k, held in enumerate(hands_at_edges(image, people).T):
+            ids = self._model.contact_sets[f"{SIDES[k]}_hand"].cpu().numpy()
+            given = np.where(held, np.float32(options.held), np.float32(0))[:, None]
             probability[:, ids] = np.maximum(probability[:, ids], given)
         rest = None if bodies.body_model == self._model.name else rest_mesh_of_model(self._model)
         return ContactProbability(probability, self._model.topology, rest)
