@@ -39,12 +39,15 @@ class ContactSettings:
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
         observed: contact only on visible limbs.
+        assume_supports: people whom nothing in the scene carries touch a hidden seat, or what their hands hold
+            (:mod:`physic_core.engine.assumed_support`).
     """
 
     distance_m: NotNegative = 0.02
     inside_m: NotNegative = 0.05
     metric: Literal["plane", "point"] = "plane"
     observed: bool = True
+    assume_supports: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.joints import joint_pair
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine.assumed_support import hands_may_hold
 from physic_core.engine.joint.final_scene import finalize_scene
+from physic_core.engine.joint.limbs import is_standing
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
@@ -25,6 +28,7 @@ from physic_core.engine.placement.human_points import (
     human_points,
     move_photo_points_to_scene,
 )
+from physic_core.engine.placement.lifted_feet import LiftedFeet, depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.people import Detections, PlacedPeople, place_people
 from physic_core.engine.placement.place import PosedBodies
 from physic_core.engine.scene.build import alignment_diagnostics, build_scene
@@ -53,6 +57,7 @@ if TYPE_CHECKING:
 __all__ = ["run_engine"]
 
 _EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
+_SHOULDERS, _WRISTS = joint_pair("shoulder"), joint_pair("wrist")
 
 
 def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner) -> Solution:
@@ -78,7 +83,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             ratio = factor * _size_by_scene(estimates, estimated, bodies, settings.placement)
             stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
-        detections = _detections(estimates, photo, bodies)
+        feet = _lifted_feet(estimates, scene, photo, bodies, model) if settings.placement.detect_lifted_feet else None
+        detections = _detections(estimates, photo, bodies, feet)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
             scene = without_floor(scene, not_theirs)
@@ -88,6 +94,10 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         if known is not None:
             sigma = problem.scale_sigma if factor is None else _EXACT_SCALE_SIGMA
             problem = replace(problem, known=known, scale_sigma=sigma)
+        if feet is not None:
+            problem = replace(
+                problem, grounded=placed.placement.grounded & ~feet.airborne, lifted_feet=feet.lifted.to(model.device)
+            )
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
@@ -215,6 +225,7 @@ class _EstimatedBodies:
         keypoints: (B, J, 2) px, those with a landmark on the body.
         confidence: (B, J).
         skeleton: of these keypoints.
+        joints: (B, 55, 3) metres.
     """
 
     posed: PosedBodies
@@ -224,6 +235,7 @@ class _EstimatedBodies:
     keypoints: Tensor
     confidence: Tensor
     skeleton: Skeleton
+    joints: Tensor
 
     def K(self, scene: SceneState) -> Tensor:
         return scene.K.to(self.betas)
@@ -253,7 +265,7 @@ def _pose_bodies(
         outer=model.outer,
         soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
     )
-    return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set)
+    return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set, body.joints)
 
 
 def _size_by_scene(
@@ -300,7 +312,34 @@ def _bodies_of_scene_size(
     return _pose_bodies(estimates, resized, model, settings)
 
 
-def _detections(estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBodies) -> Detections:
+def _lifted_feet(
+    estimates: Estimates, scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
+) -> LiftedFeet:
+    gap = depth_gaps_at_feet(
+        bodies.skeleton,
+        bodies.keypoints.cpu(),
+        bodies.confidence.cpu(),
+        tensor(estimates.people.masks),
+        photo.depth,
+        torch.where(scene.valid, scene.depth, torch.nan),
+    )
+    up = gap.new_tensor([0.0, -1.0, 0.0]) if scene.floor_normal is None else scene.floor_normal
+    return find_lifted_feet(gap, _hands_may_hold(estimates, bodies, model, up).cpu())
+
+
+def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, model: BodyModel, up: Tensor) -> Tensor:
+    """Return which people (B,) bool may hold something, and do not stand upright with their hands down."""
+    contact = tensor(estimates.contact.probability).to(bodies.betas)
+    joints, rotations, up = bodies.joints, bodies.rotations, up.to(bodies.betas)
+    everything = torch.ones(joints.shape[:2], dtype=torch.bool, device=joints.device)
+    height = joints @ up
+    hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
+    return hands_may_hold(model, contact) & (hands_up | ~is_standing(rotations, joints, everything, up))
+
+
+def _detections(
+    estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBodies, feet: LiftedFeet | None = None
+) -> Detections:
     observed = estimates.bodies.observed
     return Detections(
         skeleton=bodies.skeleton,
@@ -309,6 +348,7 @@ def _detections(estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBo
         observed=None if observed is None else tensor(observed),
         points=photo.people,
         masks=tensor(estimates.people.masks),
+        airborne=None if feet is None else feet.airborne,
     )
 
 

@@ -11,6 +11,7 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat
 from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_surfaces
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.geometry.free_space import front_depth, in_free_space
@@ -177,6 +178,7 @@ def measure_contacts(
     may_touch = model.outer.expand(len(rows), -1)
     if settings.contact.observed:
         may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
+    may_touch = may_touch & ~problem.feet_in_air()[rows]
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
     scene, ground = contact_surfaces(problem, vertices, s, settings)
     free = None
@@ -188,7 +190,14 @@ def measure_contacts(
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, s))
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]
-        measured[i] = {
+        if settings.contact.assume_supports:
+            posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
+            lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
+            held = assumed_hold(model, contact[i], problem.contact_probability[i], lifted)
+            seat = assumed_seat(model, posed, contact[i], may_touch[row] & ~lifted.all(), up)
+            contact[i] |= held | seat
+            measured[i] = {"assumed_seat": float(seat.any()), "assumed_hold": float(held.any())}
+        measured[i] |= {
             **silhouettes[i],
             "clearance_m": clearance(body, distance[i], up, height),
             "sole_height_m": sole_height(body, soles, up, height),

@@ -14,6 +14,7 @@ from physic_core.types.skeletons import Skeleton, is_finger
 
 __all__ = [
     "detected_joints",
+    "is_sitting",
     "is_standing",
     "keypoints_of_observed_limbs",
     "limb_part_indices",
@@ -31,10 +32,13 @@ _END_JOINT = {
 }
 _TRUNK = [*(JOINT_INDEX[name] for name in ("pelvis", "spine3")), *joint_pair("hip"), *joint_pair("shoulder")]
 _NECK, _PELVIS, _ANKLES = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"], joint_pair("ankle")
+_HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 _MIN_IN_LINE_COSINE = 0.82  # 35 degrees between trunk and legs
 _MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators err by 20
+_MAX_SITTING_COSINE = 0.77  # 40 degrees of flexion of a hip; people perch on high seats
+_MAX_THIGH_COSINE = 0.9  # 25 degrees from down
 _MAX_KNEE_FLEXION = 0.7  # radians, 40 degrees
 
 
@@ -139,3 +143,20 @@ def is_standing(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor 
         in_line = in_line & (((trunk + leg) / 2) @ up > _MIN_UPRIGHT_COSINE)
     straight = hinge_angles(rotations)[:, :2].amin(-1) < _MAX_KNEE_FLEXION
     return in_line & straight & observed[:, _ANKLES].all(1)
+
+
+def is_sitting(rotations: Tensor, joints: Tensor, up: Tensor) -> Tensor:
+    """Return which people may sit: (B,) bool. Both hips are bent, and both knees are bent or both thighs raised.
+
+    People who squat are among them; people who bend over are not.
+
+    Args:
+        rotations: (B, 55, 3, 3).
+        joints: (B, 55, 3) metres.
+        up: (3,) unit.
+    """
+    trunk = torch.nn.functional.normalize(joints[:, _NECK] - joints[:, _PELVIS], dim=-1)
+    thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
+    bent = (thighs * trunk[:, None]).sum(-1).amin(1) > -_MAX_SITTING_COSINE
+    raised = (thighs @ up).amin(1) > -_MAX_THIGH_COSINE
+    return bent & (raised | (hinge_angles(rotations)[:, :2].amin(1) > _MAX_KNEE_FLEXION))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import SIDES
 from physic_core.body.model import BodyModel
 from physic_core.engine.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
@@ -27,6 +28,7 @@ _PER_PERSON = (
     "contact_probability",
     "observed",
     "grounded",
+    "lifted_feet",
     "estimated_transl",
     "keypoint_transl",
 )
@@ -59,6 +61,7 @@ class JointProblem(ShortRepr):
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
         grounded: (B,) bool, people who may stand on the floor, not on or in an object; None is all people.
+        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None is no foot.
         estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".
         keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
             preset "release".
@@ -87,6 +90,7 @@ class JointProblem(ShortRepr):
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
     grounded: Tensor | None = None
+    lifted_feet: Tensor | None = None
     estimated_transl: Tensor | None = None
     keypoint_transl: Tensor | None = None
     known: KnownGeometry | None = None
@@ -115,6 +119,7 @@ class JointProblem(ShortRepr):
             "scene_depth": (height, width),
             "human_depth": (height, width),
             "grounded": (b,),
+            "lifted_feet": (b, 2),
             "estimated_transl": (b, 3),
             "keypoint_transl": (b, 3),
         }
@@ -142,6 +147,16 @@ class JointProblem(ShortRepr):
         if self.known is not None:
             changed["known"] = self.known.to(self.transl0.to(self.model.device, self.model.dtype))
         return replace(self, **changed)  # type: ignore[arg-type]
+
+    def feet_in_air(self) -> Tensor:
+        """Return the vertices (B, V) bool of feet in the air."""
+        model = self.model
+        vertices = torch.zeros(len(self), model.num_vertices, dtype=torch.bool, device=self.transl0.device)
+        if self.lifted_feet is not None:
+            for foot, side in enumerate(SIDES):
+                part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
+                vertices |= part & self.lifted_feet[:, foot, None]
+        return vertices
 
     def select_people(self, rows: Tensor) -> JointProblem:
         """Return a copy with a selection of the people, (n,) int64."""

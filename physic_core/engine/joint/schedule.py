@@ -19,7 +19,7 @@ __all__ = ["RESTART_ERROR", "RESTART_OFFSETS", "minimise_with_restarts", "select
 RESTART_ERROR = 0.04
 """Smallest final reprojection error, in shares of the stature in px, for which restarts are tried."""
 
-_SCENE_TERMS = ("contact", "penetration", "floor", "soles")
+_SCENE_TERMS = ("contact", "penetration", "seat", "floor", "soles")
 
 Progress = Callable[[float], None]
 

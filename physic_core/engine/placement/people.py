@@ -33,6 +33,7 @@ class Detections:
         observed: (B, 55) bool, joints that the body estimator reports as visible; None means all.
         points: B tensors (M_i, 3) metres, the people's points in the scene.
         masks: (B, H, W) bool, visible pixels of each person.
+        airborne: (B,) bool, people with both feet in the air; None means nobody.
     """
 
     skeleton: Skeleton
@@ -41,6 +42,7 @@ class Detections:
     observed: Tensor | None
     points: Sequence[Tensor]
     masks: Tensor
+    airborne: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,9 @@ def place_people(
 
 def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PeopleObservations:
     weight, masks = detections.confidence, detections.masks
+    feet_seen = _observed(detections, settings)[:, _ANKLES].any(1)
+    if detections.airborne is not None:
+        feet_seen = feet_seen & ~detections.airborne.to(feet_seen.device)
     if settings.method == "released":
         on_device = masks.to(weight.device)
         weight = released_keypoint_weights(detections.skeleton, detections.keypoints, weight, on_device)
@@ -127,7 +132,7 @@ def _evidence(detections: Detections, columns: list[int], settings: PlacementSet
         confidence=weight[:, columns],
         points=detections.points,
         masks=masks,
-        feet_seen=_observed(detections, settings)[:, _ANKLES].any(1),
+        feet_seen=feet_seen,
     )
 
 

@@ -33,6 +33,8 @@ class PlacementSettings:
         floor_weight: of the distance of the lower foot to the floor, for visible feet on a known floor; 0 is off.
         stand_reach_m: a person whose lower foot, without depth offset, is higher than this above the floor is on
             furniture and not on the floor; 0 disables the test.
+        detect_lifted_feet: feet with a gap of depth behind them are in the air
+            (:mod:`physic_core.engine.placement.lifted_feet`).
     """
 
     method: Literal["robust", "paper", "released"] = "robust"
@@ -46,6 +48,7 @@ class PlacementSettings:
     depth_offset_sigma: NotNegative = 0.2
     floor_weight: NotNegative = 1.0
     stand_reach_m: NotNegative = 0.45
+    detect_lifted_feet: bool = True
 
     @property
     def robust(self) -> bool:

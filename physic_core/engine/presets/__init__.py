@@ -17,7 +17,7 @@ from physic_core.engine.settings import ContactSettings, EngineSettings, Placeme
 
 __all__ = ["PRESETS"]
 
-_RELEASED_CONTACT = ContactSettings(inside_m=0.15, metric="point", observed=False)
+_RELEASED_CONTACT = ContactSettings(inside_m=0.15, metric="point", observed=False, assume_supports=False)
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
 # calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04
@@ -43,6 +43,7 @@ _PAPER = EngineSettings(
         depth_offset_sigma=0.0,
         floor_weight=0.0,
         stand_reach_m=0.0,
+        detect_lifted_feet=False,
     ),
     joint=PaperOptimisation(),
     contact=replace(_RELEASED_CONTACT, distance_m=_PRINTED_CONTACT_M, inside_m=_PRINTED_CONTACT_M),
@@ -65,6 +66,7 @@ _PROX = EngineSettings(
         depth_offset_sigma=0.0,
         floor_weight=0.0,
         stand_reach_m=0.0,
+        detect_lifted_feet=False,
     ),
     joint=ProxOptimisation(),
     contact=_RELEASED_CONTACT,

@@ -82,6 +82,8 @@ class SoleTerm:
         on_step = contacts.on_step & (contacts.signed.abs() < contacts.height)
         stepped = torch.stack([_share(on_step[:, rows]) > _STEP_SHARE for rows in context.soles], 1)
         on_floor = context.feet_visible & torch.isfinite(lowest) & ~stepped
+        if context.problem.lifted_feet is not None:
+            on_floor = on_floor & ~context.problem.lifted_feet
         likely = torch.stack([_share(context.is_contact[:, rows]) > 0 for rows in context.soles], 1)
         lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
         pulled = (on_floor & likely).any(1) & ~stepped.any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)

@@ -25,6 +25,7 @@ from physic_core.engine.joint.terms.depth import DepthTerm, depth_energy
 from physic_core.engine.joint.terms.floor import FloorTerm
 from physic_core.engine.joint.terms.penetration import PenetrationTerm, penetration_energy
 from physic_core.engine.joint.terms.regularisation import RegularisationTerm, mesh_energy
+from physic_core.engine.joint.terms.seat import SeatTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
 
 __all__ = [
@@ -158,13 +159,21 @@ class SurfaceTerms(Term):
 
     Args:
         energies: the reference function or the fused one.
+        seat: refreshed before this term; the depth map of people with a seat moves with their local depth scale.
 
     Attributes:
         surface: inputs since the last refresh.
     """
 
-    def __init__(self, context: JointContext, state: State, parts: SurfaceTermGroup, energies: SurfaceFunction) -> None:
-        self.context, self.parts, self.energies = context, parts, energies
+    def __init__(
+        self,
+        context: JointContext,
+        state: State,
+        parts: SurfaceTermGroup,
+        energies: SurfaceFunction,
+        seat: SeatTerm | None = None,
+    ) -> None:
+        self.context, self.parts, self.energies, self.seat = context, parts, energies, seat
         self._warp_is_free = "warp" in state.free
         self.surface: SurfaceInputs
 
@@ -198,8 +207,12 @@ class SurfaceTerms(Term):
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of each term that is not off: name -> (B,)."""
         parts, surface, e = self.parts, self.surface, bodies.estimate
+        offset = e.offset
+        if self._warp_is_free and self.seat is not None:
+            # A person and their seat have one error of depth.
+            offset = offset + self.seat.found * e.warp
         values, lowest = self.energies(
-            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset, e.warp
+            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, offset, e.warp
         )
         sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
         energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}

@@ -1,0 +1,124 @@
+"""Feet in the air, by the gap of depth between a foot and the scene behind it.
+
+At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree:
+the ground goes on behind the foot. A foot in the air has a gap. The gap is the logarithm of the ratio of both depths;
+over level ground it is about the foot's height as a share of the camera's height, in any unit and at any distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import SIDES
+from physic_core.types import Skeleton
+
+__all__ = ["LiftedFeet", "depth_gaps_at_feet", "find_lifted_feet"]
+
+MIN_FOOT_GAP = 0.1
+"""Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
+
+MIN_MEAN_GAP = 0.065
+"""Least mean gap of both feet of a person in the air whose hands hold something."""
+
+_MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
+_RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
+_MIN_PIXELS = 4
+_PITCH_DEG = 20.0  # between heel and toe in the image; beyond, the lower end alone counts
+_RING_SHARE = 0.1  # of the height of a person's mask: background around a foot, where both maps must agree
+_MARGIN_PX = 3  # between people and background; depth maps are blurred at outlines
+_MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
+
+
+@dataclass(frozen=True)
+class LiftedFeet:
+    """Feet in the air of B people.
+
+    Attributes:
+        lifted: (B, 2) bool, left and right foot.
+        airborne: (B,) bool, people with both feet in the air.
+        gap: (B, 2) log ratio of the depth behind a foot to the foot's depth, NaN where unknown.
+    """
+
+    lifted: Tensor
+    airborne: Tensor
+    gap: Tensor
+
+
+def find_lifted_feet(gap: Tensor, held: Tensor) -> LiftedFeet:
+    """Find the feet in the air from gaps of depth.
+
+    A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean
+    gap is too large for a foot on the ground: the depth of one foot is less certain than that of both.
+
+    Args:
+        gap: (B, 2) from :func:`depth_gaps_at_feet`.
+        held: (B,) bool, people whose hands may hold something.
+    """
+    known = torch.isfinite(gap)
+    lifted = known & (gap > MIN_FOOT_GAP)
+    mean = torch.where(known, gap, 0.0).sum(1) / known.sum(1).clamp(min=1)
+    airborne = (lifted.sum(1) == known.sum(1)) & known.any(1) | (held & (mean > MIN_MEAN_GAP))
+    return LiftedFeet(lifted | airborne[:, None], airborne, gap)
+
+
+def depth_gaps_at_feet(
+    skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, photo: Tensor, scene: Tensor
+) -> Tensor:
+    """Measure the gap of depth behind each foot: (B, 2), NaN where unknown.
+
+    It is the median over the person's pixels around heel and toe, or around the lower one for a foot that points up or
+    down in the image, minus the median over the background around the foot.
+
+    Args:
+        skeleton: of the J keypoints.
+        keypoints: (B, J, 2) px.
+        confidence: (B, J).
+        masks: (B, H, W) bool, visible pixels of each person.
+        photo: (H, W) metres, depth of the photo, NaN where unknown.
+        scene: (H, W) metres, depth of the scene without people, NaN where unknown.
+    """
+    log_ratio = scene.log() - photo.log()
+    people = torch.nn.functional.max_pool2d(
+        masks.any(0)[None, None].float(), 2 * _MARGIN_PX + 1, stride=1, padding=_MARGIN_PX
+    )[0, 0]
+    background = people == 0
+    row = {name: j for j, name in enumerate(skeleton.names)}
+    gaps = torch.full((len(keypoints), 2), torch.nan, dtype=torch.float64)
+    for i, mask in enumerate(masks):
+        rows = mask.any(1).nonzero()
+        if not len(rows):
+            continue
+        size = float(rows[-1] - rows[0] + 1)
+        for k, side in enumerate(SIDES):
+            toe = next((row[f"{side}_{name}"] for name in ("foot_tip", "big_toe") if f"{side}_{name}" in row), None)
+            ends = [j for j in (row.get(f"{side}_heel"), toe) if j is not None and confidence[i, j] >= _MIN_CONFIDENCE]
+            places = keypoints[i, ends]
+            if len(places) < 2 or not bool(torch.isfinite(places).all()):
+                continue
+            values = [_around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places]
+            ground = _around(log_ratio, background, places.mean(0), _MARGIN_PX + _RING_SHARE * size)
+            across, down = (float(x) for x in places[1] - places[0])
+            pitch = math.degrees(math.atan2(down, abs(across)))
+            lower = values[1] if pitch > 0 else values[0]
+            if abs(pitch) < _PITCH_DEG or len(lower) < _MIN_PIXELS:
+                lower = torch.cat(values)
+            if min(len(lower), len(ground)) < _MIN_PIXELS:
+                continue
+            off = ground.double().median()
+            if abs(float(off)) < _MAX_BACKGROUND_GAP:
+                gaps[i, k] = lower.double().median() - off
+    return gaps
+
+
+def _around(values: Tensor, mask: Tensor, place: Tensor, radius: float) -> Tensor:
+    """Return the finite values (n,) of a person's pixels in a square around a place (2,) px."""
+    height, width = mask.shape
+    x, y = (float(v) for v in place)
+    columns = slice(max(0, round(x - radius)), min(width, max(0, round(x + radius) + 1)))
+    rows = slice(max(0, round(y - radius)), min(height, max(0, round(y + radius) + 1)))
+    chosen = values[rows, columns][mask[rows, columns]]
+    return chosen[torch.isfinite(chosen)]

@@ -1,0 +1,110 @@
+"""Feet in the air are found by the gap of depth behind them, and touch nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.presets import PRESETS
+
+NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
+
+
+def above(height, camera=1.5):
+    """Gap behind a foot so high over level ground, the camera being 1.5 m over it."""
+    return math.log(camera / (camera - height))
+
+
+def found(left, right, held=NOBODY):
+    """Lifted feet and whether the person is in the air."""
+    feet = find_lifted_feet(torch.tensor([[left, right]]), held)
+    return feet.lifted[0].tolist(), bool(feet.airborne)
+
+
+def test_feet_on_the_ground_are_not_lifted():
+    assert found(0.03, 0.04) == ([False, False], False)
+    # Hands at a table alone lift nobody.
+    assert found(0.03, 0.04, SOMEBODY) == ([False, False], False)
+
+
+def test_a_lifted_foot_is_lifted_alone():
+    assert found(above(0.2), 0.02) == ([True, False], False)
+
+
+def test_who_jumps_is_in_the_air_with_both_feet():
+    assert found(above(0.3), above(0.5)) == ([True, True], True)
+
+
+def test_who_hangs_is_in_the_air_by_the_mean_of_both_feet():
+    assert found(above(0.12), above(0.12)) == ([False, False], False)
+    assert found(above(0.12), above(0.12), SOMEBODY) == ([True, True], True)
+
+
+def test_nothing_is_known_of_unseen_feet():
+    assert found(math.nan, math.nan, SOMEBODY) == ([False, False], False)
+    assert found(math.nan, above(0.4)) == ([True, True], True)
+
+
+def gap_of(stage):
+    problem = stage.problem
+    skeleton = problem.skeleton
+    scene = problem.scene_depth
+    photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
+    return depth_gaps_at_feet(skeleton, problem.keypoints, problem.keypoint_confidence, problem.masks, photo, scene)
+
+
+def floor_depth(problem):
+    """(H, W) depth of the floor alone."""
+    height, width = problem.masks.shape[-2:]
+    v, u = torch.meshgrid(torch.arange(height).float(), torch.arange(width).float(), indexing="ij")
+    rays = torch.stack([(u - problem.K[0, 2]) / problem.K[0, 0], (v - problem.K[1, 2]) / problem.K[1, 1]], -1)
+    return torch.where(rays[..., 1] > 0.02, problem.floor_offset / rays[..., 1], torch.nan)
+
+
+def test_gaps_of_a_scene_in_metres(make_stage):
+    for raised in (0.0, 0.3):
+        stage = make_stage([({}, (0.0, 0.0, 3.0))], stands_at=1.3 - raised)
+        stage = replace(stage, problem=replace(stage.problem, scene_depth=floor_depth(stage.problem)))
+        gap = gap_of(stage)
+        feet = find_lifted_feet(gap, NOBODY)
+        print(f"{raised:.1f} m over the floor: gaps {gap.tolist()}")
+        assert feet.airborne.tolist() == [raised > 0]
+        if raised:
+            # The visible foot is a few centimetres higher than its sole.
+            assert gap.mean().item() == pytest.approx(above(raised + 0.03, 1.3), abs=0.05)
+
+
+def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
+    stage = make_stage([({}, (0.0, 0.0, 3.0))])
+    problem = replace(stage.problem, scene_depth=floor_depth(stage.problem))
+    confidence = problem.keypoint_confidence.clone()
+    confidence[:, [j for j, name in enumerate(problem.skeleton.names) if name.startswith("left_")]] = 0.1
+    gap = gap_of(replace(stage, problem=replace(problem, keypoint_confidence=confidence)))
+    assert gap[0, 0].isnan()
+    assert gap[0, 1].isfinite()
+
+
+def test_a_lifted_foot_stays_lifted(make_stage):
+    """A foot some centimetres over the other one, as estimated: the engine no longer puts it on the floor."""
+    lifts = {"left_hip": (-0.6, 0, 0), "left_knee": (0.9, 0, 0), "left_ankle": (-0.3, 0, 0)}
+    stage = make_stage([(lifts, (0.0, 0.0, 3.0))])
+    sole = stage.problem.model.contact_sets["left_sole"]
+    lift = 1.3 - float(stage.vertices[0, sole, 1].max())
+    assert 0.05 < lift < 0.15
+    problem = replace(stage.problem, keypoint_confidence=0.35 * stage.problem.keypoint_confidence)
+    lifted = replace(problem, lifted_feet=torch.tensor([[True, False]]))
+
+    def height(given):
+        return 1.3 - float(optimize(given, PRESETS["default"].joint).vertices[0, sole, 1].max())
+
+    heights = [100 * h for h in (lift, height(lifted), height(problem))]
+    print("{:.1f} cm before, {:.1f} cm after, {:.1f} cm as if standing".format(*heights))
+    assert height(lifted) > max(0.6 * lift, height(problem))
+    touching = problem.feet_in_air()
+    assert not touching.any()
+    assert lifted.feet_in_air()[0, sole].all()
