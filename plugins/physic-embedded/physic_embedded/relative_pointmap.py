@@ -54,6 +54,9 @@ class EmbeddedPointmapOptions(Options):
     """
 
     short_side: int = Field(518, ge=70, description="px of the short side that the network sees; 518 as trained")
+    photo_short_side: int = Field(
+        392, ge=70, description="the same for the photo with its people, of whom coarse depth is enough"
+    )
     max_tokens: int = Field(3600, ge=64, description="cap on 14 px patches, which limits the time of long panoramas")
     default_focal: float = Field(
         0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
@@ -105,7 +108,10 @@ class EmbeddedPointmap(RelativePointmap):
         if self._depth is None:
             raise BackendError("the embedded point map is not loaded: call load() before infer()")
         height, width = image.shape[:2]
-        raw = predict_disparity(self._depth, image, self.options.short_side, self.options.max_tokens)
+        short_side = self.options.short_side
+        if hints.scene is not None:
+            short_side = min(short_side, self.options.photo_short_side)
+        raw = predict_disparity(self._depth, image, short_side, self.options.max_tokens)
         camera, edges, notes = self._camera(image, hints)
         low = np.percentile(raw, 1)
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
