@@ -320,6 +320,11 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"joints": np.full((55, 3), np.nan)}, "lean", "there is no body, or nothing of it to measure"),
         ({"sigma": None}, "scale_sigma", "the metric depth backend estimates no error of its scale"),
         ({"scene_camera": None}, "focal_agreement", "no backend estimates a focal length"),
+        (
+            {"camera": replace(CAMERA, trust=CameraTrust.GUESSED, focal_sigma=0.25)},
+            "focal_known",
+            "the focal length is a guess with a stated spread, see focal_sigma",
+        ),
         ({}, "person_depth", "too few visible vertices have a depth"),
     ],
 )

@@ -69,7 +69,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
     yield check_value(
         "unposed_people",
         float(unposed),
-        f"{unposed} of the people in the photo have no body, and are part of the scene: see unposed",
+        f"{unposed} of the people in the photo have no body: see unposed",
     )
 
 
@@ -146,8 +146,9 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     camera = solution.intrinsics
     yield check_value(
         "focal_known",
-        float(not camera.guessed),
+        None if camera.guessed and camera.focal_sigma is not None else float(not camera.guessed),
         "the focal length is a guess, and all distances along the view are off by its error: give it with --focal-px",
+        unmeasured="the focal length is a guess with a stated spread, see focal_sigma",
     )
     off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
