@@ -1,4 +1,4 @@
-"""Estimate bodies by fitting the embedded body model to 2D keypoints and, if given, 3D landmarks."""
+"""Estimate bodies by fitting the embedded body model to 2D keypoints, masks and, if given, 3D landmarks."""
 
 from __future__ import annotations
 
@@ -45,7 +45,8 @@ class EmbeddedBodies(BodyEstimator):
     """Body estimator that fits the embedded body model to 2D keypoints and 3D landmarks of all people at once.
 
     With world landmarks the fit starts from them in closed form. Without, it starts from standing and sitting people
-    who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses.
+    who face four ways, keeps the best, and leans on the pose prior: depths of limbs are then guesses. At last the
+    outlines of bodies and masks are drawn together.
     """
 
     Options: ClassVar[type[Options]] = EmbeddedBodiesOptions
@@ -88,10 +89,12 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.adapters.threads import limited_threads
         from physic_core.body.parameters import parameters_from_rotations
         from physic_core.types import Bodies
+        from physic_embedded.body_fit.fit import fit_outlines
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
         from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
         from physic_embedded.body_fit.observations import observe_people
         from physic_embedded.body_fit.problem import FitSettings
+        from physic_embedded.body_fit.silhouette import outline_pairs
 
         if self._model is None:
             raise BackendError("the embedded body is not loaded: call load() before infer()")
@@ -109,6 +112,9 @@ class EmbeddedBodies(BodyEstimator):
             )
             if hints.floor is not None:
                 fit = self._on_floor(fit, observations, camera, keypoints.joint_set, settings, hints.floor.normal)
+            fit = fit_outlines(
+                self._model, fit, outline_pairs(self._model, fit, observations, people, camera, hints.original)
+            )
         return Bodies(parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl), "embedded", observed)
 
     def _on_floor(

@@ -70,14 +70,14 @@ def truth(
     skeleton: Skeleton | str = BLAZEPOSE_SKELETON,
     lean_deg: float = 0.0,
     noise_px: float = 0.0,
+    betas: torch.Tensor = ADULT,
 ) -> Truth:
     count = len(poses)
     rotations = roma.rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
     turn = roma.rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
     rotations[:, 0] = torch.as_tensor(UPRIGHT, dtype=torch.float32) @ turn
-    betas = ADULT.expand(count, -1)
     transl = torch.tensor(places)
-    out = MODEL(rotations, betas, transl)
+    out = MODEL(rotations, betas.reshape(1, -1).expand(count, -1), transl)
     points = MODEL.landmarks(out, skeleton).double().numpy()
     skeleton = skeleton_named(skeleton)
     names = list(skeleton.names)

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from physic_embedded.body_fit.newton import minimize_newton
-from physic_embedded.body_fit.problem import fit_problem
+from physic_embedded.body_fit.problem import fit_problem, with_outlines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,11 +22,14 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import Observations
-    from physic_embedded.body_fit.problem import FitSettings, FloorConstraint, InitialPose
+    from physic_embedded.body_fit.problem import FitProblem, FitSettings, FloorConstraint, InitialPose
+    from physic_embedded.body_fit.silhouette import OutlinePairs
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["BodyFit", "fit_bodies"]
+__all__ = ["BodyFit", "fit_bodies", "fit_outlines"]
+
+_OUTLINE_ITERATIONS = 20  # of L-BFGS, from a minimum without outlines
 
 
 @dataclass(frozen=True)
@@ -38,10 +41,12 @@ class BodyFit:
         betas: (N, K).
         transl: (N, 3).
         joints: (N, 55, 3).
-        loss: (N,) final loss without the terms of the floor, so that fits with and without a floor are comparable.
+        loss: (N,) final loss without the terms of floor and outlines, so that fits with and without them compare.
         reprojection: (N,) mean reprojection error of confident keypoints, in sizes of the person.
         lean: (N,) rotation of the landmarks about the view's x axis, radians.
         landmark_size: (N,) size of the body over that of its landmarks.
+        problem: that was solved.
+        unknowns: (N, W) its solution.
     """
 
     rotations: Tensor
@@ -52,6 +57,8 @@ class BodyFit:
     reprojection: FloatArray
     lean: FloatArray
     landmark_size: FloatArray
+    problem: FitProblem
+    unknowns: Tensor
 
 
 def fit_bodies(
@@ -80,10 +87,37 @@ def fit_bodies(
     """
     problem = fit_problem(model, observations, camera, skeleton, start, settings, floor)
     unknowns = torch.zeros(len(observations.points), problem.num_unknowns, dtype=model.dtype, requires_grad=True)
+    _minimize_lbfgs(problem, unknowns, settings.iterations)
+    with torch.no_grad():
+        best = problem.loss(unknowns).view(starts, -1).argmin(0)
+    rows = best * len(best) + torch.arange(len(best))
+    problem = problem.select(rows)
+    return _body_fit(model, problem, minimize_newton(problem, unknowns.detach()[rows]))
+
+
+def fit_outlines(model: BodyModel, fit: BodyFit, pairs: OutlinePairs) -> BodyFit:
+    """Continue a fit of N people with pairs of points on the outlines of bodies and masks.
+
+    People without a pair stay as they are.
+    """
+    rows = torch.as_tensor(pairs.weight.any(1)).nonzero()[:, 0]
+    if not len(rows):
+        return fit
+    problem = with_outlines(fit.problem, pairs)
+    unknowns = fit.unknowns[rows].requires_grad_(True)
+    part = problem.select(rows)
+    _minimize_lbfgs(part, unknowns, _OUTLINE_ITERATIONS)
+    found = fit.unknowns.clone()
+    found[rows] = minimize_newton(part, unknowns.detach())
+    return _body_fit(model, problem, found)
+
+
+def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> None:
+    """Minimise the sum of the losses of all people in place."""
     optimiser = torch.optim.LBFGS(
         [unknowns],
-        max_iter=settings.iterations,
-        max_eval=settings.iterations * 5 // 4,
+        max_iter=iterations,
+        max_eval=iterations * 5 // 4,
         history_size=20,
         line_search_fn="strong_wolfe",
         tolerance_change=1e-6,
@@ -96,14 +130,12 @@ def fit_bodies(
         return total
 
     optimiser.step(closure)  # type: ignore[no-untyped-call]
+
+
+def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> BodyFit:
     with torch.no_grad():
-        best = problem.loss(unknowns).view(starts, -1).argmin(0)
-    rows = best * len(best) + torch.arange(len(best))
-    problem = problem.select(rows)
-    found = minimize_newton(problem, unknowns.detach()[rows])
-    with torch.no_grad():
-        loss, _, projected = problem.terms(found)
-        body = problem.decode(found)
+        loss, _, projected = problem.terms(unknowns)
+        body = problem.decode(unknowns)
         seen = (problem.confidence > 0.5).to(model.dtype)
         miss = (projected - problem.points).norm(dim=-1) * seen
         joints = model(body.rotations, body.betas, body.transl, joints_only=True).joints
@@ -116,4 +148,6 @@ def fit_bodies(
             (miss.sum(1) / seen.sum(1).clamp(min=1) / problem.size).double().numpy(),
             body.lean.double().numpy(),
             body.landmark_size.double().numpy(),
+            problem,
+            unknowns.detach(),
         )

@@ -1,4 +1,4 @@
-"""Loss of the body fit: keypoints, 3D landmarks, priors, and the constraint of a known floor."""
+"""Loss of the body fit: keypoints, 3D landmarks, priors, a known floor, and the outlines of masks."""
 
 from __future__ import annotations
 
@@ -21,11 +21,20 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.silhouette import OutlinePairs
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-__all__ = ["DecodedUnknowns", "FitProblem", "FitSettings", "FloorConstraint", "InitialPose", "fit_problem"]
+__all__ = [
+    "DecodedUnknowns",
+    "FitProblem",
+    "FitSettings",
+    "FloorConstraint",
+    "InitialPose",
+    "fit_problem",
+    "with_outlines",
+]
 
 
 @dataclass(frozen=True)
@@ -51,6 +60,9 @@ class FitSettings:
             and is not pulled.
         knee_sigma: radians by which knees of people who stand may bend more or less than where the fit starts;
             otherwise a body that is set upright bends them until it is as short as the leaning one looked.
+        outline_sigma: of the distance between the outlines of body and mask, in sizes of the person.
+        outline_limit: standard deviations at which a pair of outline points pulls most; beyond, it is likely to be
+            wrong.
     """
 
     iterations: int = 80
@@ -65,6 +77,8 @@ class FitSettings:
     trunk_lean_sigma: float = 0.3
     knee_sigma: float = 0.12
     level_sigma: float = 0.02
+    outline_sigma: float = 0.015
+    outline_limit: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -126,6 +140,10 @@ _PER_PERSON = (
     "feet",
     "upright",
     "trunk",
+    "outline_vertex",
+    "outline_normal",
+    "outline_offset",
+    "outline_weight",
 )
 
 
@@ -171,9 +189,14 @@ class FitProblem:
     up_angle: Tensor
     feet: Tensor
     soles: tuple[int, int]
+    num_outline: int
     upright: Tensor
     trunk: Tensor
     upper: Tensor
+    outline_vertex: Tensor
+    outline_normal: Tensor
+    outline_offset: Tensor
+    outline_weight: Tensor
     stature: Tensor
     adult: Tensor
     settings: FitSettings
@@ -252,7 +275,8 @@ class FitProblem:
 
         column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
         angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
-        heights = (posed["vertices"] @ self.up).split(self.soles, 1)  # type: ignore[no-untyped-call]
+        soles, outline = posed["vertices"].split([sum(self.soles), self.num_outline], 1)  # type: ignore[no-untyped-call]
+        heights = (soles @ self.up).split(self.soles, 1)
         left, right = (
             -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights
         )  # a smooth minimum
@@ -264,7 +288,22 @@ class FitProblem:
         tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
         # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled at all.
         trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (1 - torch.exp(-(tilt / _TRUNK_LIMIT).square()))
-        return loss, vertical + self.trunk * trunk + level, projected
+        constraints = vertical + self.trunk * trunk + level
+        if self.num_outline:
+            constraints = constraints + self._outline_loss(outline)
+        return loss, constraints, projected
+
+    def _outline_loss(self, vertices: Tensor) -> Tensor:
+        """Return the loss (N,) of bodies that reach outside their masks, and masks outside their bodies.
+
+        Each pair has the loss of Geman and McClure (1987), which tends to a constant.
+        """
+        s = self.settings
+        chosen = vertices.gather(1, self.outline_vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
+        pixels = chosen[..., :2] / chosen[..., 2:].clamp(min=0.1)
+        excess = torch.relu((self.outline_normal * pixels).sum(-1) - self.outline_offset) / s.outline_sigma
+        square = excess.square()
+        return (self.outline_weight * square * s.outline_limit**2 / (s.outline_limit**2 + square)).sum(1)
 
 
 def fit_problem(
@@ -299,7 +338,7 @@ def fit_problem(
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
         feet = (ankles > _SEEN).astype(float)
     stature = _stature_per_component(model)
-    soles = [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
+    soles = _soles(model)
     z = start.transl[:, 2:]
     return FitProblem(
         landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
@@ -327,6 +366,11 @@ def fit_problem(
         up=tensor(up),
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
+        num_outline=0,
+        outline_vertex=torch.zeros(count, 0, dtype=torch.int64),
+        outline_normal=tensor(np.zeros((count, 0, 2))),
+        outline_offset=tensor(np.zeros((count, 0))),
+        outline_weight=tensor(np.zeros((count, 0))),
         upright=tensor(upright),
         trunk=tensor(trunk),
         upper=tensor([not any(part in name for part in _LEGS) for name in used]),
@@ -334,6 +378,27 @@ def fit_problem(
         adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
         settings=settings,
     )
+
+
+def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
+    """Return a problem of N people to which pairs of points on the outlines of bodies and masks are added."""
+    model = problem.landmarks.body
+    return replace(
+        problem,
+        landmarks=model.landmarks_only(
+            [problem.skeleton], torch.cat([*_soles(model), torch.as_tensor(pairs.vertex_ids)])
+        ),
+        num_outline=len(pairs.vertex_ids),
+        outline_vertex=torch.as_tensor(pairs.vertex),
+        outline_normal=torch.as_tensor(pairs.normal, dtype=model.dtype),
+        outline_offset=torch.as_tensor(pairs.offset, dtype=model.dtype),
+        outline_weight=torch.as_tensor(pairs.weight, dtype=model.dtype),
+    )
+
+
+def _soles(model: BodyModel) -> list[Tensor]:
+    """Return the vertices that stand for the left and the right sole, int64."""
+    return [model.contact_sets[f"{side}_sole"][::_SOLE_STRIDE] for side in ("left", "right")]
 
 
 def _stature_per_component(model: BodyModel) -> Tensor:

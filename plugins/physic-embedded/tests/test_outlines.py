@@ -1,0 +1,115 @@
+"""The body fit follows people's masks, where these can be right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from physic_core.geometry.raster import rasterise
+from physic_core.types import Hints, Pointmap
+from physic_embedded.body_estimator import EmbeddedBodies
+
+from .test_bodies import ADULT, CAMERA, FLOOR, IMAGE, MODEL, PLACES, STANDS, WALKS, Truth, backend, posed, truth
+
+__all__ = ["backend"]
+
+K = CAMERA.matrix
+
+
+def silhouette(vertices: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool of a body (V, 3)."""
+    pixels = vertices @ K.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    z = torch.tensor(vertices[None, :, 2]).float()
+    return rasterise(torch.tensor(pixels[None]).float(), z, MODEL.faces, *IMAGE.shape[:2])[0].numpy() >= 0
+
+
+def with_masks(seen: Truth, *masks: np.ndarray) -> Truth:
+    return replace(seen, people=replace(seen.people, masks=np.stack(masks)))
+
+
+def depth_of(seen: Truth, nearer: np.ndarray | None = None) -> Pointmap:
+    """A wall at 6 m behind people at their own depth, and something at 1 m at the pixels ``nearer``."""
+    z = np.full(IMAGE.shape[:2], 6.0)
+    for mask, body in zip(seen.people.masks, seen.vertices, strict=True):
+        z[mask] = body[:, 2].mean()
+    if nearer is not None:
+        z[nearer] = 1.0
+    rows, columns = np.indices(z.shape)
+    points = np.stack([(columns - CAMERA.cx) / CAMERA.fx * z, (rows - CAMERA.cy) / CAMERA.fy * z, z], -1)
+    return Pointmap(points, np.ones(z.shape, bool), "scale")
+
+
+def fitted(backend: EmbeddedBodies, seen: Truth, depth: Pointmap | None = None) -> np.ndarray:
+    hints = Hints(floor=FLOOR, original=depth)
+    return posed(backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, hints))[1]
+
+
+def overlap(vertices: np.ndarray, mask: np.ndarray) -> float:
+    body = silhouette(vertices)
+    return float((body & mask).sum() / (body | mask).sum())
+
+
+def large_person() -> Truth:
+    """Somebody of the mean stature who is far heavier than the mean, with the mask of their body."""
+    heavier = torch.zeros(1, MODEL.num_betas)
+    rest = MODEL.zero_pose(1)
+
+    def volume(betas: torch.Tensor) -> float:
+        a, b, c = MODEL(rest[0], betas, rest[2]).vertices[0][MODEL.faces].unbind(1)
+        return float((a * torch.linalg.cross(b, c)).sum() / 6)
+
+    slope = torch.tensor([volume(row[None]) - volume(-row[None]) for row in torch.eye(MODEL.num_betas)])
+    tall = MODEL.stature(torch.eye(MODEL.num_betas)) - MODEL.stature(-torch.eye(MODEL.num_betas))
+    heavier[0] = slope - (slope @ tall) / (tall @ tall) * tall
+    heavier *= 4 / heavier.norm()
+    seen = truth([STANDS], [(-0.2, 0.2, 3.0)], yaw_deg=0, betas=ADULT + heavier)
+    return with_masks(seen, silhouette(seen.vertices[0]))
+
+
+def test_the_mask_of_a_large_person_widens_the_body(backend: EmbeddedBodies) -> None:
+    seen = large_person()
+    mask = seen.people.masks[0]
+    without = fitted(backend, with_masks(seen, np.zeros_like(mask)))[0]
+    drawn = fitted(backend, seen)[0]
+    print(f"overlap {overlap(without, mask):.3f} -> {overlap(drawn, mask):.3f}")
+    assert overlap(drawn, mask) > overlap(without, mask) + 0.02
+
+
+def test_a_body_that_fills_its_mask_stays(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS, WALKS], PLACES[:2])
+    without = fitted(backend, seen)
+    seen = with_masks(seen, *(silhouette(body) for body in without))
+    np.testing.assert_allclose(fitted(backend, seen, depth_of(seen)), without, rtol=0, atol=1e-4)
+
+
+def test_a_mask_without_the_persons_keypoints_is_not_used(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1])
+    without = fitted(backend, seen)
+    half = silhouette(seen.vertices[0])
+    half[: int(np.median(np.nonzero(half)[0]))] = False  # the legs alone
+    np.testing.assert_array_equal(fitted(backend, with_masks(seen, half), depth_of(seen)), without)
+
+
+def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(backend: EmbeddedBodies) -> None:
+    seen = truth([STANDS], PLACES[:1])
+    without = fitted(backend, seen)
+    mask = silhouette(without[0])
+    hidden = np.zeros_like(mask)
+    low, high = (np.nonzero(mask)[1].min(), np.nonzero(mask)[1].max())
+    hidden[:, : int(low + 0.3 * (high - low))] = True  # a pillar in front of one side
+    seen = with_masks(seen, mask & ~hidden)
+    with_pillar = fitted(backend, seen, depth_of(seen, hidden))
+    without_pillar = fitted(backend, seen, depth_of(seen))
+    np.testing.assert_allclose(with_pillar, without, rtol=0, atol=2e-3)
+    assert np.abs(without_pillar - without).max() > 0.005
+
+
+def test_rounding_errors_of_the_input_are_not_amplified_by_outlines(backend: EmbeddedBodies) -> None:
+    seen = large_person()
+    rng = np.random.default_rng(1)
+    points = seen.keypoints.points * (1 + 1e-8 * rng.standard_normal(seen.keypoints.points.shape))
+    other = replace(seen, keypoints=replace(seen.keypoints, points=points))
+    np.testing.assert_allclose(fitted(backend, other), fitted(backend, seen), rtol=0, atol=2e-6)
