@@ -302,7 +302,8 @@ class FitProblem:
         chosen = vertices.gather(1, self.outline_vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
         pixels = chosen[..., :2] / chosen[..., 2:].clamp(min=0.1)
         excess = torch.relu((self.outline_normal * pixels).sum(-1) - self.outline_offset) / s.outline_sigma
-        square = excess.square()
+        # A square that starts as a cube: Newton's method needs second derivatives without jumps.
+        square = excess.pow(3) / (excess + 0.5)
         return (self.outline_weight * square * s.outline_limit**2 / (s.outline_limit**2 + square)).sum(1)
 
 
