@@ -592,7 +592,7 @@ def test_show_all_names_who_decides_what_nobody_said():
     shown = physic(
         "config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.optimiser.steps=40"
     ).stdout
-    assert "short_side = 322  # preset light-cpu\nmax_tokens = 3600  # default of physic-embedded 0.1.0\n" in shown
+    assert "short_side = 322  # preset light-cpu\nphoto_short_side = 392  # default of physic-embedded 0.1.0\n" in shown
     assert "\nsteps = 40  # --set\n" in shown
     assert "# engine preset default\n" in shown
     assert '[hand_estimator]\nbackend = "none"  # preset light-cpu\n\n[contact_prior]' in shown

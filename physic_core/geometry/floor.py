@@ -253,7 +253,8 @@ def _search_lower_part(view: _InverseDepthMap) -> FloorSearch:
     shares = plane_inlier_shares(samples, plane, view.tolerance)
     factors = _depth_factors_at_feet(plane, view, view.valid, view.tolerance, _FEET_NEAR)
     feet_agree = len(factors) > 0 and float((factors - 1).abs().median()) < _FEET_AGREE
-    rejected = _rejection(shares, min(_PICTURE_SHARE, MIN_INLIER_SHARE) if feet_agree else _PICTURE_SHARE)
+    least = min(_PICTURE_SHARE, MIN_INLIER_SHARE) if feet_agree else _PICTURE_SHARE
+    rejected = _rejection(shares, least, MAX_BELOW_SHARE)
     return rejected or _floor_result(view, plane, shares, "lower image", view.tolerance, view.valid)
 
 
@@ -289,7 +290,7 @@ def _fit_plane(samples: BlockSamples, view: _InverseDepthMap, tolerance: float) 
     return "no_consensus" if plane is None else plane
 
 
-def _rejection(shares: tuple[float, float], least: float, below_most: float = MAX_BELOW_SHARE) -> FloorSearch | None:
+def _rejection(shares: tuple[float, float], least: float, below_most: float) -> FloorSearch | None:
     """Return a failed search if too few pixels lie on the plane or too many below it, else None."""
     on, below = shares
     if on <= least:

@@ -163,11 +163,11 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             WeightsMissingError: code or weights are missing.
             BackendError: they are not SAM 3D Body's.
         """
-        if self._checkout_network.network is not None:
-            return
         check_device(device)
         if not device.startswith("cuda"):
             raise DeviceError(f"SAM 3D Body's own code runs on a GPU only, got '{device}': use 'cuda'")
+        if self._checkout_network.network is not None:
+            return
         self._build(device)
 
     def _build(self, device: str) -> None:

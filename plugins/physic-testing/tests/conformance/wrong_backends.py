@@ -331,7 +331,8 @@ class Remembering(RightMetricDepth):
 class Recycling(RightMetricDepth):
     def load(self, device="cpu"):
         super().load(device)
-        self.buffer = np.zeros((2000, 2000), np.float32)
+        if not hasattr(self, "buffer"):
+            self.buffer = np.zeros((2000, 2000), np.float32)
 
     def infer(self, image, hints):
         answer = super().infer(image, hints)
