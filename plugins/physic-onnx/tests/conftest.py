@@ -192,7 +192,12 @@ def told() -> Callable[[type, Callable[[Any], Iterable[ToldNetwork]]], type]:
             _told: tuple[ToldNetwork, ...] = ()
 
             def load(self, device: str = "cpu") -> None:
-                self._told = tuple(attach(self))
+                if not self._told:
+                    self._told = tuple(attach(self))
+
+            def close(self) -> None:
+                super().close()
+                self._told = ()
 
             def missing(self) -> tuple[str, ...]:
                 return ()
