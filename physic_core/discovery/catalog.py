@@ -53,6 +53,8 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "physic-opencv": {
         "inpainter": ("navier-stokes", "patch-based", "telea"),
+        "metric_depth": ("file",),
+        "relative_pointmap": ("file",),
         "segmenter": ("grabcut",),
     },
     "physic-transformers": {
