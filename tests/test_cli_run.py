@@ -82,7 +82,7 @@ def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: Wor
     done = run("a.png", "--focal-px", "26")
     assert (done.exit_code, done.stdout) == (3, "")
     assert done.stderr == (
-        "Error: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
+        "Error: a.png: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
         "give it in px of the photo file\n"
     )
     assert [path.name for path in Path().iterdir()] == ["a.png"]
@@ -93,8 +93,8 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_w
     done = run("a.png", "--intrinsics", "356,356,5000,5000")
     assert (done.exit_code, done.stdout) == (3, "")
     assert done.stderr == (
-        "Error: the principal point (5000, 5000) lies outside the photo of 320 x 240 px: give it in px of the photo "
-        "file, or give the focal length alone\n"
+        "Error: a.png: the principal point (5000, 5000) lies outside the photo of 320 x 240 px: give it in px of the "
+        "photo file, or give the focal length alone\n"
     )
     done = run("a.png", "--intrinsics", "356,356,219.5,119.5")
     assert done.exit_code == 0, done.output
