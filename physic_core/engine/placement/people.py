@@ -33,7 +33,7 @@ class Detections:
         observed: (B, 55) bool, joints that the body estimator reports as visible; None means all.
         points: B tensors (M_i, 3) metres, the people's points in the scene.
         masks: (B, H, W) bool, visible pixels of each person.
-        airborne: (B,) bool, people with both feet in the air; None means nobody.
+        airborne: (B,) bool, people with both feet in the air; None if unknown, which counts as no such person.
     """
 
     skeleton: Skeleton

@@ -152,7 +152,7 @@ def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
 
 
 def _check_soles(solution: Solution, person: int, unknown: str | None) -> CheckResult:
-    """Compare the lower sole with the floor: people who stand touch it, and nobody is below it."""
+    """Compare the lower sole with the floor: people who stand touch it, and no person is below it."""
     joints, height = solution.joints[person], measured(solution.people[person], "sole_height_m")
     floor = _floor_problem(solution)
     if floor is None and height is not None and height > 0:

@@ -1,4 +1,4 @@
-"""Self-checks of the photo as a whole: alignments, floor, scale and camera."""
+"""Self-checks per photo: alignments, floor, scale and camera."""
 
 from __future__ import annotations
 

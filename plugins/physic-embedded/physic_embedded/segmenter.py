@@ -123,10 +123,10 @@ class EmbeddedSegmenter(Segmenter):
             ),
         )
         if not found and not unposed and prompt is None:
-            nobody = np.zeros(image.shape[:2], bool)
-            surfaces = self._surfaces(image, nobody)
-            floor = _with_labelled_floor(nobody, surfaces, nobody) if options.floor else None
-            return self._people([], np.zeros((0, *nobody.shape), bool), floor, surfaces, image)
+            empty_mask = np.zeros(image.shape[:2], bool)
+            surfaces = self._surfaces(image, empty_mask)
+            floor = _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
+            return self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
         embedding = encode_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:

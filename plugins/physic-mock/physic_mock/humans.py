@@ -198,9 +198,9 @@ def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.
     sight = line_of_sight_axes(world.joints[person, 0].astype(np.float64))
     own = seeded_rng(world, options.noise_seed, f"how the pose of person {person} fares")
     fares = np.exp(options.person_spread * own.normal())
-    whole = fares * np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
+    root_error = fares * np.radians(options.noise * options.orient_noise_deg) * rng.normal(size=3)
     if options.lean_factor != 1:
-        whole = sight.T @ (sight @ whole * [options.lean_factor, options.lean_factor, 1.0])
+        root_error = sight.T @ (sight @ root_error * [options.lean_factor, options.lean_factor, 1.0])
     errors = draw_bone_errors(
         sight,
         hidden_bones(world.joints_visible[person]),
@@ -211,7 +211,7 @@ def _noisy_pose(world: World, person: int, options: BodyOptions, rng: np.random.
         options.trunk_factor,
         rng,
     )
-    turn = Rotation.from_rotvec(whole)
+    turn = Rotation.from_rotvec(root_error)
     seen = [
         (turn if options.turns_limbs or limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(e) * g
         for e, g, limb in zip(errors, camera_rotations(local), LIMBS, strict=True)

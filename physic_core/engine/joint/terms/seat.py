@@ -106,7 +106,7 @@ class SeatTerm(Term):
         self.found = torch.zeros_like(self.found).index_copy(0, people, over.any(1).to(self.found.dtype))
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
-        """Return the energy "seat"; nothing where nobody sits."""
+        """Return the energy "seat"; zero if no person sits."""
         if self._search is None:
             return {}
         estimate, people = bodies.estimate, self._people

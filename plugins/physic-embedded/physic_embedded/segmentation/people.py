@@ -52,7 +52,7 @@ TORSO = [11, 12, 23, 24]
 BOX_TILES = (0.5,)
 """Sides of the tiles for YOLOX, over the image's long side."""
 WEAK_MARGIN = 0.1
-"""Boxes with a score lower by this than asked for are tried, and kept if a pose fits them well."""
+"""Boxes with a score lower by up to this than ``box_score`` are tried, and kept if a pose fits them well."""
 MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3

@@ -25,7 +25,7 @@ SURE_SCORE = 0.65
 MIN_PERSON_SHARE = 0.1
 """Least share of the middle of such a box that is labelled as a person."""
 MIN_OWN_SHARE = 0.5
-"""A box is of a person with a pose unless this share of its mask is on nobody else."""
+"""A box is of a person with a pose unless this share of its mask lies outside the masks of posed people."""
 
 
 def segment_unposed(

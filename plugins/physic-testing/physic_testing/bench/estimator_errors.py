@@ -1,6 +1,6 @@
 """Errors of the estimators of one photo against what is known of it; real photos and worlds are measured alike.
 
-All is in the OpenCV camera frame, metres and px of the photo. NaN is what nobody knows.
+All is in the OpenCV camera frame, metres and px of the photo. NaN marks unknown values.
 """
 
 from __future__ import annotations
