@@ -1,0 +1,1 @@
+"""A self-contained page of one reconstruction, ``report.html``."""

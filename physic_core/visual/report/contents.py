@@ -1,0 +1,92 @@
+"""What the page shows of a reconstruction, ready for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from physic_core.geometry.upright import gltf_from_camera
+from physic_core.types import summarize_checks
+from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
+from physic_core.visual.report.packing import photo_jpeg
+from physic_core.visual.report.people import people_records
+from physic_core.visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+
+if TYPE_CHECKING:
+    from physic_core.types import CheckResult, Reconstruction, StageRecord
+
+__all__ = ["page_contents"]
+
+_PHOTO_PX, _BACKGROUND_PX = 1600, 1280  # longer sides of the pictures in the page
+
+
+def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
+    """Return the data of the page. Lengths are metres in the camera frame; numbers that are not finite are None."""
+    camera, scene = reconstruction.intrinsics, reconstruction.scene
+    crowd = len(reconstruction.people) > MAX_FULL_BODIES
+    contents = {
+        "title": title,
+        "grade": None if reconstruction.grade is None else str(reconstruction.grade),
+        "summary": repr(reconstruction).removeprefix("Reconstruction(").removesuffix(")"),
+        "checked": summarize_checks(reconstruction.checks),
+        "width": camera.width,
+        "height": camera.height,
+        "camera": {"fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "source": camera.source},
+        "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
+        "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
+        "upright": gltf_from_camera(scene.floor).ravel().tolist(),
+        "floor": scene.floor is not None,
+        "scale": scene.scale,
+        "scale_sigma": scene.scale_sigma,
+        "body_model": reconstruction.body_model,
+        "colors": {"body": list(BODY_RGB), "contact": list(CONTACT_RGB)},
+        "scene": pack_scene(reconstruction),
+        "bodies": pack_bodies(reconstruction),
+        "people": people_records(reconstruction),
+        "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
+        "warnings": list(reconstruction.warnings),
+        "notes": list(reconstruction.notes),
+        "checks": [_check(check) for check in reconstruction.checks],
+        "stages": [_stage(stage) for stage in reconstruction.stages],
+    }
+    ready: dict[str, Any] = _finite(contents)
+    return ready
+
+
+def _check(check: CheckResult) -> dict[str, Any]:
+    return {
+        "name": check.name,
+        "state": str(check.state),
+        "value": check.value,
+        "threshold": check.threshold,
+        "direction": check.direction,
+        "unit": check.unit,
+        "message": check.message,
+        "person": check.person,
+    }
+
+
+def _stage(stage: StageRecord) -> dict[str, Any]:
+    backend = stage.provenance
+    return {
+        "name": stage.name,
+        "seconds": stage.seconds,
+        "load_seconds": stage.load_seconds,
+        "cached": stage.cached,
+        "failed": stage.failed,
+        "backend": backend and backend.backend,
+        "plugin": backend and f"{backend.distribution} {backend.version}",
+        "license": backend and backend.weights_license,
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Replace numbers that are not finite by None, in lists and dictionaries."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, str) or value is None or isinstance(value, bool | int):
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None

@@ -1,0 +1,25 @@
+// Small helpers: elements with text that is never parsed as markup, and numbers as text.
+
+const byId = name => document.getElementById(name);
+
+function element(tag, properties = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name.startsWith("aria-")) made.setAttribute(name, value);
+    else made[name] = value;
+  }
+  made.append(...children.filter(child => child !== null));
+  return made;
+}
+
+const metres = value => value === null ? "unknown" : `${value.toFixed(2)} m`;
+const percent = value => `${(100 * value).toFixed(value < 0.1 ? 1 : 0)} %`;
+const words = name => name.replaceAll("_", " ");
+const cssColor = ([red, green, blue]) => `rgb(${red} ${green} ${blue})`;
+
+function number(value, unit) {
+  if (value === null) return "not measured";
+  const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
+  if (unit === "count" || unit.includes("=")) return String(Math.round(value));
+  return unit === "share" ? percent(value) : `${value.toFixed(digits)} ${unit}`;
+}

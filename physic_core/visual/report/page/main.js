@@ -1,0 +1,106 @@
+// Puts the page together. What fails is said on the page, and what does not need it still works.
+
+const message = byId("message");
+
+function say(text) {
+  message.hidden = !text;
+  message.textContent = text;
+}
+
+function chooseTheme() {
+  const root = document.documentElement, dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const set = name => { root.dataset.theme = name; };
+  set(dark.matches ? "dark" : "light");
+  dark.addEventListener("change", () => set(dark.matches ? "dark" : "light"));
+  byId("theme").addEventListener("click", () => set(root.dataset.theme === "dark" ? "light" : "dark"));
+}
+
+function makeStage(data, photo, background) {
+  const canvas = byId("canvas");
+  try {
+    const stage = new Stage(canvas, data, photo, background);
+    canvas.addEventListener("webglcontextlost", () => say("The browser took the 3D view away. Load the page again."));
+    return stage;
+  } catch (error) {
+    say("This browser shows no 3D: it has no WebGL, or it is switched off. The photo and all numbers are on this page. "
+      + `(${error.message})`);
+    document.querySelectorAll(".tools button, .tools input, #overlay").forEach(control => { control.disabled = true; });
+    return null;
+  }
+}
+
+const KEYS = {
+  ArrowLeft: [-0.1, 0, 1], ArrowRight: [0.1, 0, 1], ArrowUp: [0, 0.1, 1], ArrowDown: [0, -0.1, 1],
+  "+": [0, 0, 0.9], "=": [0, 0, 0.9], "-": [0, 0, 1.1],
+};
+
+function connect(stage, panel, select) {
+  const pointer = new Pointer(stage, byId("labels"), byId("hint"), select), button = byId("measure");
+  const measure = on => {
+    pointer.measure(on);
+    button.setAttribute("aria-pressed", String(on));
+    byId("view").classList.toggle("measuring", on);
+  };
+  button.addEventListener("click", () => measure(!pointer.measuring));
+  document.addEventListener("keydown", event => { if (event.key === "Escape" && pointer.measuring) measure(false); });
+  stage.canvas.addEventListener("keydown", event => {
+    if (!KEYS[event.key] || event.ctrlKey || event.metaKey) return;
+    stage.orbit(...KEYS[event.key]);
+    event.preventDefault();
+  });
+  for (const view of document.querySelectorAll("[data-view]")) {
+    view.addEventListener("click", () => stage.look(view.dataset.view));
+  }
+  for (const box of document.querySelectorAll("[data-show]")) {
+    const show = () => {
+      stage.show(box.dataset.show, box.checked);
+      if (box.dataset.show === "contact") panel.draw(stage);
+    };
+    box.addEventListener("change", show);
+    if (box.dataset.show === "floor" && !stage.data.floor) {
+      box.checked = false;
+      box.disabled = true;
+      box.parentElement.title = "No floor was found in this photo.";
+    }
+    if (box.checked !== (box.dataset.show !== "points")) show(); // the browser kept an earlier choice
+  }
+}
+
+async function start() {
+  const data = JSON.parse(byId("data").textContent);
+  const badge = byId("grade");
+  badge.textContent = data.grade ? `grade: ${data.grade}` : "no grade";
+  badge.classList.add(data.grade ?? "soft");
+  byId("summary").textContent = data.summary;
+  showRemarks(byId("remarks"), data);
+  showChecks(byId("checks"), data);
+  showStages(byId("stages"), data);
+  let stage = null, panel = null;
+  const select = index => {
+    showPeople(byId("people"), data, index, select);
+    stage?.select(index);
+    if (panel) {
+      panel.selected = index;
+      panel.draw(stage);
+    }
+  };
+  select(null);
+  const [photo, background] = await Promise.all([loadImage(data.photo), loadImage(data.background)]);
+  say("");
+  stage = makeStage(data, photo, background);
+  panel = new PhotoPanel(byId("photo"), data, photo);
+  byId("overlay").addEventListener("change", event => {
+    panel.overlay = event.target.checked;
+    panel.draw(stage);
+  });
+  panel.overlay = byId("overlay").checked;
+  if (stage) connect(stage, panel, select);
+  select(data.people.length === 1 ? 0 : null);
+  document.documentElement.dataset.ready = stage ? "3d" : "numbers";
+}
+
+chooseTheme();
+start().catch(error => {
+  say(`The data of this page is damaged or incomplete. Copy the file again, or write it again with physic report. (${error.message})`);
+  document.documentElement.dataset.ready = "failed";
+});

@@ -1,0 +1,93 @@
+// Clicks on the 3D view: select a person, or mark two points and show their distance; numbers over the people.
+
+class Pointer {
+  constructor(stage, labels, hint, onSelect) {
+    Object.assign(this, { stage, labels, hint, onSelect, measuring: false, marks: [] });
+    this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xff2f7d, depthTest: false }));
+    this.line.renderOrder = 1;
+    stage.scene.add(this.line);
+    this.caster = new THREE.Raycaster();
+    this.caster.params.Points.threshold = 0.015;
+    this.numbers = stage.bodies.map((body, index) => body && this.number(index));
+    this.length = element("span", { className: "label", hidden: true });
+    labels.append(this.length);
+    stage.listeners.push(() => this.place());
+    let start = null;
+    stage.canvas.addEventListener("pointerdown", event => { start = [event.clientX, event.clientY]; });
+    stage.canvas.addEventListener("pointerup", event => {
+      // A longer way is a turn of the view.
+      if (start && Math.hypot(event.clientX - start[0], event.clientY - start[1]) < 5) this.click(event);
+      start = null;
+    });
+  }
+
+  number(index) {
+    const label = element("span", { className: "label number", textContent: String(index) });
+    label.style.background = cssColor(this.stage.data.people[index].color);
+    label.style.color = "#14171a";
+    const box = new THREE.Box3().setFromObject(this.stage.bodies[index], true), top = box.getCenter(new THREE.Vector3());
+    top.y = box.max.y + 0.1;
+    this.labels.append(label);
+    return { label, top };
+  }
+
+  measure(on) {
+    this.measuring = on;
+    this.clear();
+    this.hint.textContent = on ? "Click on two points." : "";
+    this.stage.draw();
+  }
+
+  clear() {
+    for (const { ball } of this.marks) this.stage.scene.remove(ball);
+    this.marks = [];
+    this.line.geometry.setFromPoints([]);
+    this.length.hidden = true;
+  }
+
+  click(event) {
+    const rect = this.stage.canvas.getBoundingClientRect();
+    const spot = new THREE.Vector2(
+      (event.clientX - rect.left) / rect.width * 2 - 1, 1 - (event.clientY - rect.top) / rect.height * 2);
+    this.caster.setFromCamera(spot, this.stage.camera);
+    const { mesh, points, people } = this.stage.groups;
+    const targets = [...(people.visible ? this.stage.bodies.filter(Boolean) : []), ...[mesh, points].filter(o => o.visible)];
+    const [hit] = this.caster.intersectObjects(this.measuring ? targets : targets.filter(o => o !== points), false);
+    if (!this.measuring) this.onSelect(hit?.object.userData.index ?? null);
+    else if (hit) this.mark(hit.point, hit.distance);
+    else this.hint.textContent = "There is no surface here. Click on a person or on the scene.";
+  }
+
+  mark(point, distance) {
+    if (this.marks.length === 2) this.clear();
+    const ball = new THREE.Mesh(
+      new THREE.SphereGeometry(0.006 * distance, 16, 12), new THREE.MeshBasicMaterial({ color: 0xff2f7d, depthTest: false }));
+    ball.renderOrder = 2;
+    ball.position.copy(point);
+    this.stage.scene.add(ball);
+    this.marks.push({ point: point.clone(), ball });
+    this.hint.textContent = "Click on the second point.";
+    if (this.marks.length === 2) {
+      const [first, second] = this.marks.map(mark => mark.point), apart = first.distanceTo(second);
+      this.line.geometry.setFromPoints([first, second]);
+      this.length.textContent = metres(apart);
+      this.hint.textContent = `${metres(apart)} apart, of which ${metres(Math.abs(first.y - second.y))} upwards. `
+        + "Click again for other points.";
+    }
+    this.stage.draw();
+  }
+
+  // Move the labels to where their points are now.
+  place() {
+    const shown = this.stage.groups.people.visible;
+    for (const number of this.numbers) if (number) this.put(number.label, shown ? number.top : null);
+    const [first, second] = this.marks;
+    this.put(this.length, second ? first.point.clone().add(second.point).multiplyScalar(0.5) : null);
+  }
+
+  put(label, point) {
+    const spot = point && this.stage.project(point);
+    label.hidden = !spot;
+    if (spot) label.style.transform = `translate(-50%, -50%) translate(${spot[0].toFixed(1)}px, ${spot[1].toFixed(1)}px)`;
+  }
+}

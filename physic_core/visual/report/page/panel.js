@@ -1,0 +1,132 @@
+// The text beside the view: people, remarks, checks, stages.
+
+const ORDER = { failed: 0, unknown: 1, ok: 2 };
+const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
+const STATE_NAME = { failed: "failed", unknown: "not measured", ok: "ok" };
+
+function gradeBadge(grade) {
+  return element("span", { className: `grade ${grade ?? "soft"}`, textContent: grade ?? "no grade" });
+}
+
+function showPeople(section, data, selected, onSelect) {
+  const chips = data.people.map((person, index) => {
+    const dot = element("span", { className: "dot" });
+    dot.style.background = cssColor(person.color);
+    const button = element("button", { type: "button", "aria-pressed": String(index === selected) },
+      dot, `Person ${index}`);
+    button.addEventListener("click", () => onSelect(index === selected ? null : index));
+    return button;
+  });
+  const title = data.people.length === 0 ? "Nobody is in this result" : "People";
+  const advice = selected === null && chips.length
+    ? element("p", { className: "soft", textContent: "Choose a person here, or click on one." }) : null;
+  const missing = data.unposed.length
+    ? element("ul", {}, ...data.unposed.map(one => element("li", { textContent: `No body: ${one.reason} (dashed box)` }))) : null;
+  section.replaceChildren(...[
+    element("h2", { textContent: title }), element("div", { className: "chips" }, ...chips), advice,
+    selected === null ? null : personCard(data, selected), missing].filter(Boolean));
+}
+
+function personCard(data, index) {
+  const person = data.people[index], card = element("div", {});
+  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person.grade));
+  card.append(heading);
+  if (!person.posed) {
+    card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
+  } else {
+    card.append(facts([
+      ["Stature", metres(person.stature)],
+      ["To the camera (pelvis)", metres(person.camera)],
+      ["Pelvis over the floor", data.floor ? metres(person.pelvis_height) : "no floor"],
+      ["Lowest point over the floor", data.floor ? metres(person.lowest) : "no floor"],
+      ["Detection score", person.score === null ? "unknown" : person.score.toFixed(2)],
+    ]));
+    if (person.others.length) {
+      card.append(element("h3", { textContent: "Distance to other people" }), table(
+        ["person", "pelvis to pelvis", "gap"],
+        person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)])));
+    }
+    card.append(element("h3", { textContent: "Contact" }), ...contactRows(person));
+  }
+  const checks = data.checks.filter(check => check.person === index);
+  if (checks.length) card.append(element("h3", { textContent: "Checks" }), ...checkList(checks));
+  return card;
+}
+
+function contactRows(person) {
+  if (!person.contact_vertices) return [element("p", { className: "soft", textContent: "No contact with scene or floor." })];
+  const total = `${person.contact_vertices} of ${person.vertices} vertices touch`;
+  if (!person.contact) {
+    return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not at hand.` })];
+  }
+  const rows = person.contact.map(({ part, cm2, share }) => {
+    const fill = element("b", {});
+    fill.style.width = percent(share);
+    return element("div", { className: "bar" },
+      element("span", { textContent: words(part) }), element("i", { title: `${percent(share)} of this part` }, fill),
+      element("span", { textContent: `${cm2.toFixed(0)} cm²` }));
+  });
+  return [...rows, element("p", { className: "soft", textContent: `${total}. The bars show the share of each part.` })];
+}
+
+function facts(pairs) {
+  return element("dl", {}, ...pairs.flatMap(([name, value]) => [
+    element("dt", { textContent: name }), element("dd", { textContent: value })]));
+}
+
+function table(names, rows) {
+  const kind = column => (column ? "number" : "");
+  return element("table", {},
+    element("thead", {}, element("tr", {}, ...names.map((name, i) => element("th", { className: kind(i), textContent: name, scope: "col" })))),
+    element("tbody", {}, ...rows.map(row =>
+      element("tr", {}, ...row.map((cell, i) => element("td", { className: kind(i), textContent: cell }))))));
+}
+
+// Failed and unknown checks first; those that are ok are folded.
+function checkList(checks) {
+  const sorted = [...checks].sort((a, b) => ORDER[a.state] - ORDER[b.state]);
+  const ok = sorted.filter(check => check.state === "ok"), rest = sorted.filter(check => check.state !== "ok");
+  const folded = ok.length ? element("details", { open: !rest.length },
+    element("summary", { textContent: `${ok.length} ok` }), ...ok.map(checkRow)) : null;
+  return [...rest.map(checkRow), folded].filter(Boolean);
+}
+
+function checkRow(check) {
+  const bound = `${check.direction} ${number(check.threshold, check.unit)}`;
+  const value = check.value === null ? STATE_NAME[check.state] : `${STATE_NAME[check.state]}: ${number(check.value, check.unit)}`;
+  return element("div", { className: "check" },
+    element("div", { className: "row" }, element("code", { textContent: check.name }),
+      element("span", { className: STATE_CLASS[check.state], textContent: value, title: `must be ${bound}` })),
+    element("p", { textContent: `${check.message} (${bound})` }));
+}
+
+function showRemarks(section, data) {
+  const list = texts => element("ul", {}, ...texts.map(text => element("li", { textContent: text })));
+  section.replaceChildren(...[
+    data.warnings.length ? element("h2", { className: "bad", textContent: "Warnings" }) : null,
+    data.warnings.length ? list(data.warnings) : null,
+    data.notes.length ? element("h3", { textContent: "How the numbers were found" }) : null,
+    data.notes.length ? list(data.notes) : null].filter(Boolean));
+}
+
+function showChecks(section, data) {
+  const checks = data.checks.filter(check => check.person === null);
+  if (!checks.length) return;
+  section.replaceChildren(
+    element("h2", { textContent: "Checks of the photo" }),
+    element("p", { className: "soft", textContent: `With those of the people: ${data.checked}` }), ...checkList(checks));
+}
+
+function showStages(section, data) {
+  if (!data.stages.length) return;
+  const seconds = data.stages.reduce((sum, stage) => sum + (stage.seconds ?? 0), 0);
+  const rows = data.stages.map(stage => [
+    stage.name + (stage.cached ? " (from the cache)" : stage.failed ? " (failed)" : ""),
+    stage.backend === null ? "engine" : `${stage.backend} of ${stage.plugin}`,
+    `${(stage.seconds ?? 0).toFixed(1)} s`]);
+  const licenses = [...new Map(data.stages.filter(stage => stage.license).map(stage => [stage.backend + stage.name, stage])).values()];
+  section.replaceChildren(
+    element("h2", { textContent: `Stages: ${seconds.toFixed(1)} s` }), table(["stage", "backend", "time"], rows),
+    element("details", {}, element("summary", { textContent: "Licences of the weights" }),
+      element("ul", {}, ...licenses.map(stage => element("li", { textContent: `${stage.name}: ${stage.license}` })))));
+}

@@ -1,0 +1,283 @@
+// The 3D view: scene, people, floor and camera, in the upright frame (y up), metres.
+
+const BODIES = 1; // layer of what is drawn over the photo
+const FIELD_OF_VIEW = 40;
+const LINEAR = Float32Array.from({ length: 256 }, (_, v) => new THREE.Color().setRGB(v / 255, 0, 0, THREE.SRGBColorSpace).r);
+
+class Stage {
+  constructor(canvas, data, photo, background) {
+    this.canvas = canvas;
+    this.data = data;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.scene = new THREE.Scene();
+    this.root = new THREE.Group(); // its children are in the frame of the photo's camera
+    this.root.matrix.set(...data.upright);
+    this.root.matrixAutoUpdate = false;
+    this.scene.add(this.root, ...lights());
+    this.listeners = [];
+
+    this.bodies = data.people.map((person, index) => makeBody(data, index));
+    const { mesh, points } = makeScene(data, background);
+    const people = new THREE.Group();
+    people.add(...this.bodies.filter(Boolean));
+    this.root.updateMatrixWorld(true);
+    this.groups = { mesh, points, people, camera: makeFrustum(data, photo) };
+    this.root.add(...Object.values(this.groups));
+    this.root.updateMatrixWorld(true);
+    this.box = this.bounds();
+    this.groups.floor = makeFloor(data, this.box, this.root);
+    this.scene.add(this.groups.floor);
+
+    this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 500);
+    this.controls = new THREE.OrbitControls(this.camera, canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.photoCamera = makePhotoCamera(data, this.root);
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
+    this.resize();
+    this.look("angle");
+  }
+
+  // The box of the people, else of most of the scene.
+  bounds() {
+    const box = new THREE.Box3();
+    for (const body of this.bodies) if (body) box.expandByObject(body, true);
+    if (box.isEmpty()) {
+      const place = this.groups.points.geometry.getAttribute("position"), point = new THREE.Vector3();
+      const sorted = [[], [], []];
+      for (let i = 0; i < place.count; i += 16) {
+        point.fromBufferAttribute(place, i).applyMatrix4(this.root.matrix).toArray().forEach((v, axis) => sorted[axis].push(v));
+      }
+      sorted.forEach(values => values.sort((a, b) => a - b));
+      const at = share => sorted.map(values => values[Math.floor(share * (values.length - 1))] ?? 0);
+      box.set(new THREE.Vector3(...at(0.1)), new THREE.Vector3(...at(0.9)));
+    }
+    return box;
+  }
+
+  show(name, shown) {
+    if (name === "contact") this.bodies.forEach(body => body?.userData.paint(shown));
+    else this.groups[name].visible = shown;
+    this.draw();
+  }
+
+  select(index) {
+    this.bodies.forEach((body, i) => body?.material.emissive.set(i === index ? 0x2f2f2f : 0));
+    this.draw();
+  }
+
+  look(name) {
+    const center = this.box.getCenter(new THREE.Vector3()), size = this.box.getSize(new THREE.Vector3());
+    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix);
+    const { width, height, camera } = this.data;
+    this.camera.fov = FIELD_OF_VIEW;
+    if (name === "camera") {
+      const ahead = new THREE.Vector3(0, 0, 1).transformDirection(this.root.matrix);
+      const tall = Math.max(height / camera.fy, width / camera.fx / this.camera.aspect);
+      this.camera.fov = 2 * Math.atan(tall / 2) * 180 / Math.PI;
+      this.camera.position.copy(eye);
+      center.copy(eye).addScaledVector(ahead, Math.max(0.5, center.clone().sub(eye).dot(ahead)));
+    } else {
+      const turn = { angle: 28, side: 88, top: 0 }[name] * Math.PI / 180;
+      const rise = { angle: 16, side: 4, top: 88 }[name] * Math.PI / 180;
+      const back = Math.atan2(eye.x - center.x, eye.z - center.z) + turn;
+      const direction = new THREE.Vector3(
+        Math.sin(back) * Math.cos(rise), Math.sin(rise), Math.cos(back) * Math.cos(rise));
+      const half = Math.tan(FIELD_OF_VIEW * Math.PI / 360);
+      const wide = Math.hypot(size.x, size.z), tall = name === "top" ? wide : size.y;
+      const distance = Math.max((tall / 2 + 0.35) / half, (wide / 2 + 0.3) / half / this.camera.aspect);
+      this.camera.position.copy(center).addScaledVector(direction, distance + wide / 2);
+    }
+    this.controls.target.copy(center);
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.draw();
+  }
+
+  // Turn around the target by angles in radians, and change the distance by a factor.
+  orbit(around, up, factor) {
+    const offset = this.camera.position.clone().sub(this.controls.target);
+    const flat = Math.hypot(offset.x, offset.z), distance = offset.length() * factor;
+    const azimuth = Math.atan2(offset.x, offset.z) + around;
+    const rise = Math.max(-1.5, Math.min(1.5, Math.atan2(offset.y, flat) + up));
+    offset.set(Math.sin(azimuth) * Math.cos(rise), Math.sin(rise), Math.cos(azimuth) * Math.cos(rise));
+    this.camera.position.copy(this.controls.target).addScaledVector(offset, distance);
+    this.controls.update();
+    this.draw();
+  }
+
+  resize() {
+    const { clientWidth, clientHeight } = this.canvas.parentElement;
+    if (!clientWidth || !clientHeight) return;
+    this.camera.aspect = clientWidth / clientHeight;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.render();
+  }
+
+  draw() {
+    if (this.waiting) return;
+    this.waiting = requestAnimationFrame(() => {
+      this.waiting = 0;
+      this.render();
+    });
+  }
+
+  render() {
+    this.renderer.render(this.scene, this.camera);
+    this.listeners.forEach(listener => listener());
+  }
+
+  // Draw the bodies as the photo's camera sees them on a 2D context of width x height px.
+  drawBodies(context, width, height, opacity) {
+    const before = this.renderer.getPixelRatio(), size = this.renderer.getSize(new THREE.Vector2());
+    const shown = this.groups.people.visible;
+    this.groups.people.visible = true;
+    this.renderer.setPixelRatio(1);
+    this.renderer.setSize(width, height, false);
+    this.renderer.render(this.scene, this.photoCamera);
+    context.globalAlpha = opacity;
+    context.drawImage(this.canvas, 0, 0, width, height);
+    context.globalAlpha = 1;
+    this.groups.people.visible = shown;
+    this.renderer.setPixelRatio(before);
+    this.renderer.setSize(size.x, size.y, false);
+    this.render();
+  }
+
+  // The position on the canvas of a point of the upright frame, px; null behind the camera.
+  project(point) {
+    const spot = point.clone().project(this.camera);
+    if (spot.z > 1) return null;
+    return [(spot.x + 1) / 2 * this.canvas.clientWidth, (1 - spot.y) / 2 * this.canvas.clientHeight];
+  }
+}
+
+function lights() {
+  const sky = new THREE.HemisphereLight(0xffffff, 0x8d8678, 1.7), sun = new THREE.DirectionalLight(0xffffff, 1.9);
+  sun.position.set(-2, 4, 5);
+  sky.layers.enable(BODIES);
+  sun.layers.enable(BODIES);
+  return [sky, sun];
+}
+
+function makeTexture(image) {
+  const texture = new THREE.Texture(image);
+  texture.colorSpace = THREE.SRGBColorSpace;
+  texture.anisotropy = 4;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+// Surface with the photo without people as its texture, and the points with the same colours.
+function makeScene(data, background) {
+  const { points, cells, faces } = decodeScene(data.scene), { columns, stride } = data.scene;
+  const uv = new Float32Array(2 * cells.length), colors = new Float32Array(3 * cells.length);
+  const sheet = document.createElement("canvas");
+  [sheet.width, sheet.height] = [background.width, background.height];
+  const context = sheet.getContext("2d", { willReadFrequently: true });
+  context.drawImage(background, 0, 0);
+  const pixels = context.getImageData(0, 0, sheet.width, sheet.height).data;
+  cells.forEach((cell, i) => {
+    const u = (cell % columns * stride + 0.5) / data.width, v = (Math.floor(cell / columns) * stride + 0.5) / data.height;
+    uv[2 * i] = u;
+    uv[2 * i + 1] = 1 - v;
+    const pixel = 4 * (Math.floor(v * sheet.height) * sheet.width + Math.floor(u * sheet.width));
+    for (let k = 0; k < 3; k++) colors[3 * i + k] = LINEAR[pixels[pixel + k]];
+  });
+  const place = new THREE.BufferAttribute(points, 3);
+  const surface = new THREE.BufferGeometry();
+  surface.setAttribute("position", place);
+  surface.setAttribute("uv", new THREE.BufferAttribute(uv, 2));
+  surface.setIndex(new THREE.BufferAttribute(faces, 1));
+  const cloud = new THREE.BufferGeometry();
+  cloud.setAttribute("position", place);
+  cloud.setAttribute("color", new THREE.BufferAttribute(colors, 3));
+  const paint = new THREE.MeshBasicMaterial({ map: makeTexture(background), side: THREE.DoubleSide });
+  const dots = new THREE.PointsMaterial({ size: 2.2, sizeAttenuation: false, vertexColors: true });
+  const found = { mesh: new THREE.Mesh(surface, paint), points: new THREE.Points(cloud, dots) };
+  found.points.visible = false;
+  return found;
+}
+
+function makeBody(data, index) {
+  const packed = data.bodies.people[index];
+  if (packed === null) return null;
+  const positions = decodePoints(packed.points), touches = decodeFlags(packed.contact);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+  geometry.setIndex(new THREE.BufferAttribute(decodeIndices(data.bodies.faces), 1));
+  geometry.computeVertexNormals();
+  const colors = new THREE.BufferAttribute(new Float32Array(positions.length), 3);
+  geometry.setAttribute("color", colors);
+  const body = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82 }));
+  body.layers.enable(BODIES);
+  const own = data.people[index].color.map(v => LINEAR[Math.round(0.62 * v + 0.38 * 225)]);
+  const red = data.colors.contact.map(v => LINEAR[v]);
+  body.userData = {
+    index,
+    paint(contact) {
+      for (let i = 0; i < colors.count; i++) colors.setXYZ(i, ...(contact && touches(i) ? red : own));
+      colors.needsUpdate = true;
+    },
+  };
+  body.userData.paint(true);
+  return body;
+}
+
+// The photo on a plane before the camera, with the edges of the field of view.
+function makeFrustum(data, photo) {
+  const { fx, fy, cx, cy } = data.camera, { width, height } = data;
+  const nearest = Math.min(...data.people.map(person => person.camera ?? Infinity), 4);
+  const depth = 0.22 * nearest * Math.min(1, fx / width);
+  const at = (column, row) => [(column - cx - 0.5) / fx * depth, (row - cy - 0.5) / fy * depth, depth];
+  const corners = [at(0, 0), at(width, 0), at(width, height), at(0, height)];
+  const edges = corners.flatMap((corner, i) => [[0, 0, 0], corner, corner, corners[(i + 1) % 4]]);
+  const lines = new THREE.BufferGeometry();
+  lines.setAttribute("position", new THREE.Float32BufferAttribute(edges.flat(), 3));
+  const plane = new THREE.BufferGeometry();
+  plane.setAttribute("position", new THREE.Float32BufferAttribute(corners.flat(), 3));
+  plane.setAttribute("uv", new THREE.Float32BufferAttribute([0, 1, 1, 1, 1, 0, 0, 0], 2));
+  plane.setIndex([0, 2, 1, 0, 3, 2]);
+  const group = new THREE.Group();
+  const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo), side: THREE.DoubleSide });
+  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), new THREE.Mesh(plane, paint));
+  return group;
+}
+
+// A camera with the photo's intrinsics; integer pixel coordinates are pixel centres.
+function makePhotoCamera(data, root) {
+  const { fx, fy, cx, cy } = data.camera, { width, height } = data, near = 0.05, far = 500;
+  const camera = new THREE.PerspectiveCamera();
+  camera.layers.set(BODIES);
+  camera.matrixAutoUpdate = false;
+  camera.matrix.copy(root.matrix).multiply(new THREE.Matrix4().makeScale(1, -1, -1));
+  camera.matrixWorld.copy(camera.matrix);
+  camera.matrixWorldInverse.copy(camera.matrix).invert();
+  camera.projectionMatrix.set(
+    2 * fx / width, 0, 1 - 2 * (cx + 0.5) / width, 0,
+    0, 2 * fy / height, 2 * (cy + 0.5) / height - 1, 0,
+    0, 0, -(far + near) / (far - near), -2 * far * near / (far - near),
+    0, 0, -1, 0);
+  camera.projectionMatrixInverse.copy(camera.projectionMatrix).invert();
+  return camera;
+}
+
+// Squares of one metre on the floor, around people and camera; empty without a floor.
+function makeFloor(data, box, root) {
+  const group = new THREE.Group();
+  if (!data.floor) return group;
+  const reach = box.clone().expandByPoint(new THREE.Vector3().setFromMatrixPosition(root.matrix)).expandByScalar(1);
+  const low = [reach.min.x, reach.min.z].map(Math.floor), high = [reach.max.x, reach.max.z].map(Math.ceil), spots = [];
+  for (let x = low[0]; x <= high[0]; x++) spots.push(x, 0, low[1], x, 0, high[1]);
+  for (let z = low[1]; z <= high[1]; z++) spots.push(low[0], 0, z, high[0], 0, z);
+  const grid = new THREE.BufferGeometry();
+  grid.setAttribute("position", new THREE.Float32BufferAttribute(spots, 3));
+  const sheet = new THREE.PlaneGeometry(high[0] - low[0], high[1] - low[1]).rotateX(-Math.PI / 2)
+    .translate((low[0] + high[0]) / 2, 0, (low[1] + high[1]) / 2);
+  const glass = { color: 0x4f8fd0, transparent: true, opacity: 0.12, side: THREE.DoubleSide, depthWrite: false };
+  group.add(
+    new THREE.LineSegments(grid, new THREE.LineBasicMaterial({ color: 0x3f7fc0, transparent: true, opacity: 0.65 })),
+    new THREE.Mesh(sheet, new THREE.MeshBasicMaterial(glass)));
+  return group;
+}

@@ -1,0 +1,152 @@
+"""Numbers of each person for the page: stature, distances, and contact by body part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import PhysicError
+from physic_core.visual.preview_geometry import person_color
+from physic_core.visual.report.surfaces import is_posed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+    from physic_core.types import Person, Reconstruction
+
+__all__ = ["body_of", "people_records"]
+
+_MAX_COMPARED = 60_000  # vertices of all people between which gaps are measured
+_PELVIS = 0
+
+
+def body_of(reconstruction: Reconstruction) -> BodyModel | None:
+    """Load the body model of the people's parameters; None if it is not at hand, such as a file of another machine."""
+    from physic_core.body import load_body
+
+    path = dict(reconstruction.config.get("body_model", {})).get("path")
+    try:
+        model = load_body(path or "embedded")
+    except (PhysicError, OSError):
+        return None
+    return model if model.name == reconstruction.body_model else None
+
+
+def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
+    """Return the numbers of each person, ready for JSON; a number that is not known is None.
+
+    Keys: ``grade``, ``score``, ``box`` px, ``color`` sRGB, ``posed``, ``stature`` m, ``camera`` (distance of the pelvis
+    from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest`` (heights over the floor, m), ``others``
+    (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, m), ``contact_vertices``,
+    ``vertices``, and ``contact`` (``part``, ``cm2``, ``share``) by body part.
+    """
+    model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
+    gaps = _gaps(reconstruction)
+    return [_record(reconstruction, index, model, gaps) for index in range(len(reconstruction.people))]
+
+
+def _record(
+    reconstruction: Reconstruction, index: int, model: BodyModel | None, gaps: dict[tuple[int, int], float]
+) -> dict[str, Any]:
+    person = reconstruction.people[index]
+    record = {
+        "grade": None if person.grade is None else str(person.grade),
+        "score": float(person.score),
+        "box": [float(edge) for edge in person.box],
+        "color": list(person_color(index)),
+        "posed": is_posed(person),
+        "contact_vertices": int(np.sum(person.contact)),
+        "vertices": len(person.vertices),
+    }
+    if not is_posed(person):
+        return (
+            record
+            | {"stature": None, "camera": None, "pelvis": None, "pelvis_height": None, "lowest": None}
+            | {
+                "others": [],
+                "contact": None,
+            }
+        )
+    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
+    fits = model is not None and model.num_vertices == len(person.vertices)
+    return record | {
+        "stature": _stature(person, model) if fits and model is not None else None,
+        "camera": float(np.linalg.norm(pelvis)),
+        "pelvis": pelvis.tolist(),
+        **_heights(reconstruction, person),
+        "others": [
+            {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
+            for (first, other), gap in gaps.items()
+            if first == index
+        ],
+        "contact": _contact_by_part(person, reconstruction.faces, model) if fits and model is not None else None,
+    }
+
+
+def _stature(person: Person, model: BodyModel) -> float | None:
+    """Return the standing height of a body from soles to crown, metres."""
+    import torch
+
+    betas = torch.from_numpy(np.array(person.parameters.betas, np.float32).reshape(1, -1))
+    if betas.shape[1] != model.num_betas or not bool(torch.isfinite(betas).all()):
+        return None
+    return float(model.stature(betas))
+
+
+def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, float | None]:
+    """Return the heights of pelvis and lowest vertex over the floor, metres."""
+    floor = reconstruction.scene.floor
+    if floor is None:
+        return {"pelvis_height": None, "lowest": None}
+    normal = np.asarray(floor.normal, np.float64)
+    length = float(np.linalg.norm(normal))
+    return {
+        "pelvis_height": float(person.joints[_PELVIS] @ normal + floor.offset) / length,
+        "lowest": float((person.vertices @ normal).min() + floor.offset) / length,
+    }
+
+
+def _pelvis_distance(reconstruction: Reconstruction, first: int, second: int) -> float:
+    one, other = (np.asarray(reconstruction.people[i].joints[_PELVIS], np.float64) for i in (first, second))
+    return float(np.linalg.norm(one - other))
+
+
+def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
+    """Return the least distance between the vertices of each ordered pair of people with a body, metres."""
+    from scipy.spatial import cKDTree
+
+    posed = [index for index, person in enumerate(reconstruction.people) if is_posed(person)]
+    total = sum(len(reconstruction.people[index].vertices) for index in posed)
+    stride = max(1, -(-total // _MAX_COMPARED))
+    points = {index: np.asarray(reconstruction.people[index].vertices[::stride], np.float64) for index in posed}
+    trees = {index: cKDTree(points[index]) for index in posed}
+    gaps: dict[tuple[int, int], float] = {}
+    for first in posed:
+        for second in posed:
+            if first < second:
+                gap = float(trees[first].query(points[second])[0].min())
+                gaps[first, second] = gaps[second, first] = gap
+    return gaps
+
+
+def _contact_by_part(person: Person, faces: NDArray[np.int32], model: BodyModel) -> list[dict[str, Any]]:
+    """Return name, area in cm2 and share of the part's area for each body part in contact, the largest area first."""
+    area = _vertex_areas(np.asarray(person.vertices, np.float64), np.asarray(faces, np.int64))
+    part, count = model.part_of_vertex.cpu().numpy(), len(model.part_names)
+    touching = np.bincount(part, area * person.contact, count)
+    whole = np.bincount(part, area, count)
+    found = [
+        {"part": name, "cm2": 1e4 * float(touching[i]), "share": float(touching[i] / whole[i])}
+        for i, name in enumerate(model.part_names)
+        if touching[i] > 0
+    ]
+    return sorted(found, key=lambda row: -float(row["cm2"]))
+
+
+def _vertex_areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return a third of the area of the faces at each vertex (V,), square metres."""
+    corners = vertices[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 6
+    return np.bincount(faces.ravel(), np.repeat(area, 3), len(vertices)).astype(np.float64)

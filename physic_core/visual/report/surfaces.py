@@ -1,0 +1,102 @@
+"""Scene and bodies of the page: sub-sampled, packed, in the camera frame."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.visual.report.packing import pack_flags, pack_indices, pack_points
+from physic_core.visual.surface import depth_limit, mesh_scene
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Person, Reconstruction
+
+__all__ = ["MAX_FULL_BODIES", "is_posed", "pack_bodies", "pack_scene"]
+
+MAX_FULL_BODIES = 12
+"""Most people who are shown with all their vertices; a body has 110 kB in the page, and a coarse one 30 kB."""
+
+_SCENE_VERTICES = 130_000
+_CROWD_SCENE_VERTICES = 70_000
+_COARSE_M = 0.02  # spacing of the vertices of coarse bodies, metres
+
+
+def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
+    """Pack the scene: every n-th valid pixel as a point, and the triangles between those on one surface.
+
+    Returns:
+        ``stride`` n in px, ``rows`` and ``columns`` of the grid, ``valid`` (one flag per grid point), ``points`` (of
+        the valid ones, in the order of the grid) and ``triangles`` (two flags per grid point: the triangles below and
+        to the right of it that are part of the mesh).
+    """
+    scene, limit = reconstruction.scene, depth_limit(reconstruction)
+    most = _SCENE_VERTICES if len(reconstruction.people) <= MAX_FULL_BODIES else _CROWD_SCENE_VERTICES
+    height, width = scene.valid.shape
+    stride = max(1, math.ceil(math.sqrt(height * width / most)))
+    points = np.asarray(scene.points[::stride, ::stride], np.float32)
+    with np.errstate(invalid="ignore"):
+        usable = (points[..., 2] > 0) & (points[..., 2] < limit)
+    valid = scene.valid[::stride, ::stride] & np.isfinite(points).all(-1) & usable
+    surface = mesh_scene(scene, limit, most)
+    triangles = np.zeros((*valid.shape, 2), bool)
+    corner = surface.pixels[surface.faces] // stride  # (F, 3, 2): column and row in the grid
+    # Both triangles of a cell have its lower left and upper right corner, in the places that mesh_scene gives them.
+    upper = corner[:, 0, 0] == corner[:, 1, 0]
+    triangles[corner[upper, 0, 1], corner[upper, 0, 0], 0] = True
+    triangles[corner[~upper, 0, 1], corner[~upper, 1, 0], 1] = True
+    return {
+        "stride": stride,
+        "rows": valid.shape[0],
+        "columns": valid.shape[1],
+        "valid": pack_flags(valid),
+        "points": pack_points(points[valid]),
+        "triangles": pack_flags(triangles),
+    }
+
+
+def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
+    """Pack the faces of all bodies, and vertices and contact of each; of a crowd with fewer vertices.
+
+    Returns:
+        ``faces`` and, for each person, ``people``: ``points`` and ``contact`` flags; None for a person without a body.
+    """
+    people = reconstruction.people
+    faces = np.asarray(reconstruction.faces, np.int64)
+    bodies = [person for person in people if is_posed(person)]
+    ids = np.arange(len(bodies[0].vertices)) if bodies else np.zeros(0, np.int64)
+    groups = ids
+    if len(bodies) > MAX_FULL_BODIES:
+        ids, faces, groups = _coarse(bodies[0].vertices, faces)
+
+    def pack(person: Person) -> dict[str, Any]:
+        touching = np.zeros(len(ids), bool)
+        np.logical_or.at(touching, groups, np.asarray(person.contact, bool))
+        return {"points": pack_points(person.vertices[ids]), "contact": pack_flags(touching)}
+
+    return {
+        "faces": pack_indices(faces if bodies else np.zeros((0, 3), np.int64)),
+        "people": [pack(person) if is_posed(person) else None for person in people],
+    }
+
+
+def is_posed(person: Person) -> bool:
+    """Whether the person has a body of finite vertices."""
+    return len(person.vertices) > 0 and bool(np.isfinite(person.vertices).all())
+
+
+def _coarse(
+    vertices: NDArray[np.floating[Any]], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return ids (v,) of the vertices that are kept, faces between them, and the kept one (V,) for each vertex."""
+    import torch
+
+    from physic_core.geometry.coarse_mesh import coarse_mesh
+
+    body = torch.from_numpy(np.array(vertices, np.float64))
+    parts = torch.zeros(len(vertices), dtype=torch.int64)
+    mesh = coarse_mesh(body, torch.from_numpy(faces), parts, _COARSE_M)
+    return mesh.ids.numpy(), mesh.faces.numpy(), mesh.of_vertex.numpy()

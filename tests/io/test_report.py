@@ -1,0 +1,239 @@
+"""The page of a result: one file, without an address, whose data are the result's."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import math
+import re
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.body import load_body
+from physic_core.types import CheckResult, UnposedPerson
+from physic_core.visual.report.packing import pack_flags, pack_indices, pack_points
+from physic_core.visual.report.page import GENERATOR, failure_html, report_html
+from physic_core.visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_core.visual.surface import depth_limit, mesh_scene
+
+PAGE = files("physic_core.visual.report") / "page"
+ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0 \udce9.jpg"
+
+
+def data_of(page: str) -> dict:
+    return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)[1])
+
+
+def scripts_of(page: str) -> list[str]:
+    return re.findall(r"<script(?: type=\"module\")?>(.*?)</script>", page, re.S)
+
+
+def points_of(packed: dict) -> np.ndarray:
+    levels = np.frombuffer(base64.b64decode(packed["data"]), "<u2").reshape(-1, 3)
+    assert len(levels) == packed["count"]
+    return np.array(packed["origin"]) + np.array(packed["step"]) * levels
+
+
+def flags_of(text: str, count: int) -> np.ndarray:
+    return np.unpackbits(np.frombuffer(base64.b64decode(text), np.uint8), count=count, bitorder="little").astype(bool)
+
+
+@pytest.fixture
+def standing(reconstruction):
+    """The room with two embedded bodies in their T-pose, soles on the floor, pelvises 1.5 m apart."""
+    model = load_body()
+    rotations, betas, transl = model.zero_pose()
+    body = model(rotations, betas, transl)
+    up, floor = np.array(reconstruction.scene.floor.normal), reconstruction.scene.floor.offset
+    right = np.array([1.0, 0.0, 0.0])
+    turn = np.stack([right, up, np.cross(right, up)], axis=1)
+    vertices, joints = (np.asarray(t[0]) @ turn.T for t in (body.vertices, body.joints))
+    people = []
+    for x, person in zip((-0.75, 0.75), reconstruction.people, strict=True):
+        shift = np.array([x, 0.0, 3.0]) - joints[0]
+        shift = shift - up * ((vertices + shift) @ up + floor).min()
+        height = (vertices + shift) @ up + floor
+        people.append(
+            replace(
+                person,
+                vertices=(vertices + shift).astype(np.float32),
+                joints=(joints + shift).astype(np.float32),
+                contact=height < 0.02,
+                distance=np.zeros(len(vertices), np.float32),
+                parameters=replace(person.parameters, betas=np.asarray(betas)),
+                faces=None,
+            )
+        )
+    return replace(reconstruction, people=tuple(people), faces=model.faces.numpy().astype(np.int32))
+
+
+def test_points_come_back_within_half_a_step():
+    points = np.random.default_rng(0).uniform(-10, 10, (1000, 3))
+    packed = pack_points(points)
+    assert np.abs(points_of(packed) - points).max() <= max(packed["step"]) * 0.5001 < 1.6e-4
+
+
+def test_points_in_a_plane_and_no_points_are_packed():
+    flat = np.array([[1.0, 2.0, 3.0], [2.0, 2.0, 3.0]])
+    np.testing.assert_allclose(points_of(pack_points(flat)), flat)
+    assert points_of(pack_points(np.zeros((0, 3)))).shape == (0, 3)
+
+
+def test_flags_and_indices_come_back():
+    flags = np.random.default_rng(0).random(77) > 0.5
+    np.testing.assert_array_equal(flags_of(pack_flags(flags), 77), flags)
+    for largest, bits in ((65535, 16), (65536, 32)):
+        packed = pack_indices(np.array([0, largest]))
+        assert packed["bits"] == bits
+        assert np.frombuffer(base64.b64decode(packed["data"]), f"<u{bits // 8}").tolist() == [0, largest]
+
+
+@pytest.mark.parametrize("size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"])
+def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(make, size):
+    result = make(*size)
+    packed = pack_scene(result)
+    stride, rows, columns = packed["stride"], packed["rows"], packed["columns"]
+    assert stride == (1 if size == (160, 120) else 2)
+    valid = flags_of(packed["valid"], rows * columns).reshape(rows, columns)
+    wanted = result.scene.points[::stride, ::stride][valid]
+    assert np.abs(points_of(packed["points"]) - wanted).max() < 1e-3
+    kept = flags_of(packed["triangles"], 2 * rows * columns)
+    mesh = mesh_scene(result.scene, depth_limit(result), 130_000)
+    assert kept.sum() == len(mesh.faces) > 10_000
+    # The corners of each triangle, found as the page finds them, are those of the mesh.
+    cells = np.flatnonzero(kept) // 2
+    offsets = np.where((np.flatnonzero(kept) % 2)[:, None], [1, columns, columns + 1], [0, columns, 1])
+    of_mesh = (mesh.pixels[:, 1] // stride * columns + mesh.pixels[:, 0] // stride)[mesh.faces]
+    assert {tuple(c) for c in cells[:, None] + offsets} == {tuple(c) for c in of_mesh}
+
+
+def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
+    crowd = replace(standing, people=standing.people[:1] * (MAX_FULL_BODIES + 1))
+    packed = pack_bodies(crowd)
+    count = packed["people"][0]["points"]["count"]
+    assert count < 0.4 * len(standing.people[0].vertices)
+    assert flags_of(packed["people"][0]["contact"], count).any()
+    faces = np.frombuffer(base64.b64decode(packed["faces"]["data"]), "<u2")
+    assert faces.max() < count
+
+
+def test_sixty_people_fit_into_six_megabytes(standing, make):
+    crowd = replace(standing, people=standing.people * 30)
+    assert len(report_html(crowd)) < 6e6
+
+
+def test_stature_and_distances_are_those_of_the_bodies(standing):
+    person, other = data_of(report_html(standing))["people"]
+    model = load_body()
+    assert person["stature"] == pytest.approx(float(model.stature(torch.zeros(1, 16))), abs=1e-4)
+    assert 1.5 < person["stature"] < 1.9
+    assert person["camera"] == pytest.approx(float(np.linalg.norm(standing.people[0].joints[0])), abs=1e-6)
+    assert person["lowest"] == pytest.approx(0.0, abs=1e-5)
+    pelvis = float(np.linalg.norm(standing.people[0].joints[0] - standing.people[1].joints[0]))
+    (record,) = person["others"]
+    assert (record["person"], record["pelvis"]) == (1, pytest.approx(pelvis, abs=1e-6))
+    assert 1.5 <= pelvis < 1.6
+    # The hands of two T-poses that are 1.5 m apart reach past each other.
+    assert 0 <= record["gap"] < 0.3
+    assert other["others"][0]["gap"] == record["gap"]
+
+
+def test_contact_is_counted_by_body_part(standing):
+    contact = data_of(report_html(standing))["people"][0]["contact"]
+    assert {row["part"] for row in contact} == {"left_foot", "right_foot"}
+    for row in contact:
+        assert 100 < row["cm2"] < 400
+        assert 0.2 < row["share"] < 0.7
+
+
+def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, tmp_path):
+    # The mannequins of the room have other vertices than the embedded body.
+    for result in (
+        reconstruction,
+        replace(reconstruction, body_model="smplx", config={"body_model": {"path": str(tmp_path / "SMPLX.npz")}}),
+    ):
+        person = data_of(report_html(result))["people"][0]
+        assert person["stature"] is None
+        assert person["contact"] is None
+        assert person["contact_vertices"] > 0
+
+
+@pytest.mark.parametrize("people", [0, 1, 2])
+def test_a_page_has_no_address_and_is_small(make, people):
+    page = report_html(make(people=people), "photo.jpg")
+    assert "<title>photo.jpg – PhySIC</title>" in page
+    assert GENERATOR in page
+    assert not re.search(r"https?:|src=|href=|@import|url\(", page.split("<script>")[0])
+    assert not re.search("https?:", page)
+    assert len(page) < 1.5e6
+    assert len(data_of(page)["people"]) == people
+
+
+def test_a_person_without_a_body_is_on_the_page(reconstruction):
+    person = reconstruction.people[1]
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan, score=math.nan)
+    result = replace(
+        reconstruction,
+        people=(reconstruction.people[0], lost),
+        unposed=(UnposedPerson((1.0, 2.0, 3.0, 4.0), 0.5, "no pose fits the box"),),
+    )
+    data = data_of(report_html(result))
+    assert data["bodies"]["people"][1] is None
+    assert (data["people"][1]["posed"], data["people"][1]["score"], data["people"][1]["others"]) == (False, None, [])
+    assert data["people"][0]["others"] == []
+    assert data["unposed"][0]["reason"] == "no pose fits the box"
+
+
+def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):
+    scene = replace(reconstruction.scene, floor=None, valid=np.zeros_like(reconstruction.scene.valid))
+    data = data_of(report_html(replace(reconstruction, scene=scene, people=(), checks=(), stages=())))
+    assert data["floor"] is False
+    assert data["scene"]["points"]["count"] == 0
+
+
+def test_text_of_others_is_never_markup(reconstruction):
+    check = CheckResult("floor", "unknown", None, 0.15, "at least", "share", ODD)
+    result = replace(reconstruction, warnings=(ODD,), notes=(ODD,), checks=(check,))
+    page = report_html(result, ODD)
+    page.encode("utf-8")
+    data = data_of(page)
+    assert data["warnings"] == data["notes"] == [ODD]
+    assert "alert(1)</script>" not in page
+    assert page.count("<script") == page.count("</script") == 3
+    shown = html.escape(ODD).replace("\udce9", "\\udce9")
+    assert f"<h1>{shown}</h1>" in page
+
+
+def test_only_the_scripts_of_the_page_may_run(reconstruction):
+    page = report_html(reconstruction)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    digests = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts_of(page)]
+    assert len(digests) == 2
+    assert all(f"'sha256-{digest}'" in policy for digest in digests)
+    assert "unsafe-inline" not in policy.partition("style-src")[0]
+
+
+def test_a_page_of_failure_says_what_is_wrong():
+    page = failure_html(ODD, f"cannot read {ODD}: it is damaged")
+    page.encode("utf-8")
+    assert html.escape("cannot read a\"b'c</script>") in page
+    assert "<script" not in page
+    assert "script-src 'none'" in page
+    assert "https:" not in page
+
+
+def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
+    content = (PAGE / "three.js").read_bytes()
+    assert (PAGE / "three.sha256").read_text().split() == [hashlib.sha256(content).hexdigest(), "three.js"]
+    head = content[:1400].decode()
+    assert "The MIT License" in head
+    assert "three.js authors" in head
+    assert b"http:" not in content
+    assert b"https:" not in content
