@@ -2,6 +2,7 @@
 # make quick [JOBS=2]           the tests that matter while you work, in about a minute on two cores
 # make test [JOBS=2]            lint, types and the whole test suite
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
+# make docs                     the documentation as a site, in docs/_build/html/index.html
 # make lint | clean             the first part alone | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
 
@@ -14,7 +15,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard plugins/*/pyproject.toml)
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test kernels lint clean
+.PHONY: demo quick test kernels docs lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -45,6 +46,11 @@ kernels: $(VENV)/test.stamp
 	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 \
 		$(BIN)/pytest -m kernels tests plugins
 
+# Without a network: warnings are errors, links within the site are followed, addresses of other sites are only listed.
+docs: $(VENV)/test.stamp
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d docs/_build/doctrees . docs/_build/html
+	$(BIN)/python docs/site/check_links.py docs/_build/html
+
 lint: $(VENV)/test.stamp
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -65,4 +71,4 @@ $(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DIST
 	@touch $(VENV)/demo.stamp $@
 
 clean:
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo docs/_build docs/_reference

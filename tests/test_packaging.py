@@ -97,7 +97,7 @@ def imported(folder: Path) -> set[str]:
 @pytest.mark.parametrize("name", ALL)
 def test_a_distribution_requires_what_it_imports_and_nothing_else(name: str):
     own = project(ALL[name])
-    tools = {"dev", "test"}
+    tools = {"dev", "docs", "test"}
     wanted = [*own["dependencies"]]
     wanted += [r for extra, some in own.get("optional-dependencies", {}).items() if extra not in tools for r in some]
     required = {MODULES.get(r, r.replace("-", "_")) for r in (re.split("[>=]", text)[0] for text in wanted)}

@@ -68,7 +68,7 @@ class Alignment:
         unknown: formula that scale and shift belong to.
         inlier_share: weighted share of the used pixels with a depth error within the tolerance, 0-1. If it is 0, the
             scale is 1 and the shift 0.
-        residual: median |relative depth difference| of the inliers; inf if there are none.
+        residual: median absolute relative depth difference of the inliers; inf if there are none.
     """
 
     scale: float

@@ -29,7 +29,7 @@ class SceneError:
     Attributes:
         pixels: number of these pixels.
         coverage: their share of the truly valid pixels.
-        depth_relative_median: median of |Z - Z*| / Z*.
+        depth_relative_median: median of ``|Z - Z*| / Z*``.
         depth_relative_mean: mean of the same.
         delta_share: share of pixels with max(Z / Z*, Z* / Z) < 1.25.
         point_median: median distance of the points, m.
