@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import physic_core
 from physic_core import cli
@@ -51,14 +50,6 @@ def test_every_command_of_the_pages_can_be_given(words: list[str], tmp_path: Pat
         config.load_config(ROOT / named, overrides=overrides)
     else:
         config.load_config(overrides=overrides)
-
-
-@pytest.mark.parametrize("shell", ["zsh_source", "fish_source"])
-def test_the_shell_completion_of_the_pages_is_there(shell: str):
-    assert shell in (ROOT / "docs" / "install.md").read_text()
-    done = CliRunner().invoke(cli.main, [], prog_name="physic", env={"_PHYSIC_COMPLETE": shell})
-    assert done.exit_code == 0
-    assert "_PHYSIC_COMPLETE=" in done.output
 
 
 def test_the_example_of_a_camera_fits_its_photo():

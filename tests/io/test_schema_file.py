@@ -1,0 +1,114 @@
+"""The JSON Schema of ``reconstruction.json``, its page, and results that earlier versions wrote."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from physic_core import load_reconstruction, save_reconstruction
+from physic_core.cli import main
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
+from physic_core.io.document import SCHEMA_VERSION
+from physic_core.io.schema_file import schema_file
+
+PAGE = Path(__file__).parents[2] / "docs" / "file-format.md"
+WRITTEN = Path(__file__).with_name("written")
+SCHEMA = json.loads(schema_file().read_text(encoding="utf-8"))
+
+
+def faults(document: Any) -> list[str]:
+    return [f"{e.json_path}: {e.message}" for e in jsonschema.Draft202012Validator(SCHEMA).iter_errors(document)]
+
+
+def saved(folder: Path) -> Any:
+    return json.loads((folder / "reconstruction.json").read_bytes())
+
+
+def properties(schema: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, one in schema.get("properties", {}).items():
+        yield prefix + name, one
+        for inner in (one, *one.get("anyOf", ())):
+            yield from properties(inner, f"{prefix}{name}.")
+
+
+def test_it_is_a_schema_of_the_version_that_is_written():
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION
+
+
+@pytest.mark.parametrize("people", [0, 2])
+def test_a_saved_result_is_valid(tmp_path: Path, make: Any, people: int):
+    save_reconstruction(make(40, 30, people), tmp_path, preview=False, glb=False)
+    assert faults(saved(tmp_path)) == []
+
+
+def test_a_result_of_the_pipeline_is_valid_and_has_no_key_that_the_schema_lacks(tmp_path: Path):
+    from physic_core import reconstruct
+    from physic_testing import build_world
+
+    save_reconstruction(reconstruct(build_world("walk").image, "mock"), tmp_path, preview=False, glb=False)
+    document = saved(tmp_path)
+    assert faults(document) == []
+    defined = SCHEMA["$defs"]
+    assert set(document) - set(SCHEMA["properties"]) == set()
+    assert set(document["checks"][0]) == set(defined["check"]["properties"])
+    assert set(document["people"][0]) == set(defined["person"]["properties"])
+    assert set(document["intrinsics"]) == set(defined["intrinsics"]["properties"])
+    assert set(document["stages"][0]) == set(defined["stage"]["properties"])
+    assert set(document["stages"][0]["backend"]) == set(defined["backend"]["properties"])
+    assert set(document["scene"]) == set(SCHEMA["properties"]["scene"]["properties"])
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"grade": "fine"}, "$.grade: 'fine' is not one of ['good', 'doubtful', 'bad', None]"),
+        ({"schema_version": 1}, "$.schema_version: 2 was expected"),
+        ({"people": None}, "$.people: None is not of type 'array'"),
+    ],
+    ids=["grade", "version", "people"],
+)
+def test_a_fault_is_found(change: dict[str, Any], fault: str):
+    assert faults(saved(WRITTEN / "version-2") | change) == [fault]
+
+
+def test_a_result_that_version_2_wrote_is_still_read():
+    """The files are not written again: they are what a user has on disk."""
+    result = load_reconstruction(WRITTEN / "version-2")
+    assert faults(saved(WRITTEN / "version-2")) == []
+    (person,) = result.people
+    assert result.image.shape == (30, 40, 3)
+    assert person.vertices.shape == (792, 3)
+    assert np.isfinite(person.vertices).all()
+    assert result.scene.floor is not None
+    assert result.scene.floor.offset == pytest.approx(1.4)
+
+
+def test_every_key_is_on_the_page_with_the_words_of_the_schema():
+    rows = dict(re.findall(r"^\| `([\w.]+)` \| ([^|]*) \|$", PAGE.read_text(), re.M))
+    wanted = dict(properties(SCHEMA))
+    for name in ("intrinsics", "check", "person", "unposed", "stage", "backend"):
+        wanted |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
+    assert {name: one["description"] for name, one in wanted.items() if "description" in one} == rows
+
+
+def test_every_array_is_on_the_page():
+    rows = re.findall(r"^\| `([\w{}]+)` \| (\w+) \| ([^|]*) \| (.*?) \|$", PAGE.read_text(), re.M)
+    shared = [(s.name, s.dtype, " x ".join(map(str, s.shape)) or "one", s.meaning) for s in SHARED_ARRAYS]
+    own = [
+        (f"person_{{i}}_{s.name}", s.dtype, " x ".join(map(str, s.shape)) or "one", s.meaning) for s in PERSON_ARRAYS
+    ]
+    assert rows == shared + own
+
+
+def test_the_command_prints_where_the_schema_is():
+    assert CliRunner().invoke(main, ["schema"]).stdout == f"{schema_file()}\n"
+    assert json.loads(CliRunner().invoke(main, ["schema", "--print"]).stdout) == SCHEMA
