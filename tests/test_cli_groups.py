@@ -135,8 +135,8 @@ def test_a_known_command_that_is_not_installed_names_its_distribution(name: str,
     done = physic(*name.split())
     assert done.exit_code == 2
     assert " ".join(done.stderr.split()).endswith(
-        f"Error: 'physic {name}' is a command of physic-testing, which is not installed, or hidden by "
-        f"PHYSIC_PLUGINS='physic-mock': {how_to_install('physic-testing')}"
+        f"Error: 'physic {name}' is a command of {COMMANDS[name]}, which is not installed, or hidden by "
+        f"PHYSIC_PLUGINS='physic-mock': {how_to_install(COMMANDS[name])}"
     )
     assert how_to_install("physic-testing") == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
 

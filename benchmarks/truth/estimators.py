@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_evaluate.joints import limb_joints
+from physic_evaluate.triangulation import Triangulated, match_views, robust_joints
+
 from .__main__ import samples_of, without_nan
-from .joints import limb_joints
 from .scores import LIMBS, SEEN
 from .sets import SETS, Sample, camera_of, picture_of
-from .views import Triangulated, match_views, robust_joints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,8 +9,7 @@ import numpy as np
 
 from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
-
-from .joints import bone_lengths, root
+from physic_evaluate.joints import bone_lengths, root
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

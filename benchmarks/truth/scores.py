@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .joints import BODY_ROWS, is_upright, limb_joints, root
+from physic_evaluate.joints import BODY_ROWS, is_upright, limb_joints, root
+from physic_evaluate.triangulation import match_views, visible_joints
+
 from .measures import floor_errors, match_people, points_error, pose_errors, spread_m
 from .sets import Sample, camera_of
-from .views import match_views, visible_joints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

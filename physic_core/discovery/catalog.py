@@ -66,7 +66,10 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """Backend names by distribution and interface; a test compares them with the installed distributions."""
 
-COMMANDS = dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing")
+COMMANDS = {
+    **dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing"),
+    "evaluate": "physic-evaluate",
+}
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 
 

@@ -14,6 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from physic_evaluate import cameras, triangulation
+from physic_evaluate import joints as joints_by_name
+
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "truth"
 NAME = "truth_benchmark"
 
@@ -27,7 +30,8 @@ def truth() -> Iterator[SimpleNamespace]:
     assert spec is not None
     sys.modules[NAME] = importlib.util.module_from_spec(spec)
     files = [file.stem for file in FOLDER.glob("*.py") if file.stem != "__init__"]
-    yield SimpleNamespace(**{name.strip("_"): importlib.import_module(f"{NAME}.{name}") for name in files})
+    shared = {"cameras": cameras, "joints": joints_by_name, "views": triangulation}
+    yield SimpleNamespace(**shared, **{name.strip("_"): importlib.import_module(f"{NAME}.{name}") for name in files})
     for name in [name for name in sys.modules if name.split(".")[0] == NAME]:
         del sys.modules[name]
 

@@ -12,6 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from physic_evaluate import cameras, triangulation
+from physic_evaluate import joints as joints_by_name
+
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "truth"
 NAME = "truth_benchmark_of_estimators"
 
@@ -24,8 +27,9 @@ def truth() -> Iterator[SimpleNamespace]:
     )
     assert spec is not None
     sys.modules[NAME] = importlib.util.module_from_spec(spec)
-    names = ("joints", "cameras", "sets", "views", "scores", "estimators")
-    yield SimpleNamespace(**{name: importlib.import_module(f"{NAME}.{name}") for name in names})
+    names = ("sets", "scores", "estimators")
+    shared = {"cameras": cameras, "joints": joints_by_name, "views": triangulation}
+    yield SimpleNamespace(**shared, **{name: importlib.import_module(f"{NAME}.{name}") for name in names})
     for name in [name for name in sys.modules if name.split(".")[0] == NAME]:
         del sys.modules[name]
 

@@ -154,5 +154,4 @@ def visible_joints(camera: Camera, joints: Array) -> NDArray[np.bool_]:
     """(J,) bool: which joints of the world fall into the picture; what hides them is not known."""
     pixels = camera.project(joints)
     with np.errstate(invalid="ignore"):
-        inside: NDArray[np.bool_] = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(-1)
-    return inside
+        return np.asarray(((pixels >= 0) & (pixels < [camera.width, camera.height])).all(-1))

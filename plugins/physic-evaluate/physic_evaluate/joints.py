@@ -42,11 +42,15 @@ MAX_TRUNK_DEG, MAX_KNEE_DEG = 40, 60
 """Of somebody upright: the trunk against up and thigh, and the knee of a leg that walks."""
 
 
+def full_names(named: Mapping[str, Sequence[float]]) -> dict[str, Sequence[float]]:
+    """Return points by names in which "l_" and "r_" at the beginning are "left_" and "right_"."""
+    sides = {"l_": "left_", "r_": "right_"}
+    return {sides.get(name[:2], name[:2]) + name[2:]: point for name, point in named.items()}
+
+
 def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
     """(12, size) of named points, NaN where one is missing; "l_knee" is "left_knee"."""
-    points = {name.replace("l_", "left_", 1) if name.startswith("l_") else name: p for name, p in named.items()}
-    points = {name.replace("r_", "right_", 1) if name.startswith("r_") else name: p for name, p in points.items()}
-    missing = [float("nan")] * size
+    points, missing = full_names(named), [float("nan")] * size
     return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
 
 
@@ -75,7 +79,7 @@ def is_upright(joints: Array, up: Array | None) -> bool | None:
         joints: (12, 3) m; NaN where unknown.
         up: (3,) unit, or None where unknown: then the angles of the limbs decide alone.
     """
-    known = np.isfinite(joints).all(-1)
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(joints).all(-1))
     shoulders = joints[[row for row in SHOULDERS if known[row]]]
     trunk = (shoulders.mean(0) if len(shoulders) else np.full(3, np.nan)) - root(joints, known)
     if not np.isfinite(trunk).all():

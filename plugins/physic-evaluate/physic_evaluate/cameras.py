@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,15 +15,26 @@ if TYPE_CHECKING:
     Picture = NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole in px of the picture that the tool gets; X_camera = R X_world + t, metres."""
+    """A camera with lens distortion; X_camera = R X_world + t, metres.
+
+    Attributes:
+        K: (3, 3) px; integer coordinates are pixel centres.
+        width: px.
+        height: px.
+        R: (3, 3).
+        t: (3,) m.
+        distortion: k1, k2, p1, p2, k3, as in OpenCV. ``project`` is that of the undistorted picture, which has the same
+            K.
+    """
 
     K: Array
     width: int
     height: int
-    R: Array
-    t: Array
+    R: Array = field(default_factory=lambda: np.eye(3))
+    t: Array = field(default_factory=lambda: np.zeros(3))
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def project(self, points: Array) -> Array:
         """(..., 2) px of (..., 3) m of the world; NaN behind the camera."""

@@ -1,0 +1,293 @@
+"""The commands ``physic evaluate``: list, show, readers, and one command per data set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.errors import InputError
+from physic_evaluate.datasets import DATA_SETS, data_set
+
+if TYPE_CHECKING:
+    from physic_evaluate.bodies import BodyFiles
+    from physic_evaluate.contract import Frame
+    from physic_evaluate.datasets.base import DataSet
+    from physic_evaluate.run import Method
+
+__all__ = ["evaluate"]
+
+
+class _DataSets(click.Group):
+    """A group with a command for each data set, which is imported when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        return [*super().list_commands(ctx), *DATA_SETS]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command of the group, or that of a data set."""
+        return _command_of(cmd_name) if cmd_name in DATA_SETS else super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List commands, then data sets, without importing these."""
+        with formatter.section("Commands"):
+            own = {name: command.get_short_help_str(90) for name, command in self.commands.items()}
+            formatter.write_dl(sorted(own.items()))
+        with formatter.section("Data sets"):
+            formatter.write_dl(list(DATA_SETS.items()))
+
+
+@click.group(cls=_DataSets)
+def evaluate() -> None:
+    """Measure results on data sets with ground truth, beside those of other methods."""
+
+
+@evaluate.command("list")
+def list_() -> None:
+    """List the data sets."""
+    width = max(map(len, DATA_SETS))
+    for name, summary in DATA_SETS.items():
+        click.echo(f"{name.ljust(width)}  {summary}")
+
+
+@evaluate.command()
+def readers() -> None:
+    """List the readers of results, and the files that each reads."""
+    from physic_evaluate.frame_of_results import ALTERNATIVES
+    from physic_evaluate.readers import READERS, reader_class
+
+    for name in READERS:
+        found = reader_class(name)
+        click.echo(f"{name}: {found.summary}\n  files: {found.layout}\n  read as: {ALTERNATIVES[found.assumed][0]}")
+    click.echo("\nFrames of reference for --results-frame METHOD=FRAME:")
+    for name, (words, _) in ALTERNATIVES.items():
+        click.echo(f"  {name}: {words}")
+
+
+@evaluate.command()
+@click.argument("name", metavar="DATASET", type=click.Choice(list(DATA_SETS)))
+@click.argument("root", required=False, type=click.Path(path_type=Path))
+def show(name: str, root: Path | None) -> None:
+    """Show what a data set needs: what to get where, under which terms, and the folders; and what ROOT lacks."""
+    chosen = data_set(name)
+    about = chosen.describe()
+    click.echo(f"{name}: {about.title}\n\nWhat to get:")
+    for source in about.sources:
+        click.echo(f"  {source.what}\n    from   {source.where}\n    terms  {source.terms}")
+    click.echo(f"\nFolders:\n{_indented(about.tree)}\n\nHow it is measured:")
+    for note in about.notes:
+        click.echo(f"  - {note}")
+    if root is not None:
+        missing = chosen.check(root, chosen.Options())
+        click.echo(f"\nMissing in {root}:" if missing else f"\nNothing is missing in {root}.")
+        for sentence in missing:
+            click.echo(f"  {sentence}")
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"  {line}" for line in text.splitlines())
+
+
+_COMMON = (
+    click.Argument(["root"], type=click.Path(path_type=Path)),
+    click.Option(["-o", "--out"], type=click.Path(path_type=Path), required=True, help="Folder for the results."),
+    click.Option(
+        ["--results"],
+        metavar="[NAME=][READER:]FOLDER",
+        multiple=True,
+        help="Score results that exist; see `physic evaluate readers`. May be repeated. The first is compared with all "
+        "others.  [default reader: physic]",
+    ),
+    click.Option(
+        ["--results-frame"],
+        metavar="NAME=FRAME",
+        multiple=True,
+        help="Frame of reference of a method's files, instead of the reader's.",
+    ),
+    click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
+    click.Option(
+        ["--set", "overrides"],
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Change one value of the preset's configuration.",
+    ),
+    click.Option(["--device"], metavar="NAME", default="", help="cpu, cuda or cuda:N."),
+    click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
+    click.Option(
+        ["--smplx"], type=click.Path(path_type=Path, exists=True), help="SMPL-X model file, or folder of them."
+    ),
+    click.Option(["--smpl"], type=click.Path(path_type=Path, exists=True), help="SMPL model file, or folder of them."),
+    click.Option(
+        ["--contact-cm"],
+        default="2,4,5",
+        show_default=True,
+        help="Thresholds of contact by rule, where contact is not annotated; the first is the main one.",
+    ),
+    click.Option(["--no-geodesic"], is_flag=True, help="Leave out the way over the skin of wrong contact."),
+    click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
+    click.Option(["--limit"], type=click.IntRange(1), help="Only the first N frames."),
+)
+
+
+def _command_of(name: str) -> click.Command:
+    """Return the command of a data set, with the options of its own."""
+    chosen = data_set(name)
+    own = [_option_of(entry.name, entry.default, entry.metadata) for entry in fields(chosen.Options)]
+    return click.Command(
+        name,
+        params=[*_COMMON, *own],
+        callback=_callback(chosen),
+        help=f"{chosen.describe().title} `physic evaluate show {name}` tells what ROOT has to hold.",
+        short_help=DATA_SETS[name],
+    )
+
+
+def _option_of(name: str, default: Any, metadata: Mapping[str, Any]) -> click.Option:
+    flag = "--" + name.replace("_", "-")
+    more = {key: value for key, value in metadata.items() if key != "help"}
+    if isinstance(default, bool):
+        return click.Option([flag], is_flag=True, help=metadata["help"])
+    if default not in (None, ""):
+        more.setdefault("show_default", True)
+    return click.Option([flag], default=default, help=metadata["help"], **more)
+
+
+def _callback(chosen: DataSet) -> Callable[..., None]:
+    names = {entry.name for entry in fields(chosen.Options)}
+
+    def run(**given: Any) -> None:
+        own = chosen.Options(**{name: given.pop(name) for name in names})
+        _evaluate(chosen, own, _Given(**given))
+
+    return run
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Options of every data set's command, named as on the command line."""
+
+    root: Path
+    out: Path
+    results: tuple[str, ...]
+    results_frame: tuple[str, ...]
+    preset: str | None
+    overrides: tuple[str, ...]
+    device: str
+    no_camera: bool
+    smplx: Path | None
+    smpl: Path | None
+    contact_cm: str
+    no_geodesic: bool
+    workers: int
+    limit: int | None
+
+
+def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
+    """Check everything that can be wrong before anything is computed; then reconstruct, score and write."""
+    contact_cm = _thresholds(given.contact_cm)
+    if not given.root.is_dir():
+        raise InputError(f"there is no folder {given.root}")
+    missing = chosen.check(given.root, options)
+    if missing:
+        lines = "\n".join(f"  {sentence}" for sentence in missing)
+        raise InputError(
+            f"{given.root} is not complete for '{chosen.name}'; `physic evaluate show {chosen.name}` tells what to get "
+            f"where. Missing:\n{lines}"
+        )
+    from physic_core.files.atomic import check_writable
+    from physic_evaluate.bodies import BodyFiles
+    from physic_evaluate.carry import Carrier
+    from physic_evaluate.datasets.base import FrameSet
+    from physic_evaluate.output import write_evaluation
+    from physic_evaluate.run import evaluate_methods
+    from physic_evaluate.scoring import ScoringRules
+
+    bodies = BodyFiles(given.smplx, given.smpl)
+    check_writable(given.out)
+    found = chosen.frames(given.root, options, bodies)
+    found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
+    if not found.frames:
+        raise InputError(
+            f"no frame of {given.root} can be evaluated: {next(iter(found.left_out.values()), 'it is empty')}"
+        )
+    click.echo(f"{len(found.frames)} frames", err=True)
+    for note in found.notes:
+        click.echo(note, err=True)
+    methods = _methods(given, bodies)
+    if given.preset is not None or not methods:
+        methods.insert(0, _own_method(found.frames, given, bodies))
+    rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
+    evaluation = evaluate_methods(
+        chosen, found, methods, rules, given.root, given.workers, lambda text: click.echo(text, err=True)
+    )
+    settings = {
+        "data_set": chosen.name,
+        "options": {k: str(v) for k, v in vars(options).items()},
+        "contact_cm": contact_cm,
+    }
+    _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    click.echo((given.out / "table.txt").read_text(encoding="utf-8"))
+    for file in files:
+        if file.parent == given.out:
+            click.echo(f"wrote {file}")
+
+
+def _own_method(frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles) -> Method:
+    """Reconstruct the pictures, and return that as a method."""
+    from physic_evaluate.readers import open_reader
+    from physic_evaluate.reconstruct import Reconstruction, reconstruct
+    from physic_evaluate.run import Method
+
+    how = Reconstruction(
+        given.preset, None, given.overrides, given.device, given.workers, with_camera=not given.no_camera
+    )
+    folder = given.out / "reconstructions"
+    failures = reconstruct(frames, folder, how, lambda text: click.echo(text, err=True))
+    name = f"physic {given.preset or 'embedded'}"
+    return Method(name, open_reader("physic", folder, bodies), failures=failures)
+
+
+def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
+    """Return the methods of --results."""
+    from physic_evaluate.frame_of_results import ALTERNATIVES
+    from physic_evaluate.readers import READERS, open_reader
+    from physic_evaluate.run import Method
+
+    chosen: dict[str, str] = {}
+    for text in given.results_frame:
+        name, separator, alternative = text.partition("=")
+        if not separator or alternative not in ALTERNATIVES:
+            raise click.UsageError(f"--results-frame is NAME=FRAME, where FRAME is one of {', '.join(ALTERNATIVES)}")
+        chosen[name] = alternative
+    methods: list[Method] = []
+    for text in given.results:
+        name, separator, rest = text.partition("=")
+        name, rest = (name, rest) if separator else ("", text)
+        kind, separator, folder = rest.partition(":")
+        kind, folder = (kind, folder) if separator and kind in READERS else ("physic", rest)
+        reader = open_reader(kind, Path(folder), bodies)
+        name = name or (Path(folder).resolve().name if kind in ("physic", "plain") else kind)
+        if any(method.name == name for method in methods):
+            raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
+        methods.append(Method(name, reader, chosen.pop(name, reader.assumed), forced=name in dict(_pairs(given))))
+    if chosen:
+        raise click.UsageError(f"--results-frame names '{next(iter(chosen))}', but there are no such results")
+    return methods
+
+
+def _pairs(given: _Given) -> list[tuple[str, str]]:
+    return [(name, value) for name, _, value in (text.partition("=") for text in given.results_frame)]
+
+
+def _thresholds(text: str) -> tuple[float, ...]:
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if not found or not all(0 < cm <= 15 for cm in found):
+        raise click.UsageError(f"--contact-cm is centimetres above 0 and up to 15, such as 2,4,5 (got '{text}')")
+    return found

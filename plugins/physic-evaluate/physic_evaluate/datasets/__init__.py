@@ -1,0 +1,22 @@
+"""Data sets, by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from physic_evaluate.datasets.base import DataSet
+
+__all__ = ["DATA_SETS", "data_set"]
+
+DATA_SETS = {
+    "calibrated": "your own photos with known cameras: truth.json, or cameras.json for several views",
+}
+"""Name -> summary; each is a module of this package, with "_" for "-"."""
+
+
+def data_set(name: str) -> DataSet:
+    """Return a data set by its name, which must be a key of DATA_SETS."""
+    found: DataSet = import_module(f"{__name__}.{name.replace('-', '_')}").DATA_SET
+    return found

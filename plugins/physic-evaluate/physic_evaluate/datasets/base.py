@@ -1,0 +1,117 @@
+"""A data set: how to get it, what is missing of it, and its frames."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from physic_evaluate.bodies import BodyFiles
+    from physic_evaluate.contract import Frame, Prediction
+
+__all__ = ["DataSet", "Description", "FrameSet", "Source", "option"]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a part of a data set comes from.
+
+    Attributes:
+        what: the part.
+        where: site or repository.
+        terms: licence, in words.
+    """
+
+    what: str
+    where: str
+    terms: str
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a user has to know of a data set.
+
+    Attributes:
+        title: one sentence.
+        sources: what to get where.
+        tree: folders and files below ROOT, as text.
+        notes: how it is measured, a sentence each.
+    """
+
+    title: str
+    sources: tuple[Source, ...]
+    tree: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSet:
+    """The frames of a data set that are evaluated.
+
+    Attributes:
+        frames: in order.
+        notes: decisions that the results depend on, a sentence each; printed.
+        left_out: frame id -> why it is not evaluated.
+    """
+
+    frames: tuple[Frame, ...]
+    notes: tuple[str, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+def option(default: Any, words: str, **more: Any) -> Any:
+    """Return a field of a data set's options, which becomes an option of its command with this help."""
+    return field(default=default, metadata={"help": words, **more})
+
+
+class DataSet(ABC):
+    """One data set; a file of this package each."""
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    Options: ClassVar[type[Any]]
+    """A frozen dataclass whose fields are made by :func:`option`."""
+
+    @abstractmethod
+    def describe(self) -> Description:
+        """Return what to get where, under which terms, and the folders that are expected."""
+
+    @abstractmethod
+    def check(self, root: Path, options: Any) -> list[str]:
+        """Return everything that is missing in ROOT, a sentence each; empty if nothing is."""
+
+    @abstractmethod
+    def frames(self, root: Path, options: Any, bodies: BodyFiles) -> FrameSet:
+        """Return the frames.
+
+        Raises:
+            InputError: a file is damaged, or its content contradicts another.
+        """
+
+    def complete(self, found: FrameSet, results: Mapping[str, Prediction | None], method: str, root: Path) -> FrameSet:
+        """Return the frames with truth that only results give, such as triangulated joints; by default unchanged.
+
+        Args:
+            found: of :meth:`frames`.
+            results: frame id -> result of the first method.
+            method: its name.
+            root: of the data set.
+        """
+        return found
+
+    def needs_results(self, found: FrameSet) -> bool:
+        """Return whether :meth:`complete` changes anything."""
+        return False
+
+
+def tree(*lines: str) -> str:
+    """Return lines as the text of a folder tree."""
+    return "\n".join(lines)
+
+
+def missing_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a sentence for each path (relative, what it is) that does not exist; patterns may match anything."""
+    return [f"{root / name}: {what}" for name, what in names if not any(root.glob(name))]

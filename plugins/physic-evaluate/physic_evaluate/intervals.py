@@ -1,0 +1,102 @@
+"""Figures with bootstrap intervals over sequences, and paired differences between methods.
+
+People of one sequence are not independent, so that sequences are drawn; frames are, where there is one sequence alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_evaluate.metrics import Column
+
+    Array = NDArray[np.float64]
+    Record = Mapping[str, Any]
+
+__all__ = ["DRAWS", "Figure", "difference", "figure"]
+
+DRAWS, SEED = 2000, 20261121
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number with its 95 % interval; NaN where it is unknown.
+
+    Attributes:
+        value: over all people.
+        low: end of the interval.
+        high: end of the interval.
+        count: number of people with a value.
+        groups: number of independent groups.
+    """
+
+    value: float
+    low: float
+    high: float
+    count: int
+    groups: int
+
+
+def figure(records: Sequence[Record], column: Column) -> Figure:
+    """Return a column's figure over the records of one method."""
+    sums, count = _group_sums(records, column, _group_key(records))
+    if not len(sums):
+        return Figure(np.nan, np.nan, np.nan, 0, 0)
+    low, high = _interval(column.value(_weights(len(sums)) @ sums), len(sums))
+    return Figure(float(column.value(sums.sum(0))), low, high, count, len(sums))
+
+
+def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> Figure:
+    """Return second minus first over the people for whom both methods have a value; both get the same draws."""
+    known = [{(r["frame"], r["person"]) for r in records if column.sums(r) is not None} for records in (first, second)]
+    both = known[0] & known[1]
+    kept = [
+        sorted((r for r in records if (r["frame"], r["person"]) in both), key=lambda r: (r["frame"], r["person"]))
+        for records in (first, second)
+    ]
+    if not both:
+        return Figure(np.nan, np.nan, np.nan, 0, 0)
+    key = _group_key(kept[0])
+    (one, count), (two, _) = (_group_sums(records, column, key) for records in kept)
+    weights = _weights(len(one))
+    low, high = _interval(column.value(weights @ two) - column.value(weights @ one), len(one))
+    value = float(column.value(two.sum(0)) - column.value(one.sum(0)))
+    return Figure(value, low, high, count, len(one))
+
+
+def _group_key(records: Sequence[Record]) -> str:
+    return "sequence" if len({r["sequence"] for r in records}) > 1 else "frame"
+
+
+def _group_sums(records: Sequence[Record], column: Column, key: str) -> tuple[Array, int]:
+    """Return the sums (G, k) of the groups in the order of their names, and the number of records with a value."""
+    groups: dict[str, Array] = {}
+    count = 0
+    for record in records:
+        sums = column.sums(record)
+        if sums is not None:
+            count += 1
+            groups[record[key]] = groups.get(record[key], 0.0) + np.array(sums)
+    return np.array([groups[name] for name in sorted(groups)]), count
+
+
+def _weights(groups: int) -> Array:
+    """Return how often each group is drawn, (DRAWS, G)."""
+    drawn = np.random.default_rng(SEED).integers(groups, size=(DRAWS, groups))
+    weights: Array = np.zeros((DRAWS, groups))
+    np.add.at(weights, (np.arange(DRAWS)[:, None], drawn), 1.0)
+    return weights
+
+
+def _interval(draws: Array, groups: int) -> tuple[float, float]:
+    known = draws[np.isfinite(draws)]
+    if groups < 2 or not len(known):
+        return float("nan"), float("nan")
+    low, high = np.percentile(known, [2.5, 97.5])
+    return float(low), float(high)

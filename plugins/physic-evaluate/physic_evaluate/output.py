@@ -1,0 +1,114 @@
+"""Write an evaluation: tables, every record, plots and previews; completely or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_evaluate.metrics import CONTACT_FIGURES
+from physic_evaluate.tables import Tables, latex_table, markdown_table, measure, text_table
+
+if TYPE_CHECKING:
+    from physic_evaluate.run import Evaluation
+
+__all__ = ["contact_rules", "summary_of", "write_evaluation"]
+
+
+def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list[str]:
+    """Return the contact truths of the tables, the main one first."""
+    if any("annotated" in record["contact"] for record in evaluation.records):
+        return ["annotated"]
+    return [f"{cm:g} cm" for cm in contact_cm]
+
+
+def write_evaluation(
+    evaluation: Evaluation, out: Path, settings: Mapping[str, Any], contact_cm: tuple[float, ...]
+) -> tuple[Tables, list[Path]]:
+    """Write table.txt, table.md, table.tex, results.json, plots.png and the previews of the worst frames.
+
+    Returns:
+        The figures, and the files.
+    """
+    from physic_core.files.atomic import atomic_write, check_writable
+    from physic_evaluate.plots import draw_plots
+    from physic_evaluate.previews import write_previews
+
+    names = [method.name for method in evaluation.methods]
+    tables = measure(evaluation.records, names, contact_rules(evaluation, contact_cm))
+    notes = summary_of(evaluation)
+    texts = {
+        "table.txt": text_table(tables) + "\n" + "\n".join(notes) + "\n",
+        "table.md": markdown_table(tables) + "\n" + "\n".join(f"- {note}" for note in notes) + "\n",
+        "table.tex": latex_table(tables) + "".join(f"% {note}\n" for note in notes),
+        "results.json": _document(evaluation, tables, settings, notes),
+    }
+    with atomic_write(check_writable(out)) as temporary:
+        for name, text in texts.items():
+            temporary(name).write_text(text, encoding="utf-8")
+    files = [out / name for name in texts]
+    plot = draw_plots(evaluation.records, tables, out / "plots.png")
+    files += [plot] if plot is not None else []
+    files += write_previews(evaluation, out / "worst")
+    return tables, files
+
+
+def summary_of(evaluation: Evaluation) -> list[str]:
+    """Return the sentences that a reader of the table needs."""
+    notes = [*evaluation.notes]
+    notes += [f"{name}: {check.sentence()}" for name, check in evaluation.checks.items()]
+    for method in evaluation.methods:
+        own = [record for record in evaluation.records if record["method"] == method.name]
+        joints = sorted({f"{r['joints']} ({r['joint_source']})" for r in own if "joints" in r})
+        if joints:
+            notes.append(f"{method.name}: joints compared: {', '.join(joints)}")
+        for key, what in (("vertices_carried", "the true mesh"), ("contact_carried", "predicted contact")):
+            for way in sorted({str(r[key]) for r in own if key in r}):
+                notes.append(f"{method.name}: approximation: {what} carried from {way} over the T-poses")
+        for reason in sorted({text for r in own for text in r.get("unmeasured", ())}):
+            notes.append(f"{method.name}: not measured: {reason}")
+        lost = [r for r in own if not r["found"]]
+        if lost:
+            notes.append(f"{method.name}: {len(lost)} of {len(own)} people have no body; contact counts them as missed")
+    if evaluation.left_out:
+        notes.append(f"{len(evaluation.left_out)} frames are left out; results.json has the reasons")
+    return notes
+
+
+def _document(evaluation: Evaluation, tables: Tables, settings: Mapping[str, Any], notes: list[str]) -> str:
+    methods = [
+        {
+            "name": method.name,
+            "reader": method.reader.name,
+            "folder": str(method.reader.folder),
+            "frame": method.assumed,
+            "overlap": dict(evaluation.checks[method.name].overlap),
+        }
+        for method in evaluation.methods
+    ]
+    document = {
+        **settings,
+        "methods": methods,
+        "notes": notes,
+        "left_out": dict(evaluation.left_out),
+        "columns": [
+            {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better} for c in tables.columns
+        ],
+        "figures": {name: {key: asdict(f) for key, f in own.items()} for name, own in tables.figures.items()},
+        "differences": {name: {key: asdict(f) for key, f in own.items()} for name, own in tables.differences.items()},
+        "averages_of_f1": list(CONTACT_FIGURES[2:]),
+        "records": list(evaluation.records),
+    }
+    return json.dumps(_without_nan(document), indent=1, allow_nan=False)
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no NaN: what is unknown is null."""
+    if isinstance(value, Mapping):
+        return {str(key): _without_nan(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

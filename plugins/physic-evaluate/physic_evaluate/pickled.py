@@ -1,0 +1,92 @@
+"""Third-party pickles, read by the core's numpy-only reader: anything but numbers is refused by its name."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.body.array_pickle import (
+    InvalidArrayError,
+    PickledObject,
+    UnsafePickleError,
+    as_array,
+    escape_unprintable,
+    read_pickle,
+)
+from physic_core.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["number_array", "pickled_arrays"]
+
+
+def pickled_arrays(path: Path) -> dict[str, Any]:
+    """Return the content of a pickle, Python 2's too: arrays, numbers, texts, lists and dictionaries of them.
+
+    Raises:
+        InputError: the file does not exist, is cut off, or names anything that could run code.
+    """
+    try:
+        return {name: _plain(value) for name, value in read_pickle(path).items()}
+    except FileNotFoundError as error:
+        raise InputError(f"there is no file {path}") from error
+    except UnsafePickleError as error:
+        raise InputError(
+            f"{path} holds {error}, which is refused: only arrays of numbers are read from a pickle, since others can "
+            "run code. Save NumPy arrays instead (tensor.detach().cpu().numpy())"
+        ) from error
+    except InvalidArrayError as error:
+        raise InputError(f"{path} {error}") from error
+    except RecursionError as error:
+        raise InputError(f"{path} is nested too deeply to be a result") from error
+    except (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        reason = escape_unprintable(str(error)) or type(error).__name__
+        raise InputError(
+            f"{path} is not a complete pickle ({reason}): it is damaged or cut off, copy it again"
+        ) from error
+
+
+@lru_cache(maxsize=4)
+def cached_pickle(path: Path, modified_ns: int) -> dict[str, Any]:
+    """Return :func:`pickled_arrays` of a file that many frames share."""
+    return pickled_arrays(path)
+
+
+def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...] | None = None) -> Any:
+    """Return an array (float64) of a pickle or an npz archive, reshaped if ``shape`` is given.
+
+    Raises:
+        InputError: it is missing, not numeric, or has another size.
+    """
+    import numpy as np
+
+    if name not in values:
+        raise InputError(f"{path} lacks '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
+    found: NDArray[np.float64]
+    try:
+        found = np.asarray(values[name], np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: '{name}' holds no numbers") from error
+    if shape is None:
+        return found
+    size = int(np.prod([side for side in shape if side > 0]))
+    if found.size == 0 or found.size % size or (-1 not in shape and found.size != size):
+        raise InputError(f"{path}: '{name}' must have the shape {shape}, got {found.shape}")
+    return found.reshape(shape)
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    if depth > 20:
+        raise InvalidArrayError("is nested too deeply to be a result")
+    if isinstance(value, PickledObject):
+        return as_array(value)
+    if isinstance(value, dict):
+        return {key: _plain(part, depth + 1) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part, depth + 1) for part in value]
+    return value

@@ -1,0 +1,98 @@
+"""Results of this tool: the folder of ``physic batch``, of ``physic evaluate``, or one folder per frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from physic_core.body.joints import JOINT_NAMES
+from physic_evaluate.contract import PredictedPerson, Prediction
+from physic_evaluate.joints import LIMB_JOINTS
+from physic_evaluate.readers.base import ResultReader, file_names
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Person, Reconstruction
+    from physic_evaluate.contract import Frame
+
+    Array = NDArray[np.float64]
+
+__all__ = ["READER", "Physic"]
+
+MIN_CONFIDENCE = 0.3
+"""Keypoints from which on triangulation uses them."""
+
+
+class Physic(ResultReader):
+    """Reads ``reconstruction.json`` and ``reconstruction.npz``."""
+
+    name: ClassVar[str] = "physic"
+    summary: ClassVar[str] = "results of physic run and physic batch"
+    layout: ClassVar[str] = "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/"
+
+    def locate(self, frame: Frame) -> Path | None:
+        """Return the folder of the frame's result."""
+        from physic_core.batch.photos import photo_folder
+
+        for name in file_names(frame):
+            for folder in (photo_folder(name), name, f"{name}-physic"):
+                if (self.folder / folder / "reconstruction.json").is_file():
+                    return self.folder / folder
+        return None
+
+    def read(self, path: Path, frame: Frame) -> Prediction:
+        """Read the people, contact, camera and floor."""
+        from physic_core import load_reconstruction
+
+        return prediction_of(load_reconstruction(str(path)), frame)
+
+
+def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
+    """Return what is measured of a result, in px of the frame's picture."""
+    width, height = _size(result, frame)
+    factor = np.array([width / result.intrinsics.width, height / result.intrinsics.height])
+    topology = {"embedded": "physic-embedded-1"}.get(result.body_model, result.body_model)
+    people = [_person(person, topology, result, factor) for person in result.people]
+    floor = result.scene.floor
+    refused = any(check.name == "floor" and check.failed for check in result.checks)
+    return Prediction(
+        tuple(person for person in people if person.joints is not None),
+        K=result.intrinsics.resized(width, height).matrix,
+        scene_points=result.scene.points[result.scene.valid].astype(np.float64),
+        # A floor that the result itself reports as assumed was not measured.
+        floor=None if floor is None or refused else np.array([*floor.normal, floor.offset], np.float64),
+    )
+
+
+def _person(person: Person, topology: str, result: Reconstruction, factor: Array) -> PredictedPerson:
+    from physic_core.types import skeleton_named
+
+    skeleton = result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
+    names = list(skeleton.names)
+    keypoints = np.full((len(LIMB_JOINTS), 2), np.nan)
+    for row, name in enumerate(LIMB_JOINTS):
+        if name in names and person.keypoint_confidence[names.index(name)] >= MIN_CONFIDENCE:
+            keypoints[row] = (person.keypoints[names.index(name)] + 0.5) * factor - 0.5
+    finite = bool(np.isfinite(person.vertices).all() and np.isfinite(person.joints).all())
+    return PredictedPerson(
+        vertices=person.vertices.astype(np.float64) if finite else None,
+        topology=topology,
+        joints=person.joints.astype(np.float64) if finite else None,
+        joint_names=tuple(JOINT_NAMES),
+        contact=person.contact,
+        keypoints=keypoints,
+        box=np.asarray(person.box, np.float64) * np.tile(factor, 2),
+        grade=str(person.grade or ""),
+    )
+
+
+def _size(result: Reconstruction, frame: Frame) -> tuple[int, int]:
+    if frame.camera is not None:
+        return frame.camera.width, frame.camera.height
+    return result.intrinsics.width, result.intrinsics.height
+
+
+READER = Physic

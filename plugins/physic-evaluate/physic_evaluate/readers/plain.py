@@ -1,0 +1,132 @@
+"""Results that a user wrote for this evaluation: one .npz file per frame, with a few arrays of documented names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_evaluate.bodies import SMPL_NAMES
+from physic_evaluate.contract import TOPOLOGY_OF_COUNT, PredictedPerson, Prediction
+from physic_evaluate.meshes import require_metres
+from physic_evaluate.readers.base import (
+    ResultReader,
+    archive_arrays,
+    first_file,
+    person_of_body,
+    person_of_vertices,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_evaluate.contract import Frame
+
+    Array = NDArray[np.float64]
+
+__all__ = ["READER", "Plain"]
+
+_PARAMETERS = ("global_orient", "body_pose", "betas", "transl")
+
+
+class Plain(ResultReader):
+    """Reads .npz files of people, camera and scene.
+
+    ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with ``joint_names`` (J), or parameters of SMPL-X
+    (``body_pose`` of 21 joints) or SMPL (of 23) with the names of those models, each (P, ...). Optional: ``K`` (3, 3),
+    ``contact`` (P, V), ``scene_points`` (M, 3), ``floor`` (4,), ``keypoints`` (P, 12, 2), ``boxes`` (P, 4). P may be 0.
+    """
+
+    name: ClassVar[str] = "plain"
+    summary: ClassVar[str] = "arrays that you write: vertices, joints, or parameters of SMPL-X or SMPL, and K"
+    layout: ClassVar[str] = "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __"
+
+    def locate(self, frame: Frame) -> Path | None:
+        """Return the file of the frame."""
+        return first_file(self.folder, frame, "{name}.npz")
+
+    def read(self, path: Path, frame: Frame) -> Prediction:
+        """Read the arrays."""
+        arrays = archive_arrays(path)
+        count = _count(arrays, path)
+        people = tuple(self._person(arrays, row, path) for row in range(count))
+        return Prediction(
+            people,
+            K=_array(arrays, "K", (3, 3), path),
+            scene_points=_array(arrays, "scene_points", (-1, 3), path),
+            floor=_array(arrays, "floor", (4,), path),
+        )
+
+    def _person(self, arrays: Mapping[str, Any], row: int, path: Path) -> PredictedPerson:
+        contact = arrays["contact"][row] if "contact" in arrays else None
+        joints: Array | None = None
+        names: tuple[str, ...] = ()
+        if "joints" in arrays:
+            joints = np.asarray(arrays["joints"][row], np.float64)
+            names = tuple(str(n) for n in arrays["joint_names"]) if "joint_names" in arrays else _names(joints, path)
+        if "vertices" in arrays:
+            vertices = np.asarray(arrays["vertices"][row], np.float64)
+            require_metres(vertices, path)
+            person = person_of_vertices(vertices, _topology(arrays, len(vertices)), self.bodies, contact)
+        elif "body_pose" in arrays:
+            own = {name: np.asarray(values)[row] for name, values in arrays.items() if _is_parameter(name)}
+            smpl = np.size(own["body_pose"]) in (69, 207)
+            person = person_of_body((self.bodies.smpl_body if smpl else self.bodies.smplx_body)(own), contact)
+        else:
+            person = PredictedPerson(
+                contact=None if contact is None else np.asarray(contact).reshape(-1) >= 0.5,
+                topology="" if contact is None else _topology(arrays, np.size(contact)),
+            )
+        return PredictedPerson(
+            vertices=person.vertices,
+            topology=person.topology,
+            joints=person.joints if joints is None else joints,
+            joint_names=person.joint_names if joints is None else names,
+            contact=person.contact,
+            contact_topology=_topology(arrays, person.contact.size) if person.contact is not None else "",
+            keypoints=None if "keypoints" not in arrays else np.asarray(arrays["keypoints"][row], np.float64),
+            box=None if "boxes" not in arrays else np.asarray(arrays["boxes"][row], np.float64),
+        )
+
+
+def _is_parameter(name: str) -> bool:
+    return name in _PARAMETERS or name.endswith("_pose") or name == "expression"
+
+
+def _count(arrays: Mapping[str, Any], path: Path) -> int:
+    for name in ("vertices", "joints", "body_pose", "contact"):
+        if name in arrays:
+            return len(arrays[name])
+    raise InputError(
+        f"{path} has none of vertices, joints, body_pose and contact (it has "
+        f"{', '.join(sorted(arrays)) or 'nothing'}): see `physic evaluate readers`"
+    )
+
+
+def _topology(arrays: Mapping[str, Any], count: int) -> str:
+    return str(arrays["topology"]) if "topology" in arrays else TOPOLOGY_OF_COUNT.get(count, f"{count} vertices")
+
+
+def _names(joints: Array, path: Path) -> tuple[str, ...]:
+    from physic_core.body.joints import JOINT_NAMES
+
+    if len(joints) == 24:
+        return SMPL_NAMES
+    if len(joints) in (22, 55):
+        return tuple(JOINT_NAMES[: len(joints)])
+    raise InputError(f"{path}: {len(joints)} joints need their names, as an array joint_names ({len(joints)},)")
+
+
+def _array(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], path: Path) -> Any:
+    if name not in arrays:
+        return None
+    values = np.asarray(arrays[name], np.float64)
+    if len(values.shape) != len(shape) or any(s not in (-1, n) for s, n in zip(shape, values.shape, strict=True)):
+        raise InputError(f"{path}: '{name}' must have the shape {shape}, got {values.shape}")
+    return values
+
+
+READER = Plain

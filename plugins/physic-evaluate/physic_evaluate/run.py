@@ -1,0 +1,216 @@
+"""Evaluate methods on a data set: check the frames of reference, score every frame, collect the records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import InputError
+from physic_evaluate.frame_of_results import check_frame, into_camera
+from physic_evaluate.scoring import score_frame
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from physic_evaluate.contract import Frame, Prediction
+    from physic_evaluate.datasets.base import DataSet, FrameSet
+    from physic_evaluate.frame_of_results import FrameCheck
+    from physic_evaluate.readers.base import ResultReader
+    from physic_evaluate.scoring import ScoringRules
+
+    Record = dict[str, Any]
+
+__all__ = ["Evaluation", "Method", "evaluate_methods"]
+
+CHECKED_FRAMES = 10
+"""Frames, spread over the data set, that decide in which frame of reference results are."""
+
+IN_PROCESS = 24
+"""Up to so many frames are scored without starting processes."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method whose results are scored; it can be pickled.
+
+    Attributes:
+        name: in the tables.
+        reader: of its results.
+        assumed: frame of reference of its files.
+        forced: whether the user chose it.
+        failures: frame id -> why there is no result.
+    """
+
+    name: str
+    reader: ResultReader
+    assumed: str = "camera"
+    forced: bool = False
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    def result(self, frame: Frame) -> Prediction | None:
+        """Return the result of a frame, in the camera frame; None if there is none."""
+        found = self.reader.result(frame)
+        return None if found is None else into_camera(found, frame, self.assumed)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Everything that was measured.
+
+    Attributes:
+        methods: in order.
+        frames: that were scored.
+        checks: method -> in which frame of reference its results are.
+        records: one per annotated person and method.
+        notes: sentences that the figures depend on.
+        left_out: frame id -> why it is not scored.
+    """
+
+    methods: tuple[Method, ...]
+    frames: tuple[Frame, ...]
+    checks: Mapping[str, FrameCheck]
+    records: tuple[Record, ...]
+    notes: tuple[str, ...]
+    left_out: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameScorer:
+    """Scores all methods on one frame; a worker process holds one."""
+
+    methods: tuple[Method, ...]
+    rules: ScoringRules
+
+    def __call__(self, frame: Frame) -> tuple[str, list[Record], str]:
+        """Return the frame's id, its records, and why it has none."""
+        try:
+            truth = frame.truth()
+        except InputError as error:
+            return frame.id, [], str(error)
+        records: list[Record] = []
+        for method in self.methods:
+            prediction, reason = None, method.failures.get(frame.id, "no result")
+            try:
+                prediction = method.result(frame)
+            except InputError as error:
+                reason = str(error)
+            own = score_frame(frame, truth, prediction, method.name, self.rules, "" if prediction else reason)
+            if frame.group and prediction is not None and frame.camera is not None:
+                own = [record | _world_hips(record, frame) for record in own]
+            records += own
+        return frame.id, records, ""
+
+
+def evaluate_methods(
+    data_set: DataSet,
+    found: FrameSet,
+    methods: Sequence[Method],
+    rules: ScoringRules,
+    root: Path,
+    workers: int,
+    report: Callable[[str], None] = lambda text: None,
+) -> Evaluation:
+    """Score methods on the frames of a data set.
+
+    Args:
+        data_set: of the frames.
+        found: its frames.
+        methods: at least one.
+        rules: what is measured.
+        root: of the data set.
+        workers: processes.
+        report: called with one line at a time.
+
+    Raises:
+        InputError: the results of a method are not in the frame of reference that is assumed.
+    """
+    if data_set.needs_results(found):
+        results = {frame.id: _result_or_none(methods[0], frame) for frame in found.frames}
+        found = data_set.complete(found, results, methods[0].name, root)
+    checks = {method.name: _check(found.frames, method) for method in methods}
+    for name, check in checks.items():
+        report(f"{name}: {check.sentence()}")
+    scorer = FrameScorer(tuple(methods), rules)
+    records: dict[str, list[Record]] = {}
+    left_out = dict(found.left_out)
+    for name, own, problem in _scored(found.frames, scorer, workers):
+        records[name] = own
+        if problem:
+            left_out[name] = problem
+    ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
+    kept = tuple(frame for frame in found.frames if frame.id not in left_out)
+    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
+
+
+def _scored(frames: Sequence[Frame], scorer: FrameScorer, workers: int) -> Iterable[tuple[str, list[Record], str]]:
+    if workers < 2 or len(frames) <= IN_PROCESS:
+        yield from map(scorer, frames)
+        return
+    from physic_core.batch.workers import WorkerSettings, run_in_workers
+
+    for outcome in run_in_workers(list(frames), partial(_same, scorer), WorkerSettings(workers)):
+        if outcome.failure:
+            yield outcome.task.id, [], f"{outcome.failure}: {outcome.message}"
+        else:
+            yield outcome.value
+
+
+def _same(scorer: FrameScorer) -> FrameScorer:
+    return scorer
+
+
+def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
+    samples = []
+    raw = replace(method, assumed="camera")
+    for frame in _spread_out(frames):
+        try:
+            prediction = raw.result(frame)
+            if prediction is not None:
+                samples.append((frame, frame.truth(), prediction))
+        except InputError:
+            continue  # becomes a record without a result, with this reason
+        if len(samples) == CHECKED_FRAMES:
+            break
+    return check_frame(samples, method.name, method.assumed, forced=method.forced)
+
+
+def _spread_out(frames: Sequence[Frame]) -> list[Frame]:
+    """Return all frames, the first of them spread over all."""
+    step = max(len(frames) // CHECKED_FRAMES, 1)
+    return [frame for start in range(step) for frame in frames[start::step]]
+
+
+def _result_or_none(method: Method, frame: Frame) -> Prediction | None:
+    try:
+        return method.result(frame)
+    except InputError:
+        return None
+
+
+def _world_hips(record: Record, frame: Frame) -> Record:
+    """Return the predicted middle of the hips in the world as an entry of a record."""
+    hips = record.pop("hips_m", None)
+    if hips is None or frame.camera is None:
+        return {}
+    import numpy as np
+
+    return {"hips_world_m": frame.camera.in_world(np.asarray(hips)).tolist()}
+
+
+def _with_spread(records: Sequence[Record]) -> list[Record]:
+    """Add to one record of each person of a moment how far apart the views put their hips."""
+    import numpy as np
+
+    places: dict[tuple[str, str, str], list[Record]] = {}
+    for record in records:
+        record.pop("hips_m", None)
+        if "hips_world_m" in record:
+            places.setdefault((record["method"], record["group"], record["person"]), []).append(record)
+    for own in places.values():
+        if len(own) > 1:
+            points = np.array([record["hips_world_m"] for record in own])
+            own[0]["spread_mm"] = 1000 * math.sqrt(float(np.square(points - points.mean(0)).sum(-1).mean()))
+    return list(records)

@@ -1,0 +1,114 @@
+"""Signed distance of points to the mesh of a scanned scene.
+
+The distance is that to the nearest point of a triangle. A point is inside where it lies behind that triangle. A scan is
+open: far behind a wall, or beside an edge of the scan, "inside" means nothing, so that it ends at a reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.body.nearest_surface import closest_barycentric
+from physic_core.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_evaluate.contract import Surface
+
+    Array = NDArray[np.float64]
+
+__all__ = ["SceneIndex", "contact_by_rule"]
+
+INSIDE_REACH_M = 0.15
+"""A vertex counts as inside up to this depth, as in the released code's rule of contact."""
+
+MAX_EDGE_M = 0.25
+"""Longer edges are split, so that a triangle's centre tells where it lies."""
+
+_FIRST, _MOST = 8, 256
+_TIE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SceneIndex:
+    """Search structure over the triangles of a scene; build it once per mesh.
+
+    Attributes:
+        corners: (T, 3, 3) m.
+        normals: (T, 3) unit, by counter-clockwise corners.
+        radius: m, the largest distance from a triangle's centre to its corners.
+        tree: of the centres.
+    """
+
+    corners: Array
+    normals: Array
+    radius: float
+    tree: Any
+
+    @classmethod
+    def build(cls, surface: Surface) -> SceneIndex:
+        """Build the index.
+
+        Raises:
+            InputError: the surface has no triangles.
+        """
+        from scipy.spatial import KDTree
+        from trimesh.remesh import subdivide_to_size
+
+        vertices, faces = np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int64)
+        if not len(faces):
+            raise InputError("the mesh of the scene has no triangles: signed distances need a mesh, not points")
+        sides = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
+        if np.linalg.norm(sides, axis=-1).max() > MAX_EDGE_M:
+            vertices, faces = subdivide_to_size(vertices, faces, MAX_EDGE_M, max_iter=30)
+        corners = vertices[faces]
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(across, axis=-1)
+        corners, across, area = corners[area > 0], across[area > 0], area[area > 0]
+        centres = corners.mean(1)
+        radius = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
+        return cls(corners, across / area[:, None], radius, KDTree(centres))
+
+    def signed_distance(self, points: Array, reach: float = 1.0) -> Array:
+        """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf beyond ``reach``."""
+        points = np.asarray(points, np.float64)
+        answer = np.full(len(points), np.inf)
+        left, count = np.flatnonzero(np.isfinite(points).all(-1)), _FIRST
+        while len(left):
+            count = min(count, len(self.corners))
+            centre, rows = self.tree.query(points[left], k=count)
+            centre, rows = centre.reshape(len(left), count), rows.reshape(len(left), count)
+            answer[left] = self._nearest(points[left], rows)
+            # A triangle whose centre is farther than this cannot be nearer than the nearest so far.
+            limit = np.minimum(np.abs(answer[left]), reach) + self.radius
+            left = left[centre[:, -1] < limit] if count < min(len(self.corners), _MOST) else left[:0]
+            count *= 4
+        return np.where(np.abs(answer) <= reach, answer, np.inf)
+
+    def _nearest(self, points: Array, rows: NDArray[np.int64]) -> Array:
+        corners = self.corners[rows]
+        shares = closest_barycentric(corners, points[:, None])
+        way = points[:, None] - (shares[..., None] * corners).sum(-2)
+        distance = np.linalg.norm(way, axis=-1)
+        height = (way * self.normals[rows]).sum(-1)
+        # At an edge, the triangle that the point lies most in front of or behind decides which side it is on.
+        nearest = distance <= distance.min(1, keepdims=True) + _TIE
+        best = np.where(nearest, np.abs(height), -1.0).argmax(1)
+        row = np.arange(len(points))
+        found: Array = np.copysign(distance[row, best], np.where(height[row, best] < 0, -1.0, 1.0))
+        return found
+
+
+def contact_by_rule(distance: Array, threshold_m: float) -> NDArray[np.bool_]:
+    """Return which vertices touch: within a threshold of the scene, or inside it by at most 15 cm.
+
+    Args:
+        distance: (...,) m, signed, negative inside.
+        threshold_m: 0.02 in the released code of PhySIC, 0.05 in POSA.
+    """
+    found: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | ((distance < 0) & (distance >= -INSIDE_REACH_M))
+    return found

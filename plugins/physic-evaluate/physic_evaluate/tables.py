@@ -1,0 +1,147 @@
+"""The tables: text, Markdown and LaTeX."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from physic_evaluate.intervals import Figure, difference, figure
+from physic_evaluate.metrics import columns_for
+
+if TYPE_CHECKING:
+    from physic_evaluate.metrics import Column
+
+    Record = Mapping[str, Any]
+
+__all__ = ["Tables", "latex_table", "markdown_table", "measure", "text_table"]
+
+PAPER_COLUMNS = ("pa_mpjpe", "me_mpjpe", "me_pve")
+"""Of the LaTeX table, as in the paper's Table 2; precision, recall and F1 of the first contact truth follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """All figures of an evaluation.
+
+    Attributes:
+        methods: names, in order.
+        columns: those for which some method has a value.
+        figures: method -> column key -> figure.
+        differences: method -> column key -> its figure minus the first method's; without the first.
+        contact: name of the first contact truth, or "".
+    """
+
+    methods: tuple[str, ...]
+    columns: tuple[Column, ...]
+    figures: Mapping[str, Mapping[str, Figure]]
+    differences: Mapping[str, Mapping[str, Figure]]
+    contact: str
+
+
+def measure(records: Sequence[Record], methods: Sequence[str], rules: Sequence[str]) -> Tables:
+    """Compute all figures.
+
+    Args:
+        records: of all methods.
+        methods: names, in order.
+        rules: contact truths in the tables, the main one first.
+    """
+    own = {name: [r for r in records if r["method"] == name] for name in methods}
+    columns = columns_for(rules)
+    figures = {name: {c.key: figure(own[name], c) for c in columns} for name in methods}
+    kept = tuple(c for c in columns if any(figures[name][c.key].count for name in methods))
+    first = own[methods[0]]
+    apart = {name: {c.key: difference(first, own[name], c) for c in kept} for name in methods[1:]}
+    present = [rule for rule in rules if any(rule in r["contact"] for r in records)]
+    return Tables(tuple(methods), kept, figures, apart, present[0] if present else "")
+
+
+def text_table(tables: Tables) -> str:
+    """Return the figures with intervals for a terminal, then the differences."""
+    parts = [_aligned(_figure_rows(tables))]
+    if tables.differences:
+        parts.append(f"Difference from {tables.methods[0]}, on the people that both measure")
+        parts.append(_aligned(_difference_rows(tables)))
+    return "\n\n".join(parts) + "\n"
+
+
+def markdown_table(tables: Tables) -> str:
+    """Return the same as Markdown."""
+    parts = [_markdown(_figure_rows(tables))]
+    if tables.differences:
+        parts.append(f"Difference from {tables.methods[0]}, on the people that both measure:")
+        parts.append(_markdown(_difference_rows(tables)))
+    return "\n\n".join(parts) + "\n"
+
+
+def latex_table(tables: Tables) -> str:
+    """Return methods by the columns of the paper's table, as a ``tabular`` for the package booktabs; best is bold."""
+    wanted = [*PAPER_COLUMNS, *(f"{name}@{tables.contact}" for name in ("precision", "recall", "f1_of_means"))]
+    columns = [c for key in wanted for c in tables.columns if c.key == key]
+    arrow = {"low": r" $\downarrow$", "high": r" $\uparrow$", "": ""}
+    head = " & ".join(["Method", *(_escaped(c.label) + arrow[c.better] for c in columns)])
+    lines = [rf"\begin{{tabular}}{{l{'r' * len(columns)}}}", r"\toprule", rf"{head} \\", r"\midrule"]
+    best = {c.key: _best(tables, c) for c in columns}
+    for name in tables.methods:
+        cells = []
+        for c in columns:
+            text = c.text(tables.figures[name][c.key].value)
+            bold = text != "-" and text == best[c.key] and len(tables.methods) > 1
+            cells.append(rf"\textbf{{{text}}}" if bold else "--" if text == "-" else text)
+        lines.append(rf"{' & '.join([_escaped(name), *cells])} \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _best(tables: Tables, column: Column) -> str:
+    values = [tables.figures[name][column.key].value for name in tables.methods]
+    known = [value for value in values if value == value]
+    if not known or not column.better:
+        return ""
+    return column.text(min(known) if column.better == "low" else max(known))
+
+
+def _figure_rows(tables: Tables) -> list[list[str]]:
+    rows = [["", *tables.methods, "people"]]
+    for column in tables.columns:
+        own = [tables.figures[name][column.key] for name in tables.methods]
+        rows.append([column.label, *(_with_interval(column, f) for f in own), str(max(f.count for f in own))])
+    return rows
+
+
+def _difference_rows(tables: Tables) -> list[list[str]]:
+    names = list(tables.differences)
+    rows = [["", *names, "people"]]
+    for column in tables.columns:
+        own = [tables.differences[name][column.key] for name in names]
+        if any(f.count for f in own):
+            cells = [_with_interval(column, f, signed=True) for f in own]
+            rows.append([column.label, *cells, str(max(f.count for f in own))])
+    return rows
+
+
+def _with_interval(column: Column, found: Figure, *, signed: bool = False) -> str:
+    text = column.text(found.value)
+    if signed and text != "-" and not text.startswith("-"):
+        text = f"+{text}"
+    if found.low != found.low:
+        return text
+    return f"{text} [{column.text(found.low)}, {column.text(found.high)}]"
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([lines[0], "|---|" + "---:|" * (len(rows[0]) - 1), *lines[1:]])
+
+
+def _escaped(text: str) -> str:
+    return "".join(f"\\{letter}" if letter in "&%$#_{}" else letter for letter in text)
