@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import sys
 from importlib.metadata import EntryPoint, distributions
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,20 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def repository() -> Path:
     return Path(__file__).parent
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """A headless browser, ``tests/chromium.py``, for the tests of pages."""
+    spec = spec_from_file_location("chromium", Path(__file__).parent / "tests" / "chromium.py")
+    driver = module_from_spec(spec)
+    spec.loader.exec_module(driver)
+    binary = driver.find_chromium()
+    if os.name != "posix" or binary is None:
+        pytest.skip("needs Chromium: apt install chromium")
+    browser = driver.Chromium(binary)
+    yield browser
+    browser.close()
 
 
 class Site:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.plugins import discover
     from physic_core.discovery.records import BackendRecord, CommandRecord
     from physic_core.discovery.registry import Registry
+    from physic_core.io.report_file import save_report
     from physic_core.io.results import load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import Pipeline, reconstruct, reconstruct_photo
     from physic_core.types import (
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
         Scene,
     )
     from physic_core.visual.preview import preview_png
+    from physic_core.visual.report.page import report_html
 
 __all__ = [
     "BackendError",
@@ -72,7 +74,9 @@ __all__ = [
     "preview_png",
     "reconstruct",
     "reconstruct_photo",
+    "report_html",
     "save_reconstruction",
+    "save_report",
 ]
 
 _ON_FIRST_USE = {
@@ -92,7 +96,9 @@ _ON_FIRST_USE = {
     "load_config": "physic_core.configuration.model",
     "load_reconstruction": "physic_core.io.results",
     "preview_png": "physic_core.visual.preview",
+    "report_html": "physic_core.visual.report.page",
     "save_reconstruction": "physic_core.io.results",
+    "save_report": "physic_core.io.report_file",
     "Pipeline": "physic_core.pipeline.run",
     "reconstruct": "physic_core.pipeline.run",
     "reconstruct_photo": "physic_core.pipeline.run",

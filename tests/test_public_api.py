@@ -38,7 +38,9 @@ PUBLIC = [
     "preview_png",
     "reconstruct",
     "reconstruct_photo",
+    "report_html",
     "save_reconstruction",
+    "save_report",
 ]
 
 

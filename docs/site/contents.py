@@ -29,6 +29,7 @@ SECTIONS = {
         "docs/serve",
         "docs/configuration",
         "docs/outputs",
+        "docs/report",
         "docs/file-format",
         "docs/exports",
         "docs/weights",

@@ -14,8 +14,9 @@ from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
 from physic_core.batch.saving import thumbnail_path
 from physic_core.files.atomic import atomic_write
+from physic_core.io.result_folder import REPORT_FILE
 
-__all__ = ["MAX_PHOTOS", "contact_sheet", "write_contact_sheet"]
+__all__ = ["MAX_PHOTOS", "contact_sheet", "result_link", "write_contact_sheet"]
 
 MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
@@ -48,6 +49,13 @@ def contact_sheet(cards: Iterable[Mapping[str, Any]], left_out: int = 0) -> str:
     return _PAGE.replace("@NOTE@", html.escape(note)).replace("@DATA@", data)
 
 
+def result_link(out: Path, folder: str) -> str:
+    """Return the link to the page of a result, else to its folder, relative to the output folder; "" without files."""
+    if not folder:
+        return ""
+    return f"{folder}/{REPORT_FILE}" if (out / folder / REPORT_FILE).is_file() else f"{folder}/"
+
+
 def _card(out: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     folder, thumbnail = photo_folder(str(row["id"])), ""
     path = out / thumbnail_path(folder)
@@ -56,7 +64,7 @@ def _card(out: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": row["id"],
         "path": row.get("path", ""),
-        "link": row.get("folder", ""),
+        "link": result_link(out, str(row.get("folder", ""))),
         "thumbnail": thumbnail,
         "state": row["state"],
         "error": row.get("error", ""),
@@ -128,7 +136,7 @@ for (const card of cards) {
   const title = part("p", "");
   if (card.link) {
     const link = part("a", card.name);
-    link.href = card.link.split("/").map(encodeURIComponent).join("/") + "/";
+    link.href = card.link.split("/").map(encodeURIComponent).join("/");
     title.append(link);
   } else title.textContent = card.name;
   box.append(title, part("p", card.path, "soft"));

@@ -30,7 +30,7 @@ COLUMNS: Mapping[str, str] = {
     "bytes": "size of the file",
     "modified": "modification time of the file, ns since 1970",
     "config": "digest of the settings that results depend on, with those of this photo alone",
-    "save": "what was saved: full, numbers, people or summary, and +preview or +glb",
+    "save": "what was saved: full, numbers, people or summary, and +preview, +glb or +report",
     "folder": "of the results, relative to the output folder; empty without files",
     "version": "of physic-core",
     "grade": "of the result: good, doubtful or bad",

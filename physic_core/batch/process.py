@@ -109,7 +109,7 @@ class PhotoProcessor:
 
     def _save(self, result: Reconstruction, item: PhotoItem) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
-        save_photo(result, out / folder, self.job.saving)
+        save_photo(result, out / folder, self.job.saving, Path(item.path).name)
         if self.job.saving.thumbnails:
             from physic_core.files.atomic import atomic_write, check_writable
 

@@ -33,12 +33,14 @@ class Saving:
         preview: write ``preview.png`` at every level.
         glb: write the GLB files at every level but "summary" and "people".
         thumbnails: write a thumbnail for the contact sheet.
+        report: write ``report.html`` at every level.
     """
 
     level: str = "numbers"
     preview: bool = False
     glb: bool = False
     thumbnails: bool = True
+    report: bool = False
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
@@ -48,24 +50,24 @@ class Saving:
 
     def __str__(self) -> str:
         more = [name for name in ("preview", "glb") if getattr(self, name) and self.level != "full"]
-        return "+".join([self.level, *more])
+        return "+".join([self.level, *more, *["report"] * self.report])
 
     @property
     def main_file(self) -> str:
         """The file of a photo's folder that is written last; "" if there is none."""
-        return "" if self.level == "summary" and not self.preview else _MAIN_FILES[self.level]
+        if self.level != "summary":
+            return "reconstruction.json"
+        return "report.html" if self.report else "preview.png" if self.preview else ""
 
 
-_MAIN_FILES = {
-    "full": "reconstruction.json",
-    "numbers": "reconstruction.json",
-    "people": "reconstruction.json",
-    "summary": "preview.png",
-}
+def save_photo(result: Reconstruction, folder: Path, saving: Saving, title: str = "") -> None:
+    """Write the files of one result to its folder, each completely or not at all; earlier ones are replaced.
 
-
-def save_photo(result: Reconstruction, folder: Path, saving: Saving) -> None:
-    """Write the files of one result to its folder, completely or not at all; earlier files of the photo are replaced.
+    Args:
+        result: of the photo.
+        folder: of its files.
+        saving: which files.
+        title: of the report, such as the name of the photo.
 
     Raises:
         OutputError: the disk is full, or the folder cannot be written.
@@ -78,6 +80,13 @@ def save_photo(result: Reconstruction, folder: Path, saving: Saving) -> None:
         save_reconstruction(result, folder, preview=preview, glb=glb, compact=True, overwrite=True)
     elif saving.main_file:
         _save_people(result, folder, saving)
+    if saving.report:
+        from physic_core.io.report_file import REPORT_FILE, add_report, save_report
+
+        if saving.level == "summary":
+            save_report(result, folder / REPORT_FILE, title)
+        else:
+            add_report(folder, result, title)
 
 
 def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:

@@ -45,6 +45,7 @@ _COMMANDS = {
     "completion": ("physic_core.cli.completion:completion", "Print a completion script for bash, zsh or fish."),
     "config": ("physic_core.cli.config:config", "Check, show or create a configuration."),
     "plugins": ("physic_core.cli.plugins:plugins", "List installed backends; show or test them; create a plugin."),
+    "report": ("physic_core.cli.report:report", "Write a page of a result that opens in a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "schema": ("physic_core.cli.schema:schema", "Print where the JSON Schema of reconstruction.json is."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),

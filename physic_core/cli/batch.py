@@ -26,6 +26,7 @@ _LEVELS = ("full", "numbers", "people", "summary")
 @click.option("--save", "level", type=click.Choice(_LEVELS), default="numbers", show_default=True, help="What to keep.")
 @click.option("--preview", is_flag=True, help="Also write preview.png of each photo.")
 @click.option("--glb", is_flag=True, help="Also write the GLB files of each photo.")
+@click.option("--report", is_flag=True, help="Also write report.html of each photo, a page in 3D for a browser.")
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails, and no contact sheet.")
 @click.option("--table", type=click.Choice(("parquet", "csv")), default="parquet", show_default=True, help="Summary.")
 @click.option(
@@ -86,6 +87,7 @@ def _job(
     level: str,
     preview: bool,
     glb: bool,
+    report: bool,
     no_thumbnails: bool,
     cache: bool,
     file: Path | None,
@@ -103,7 +105,7 @@ def _job(
 
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
-    saving = Saving(level, preview, glb, not no_thumbnails)
+    saving = Saving(level, preview, glb, not no_thumbnails, report)
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)

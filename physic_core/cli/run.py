@@ -76,6 +76,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.argument("photo", type=_Path())
 @click.option("-o", "--out", type=_Path(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
+@click.option("--report", is_flag=True, help="Also write report.html, a page in 3D for a browser.")
 @click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
@@ -114,6 +115,7 @@ def run(
     photo: Path,
     out: Path | None,
     overwrite: bool,
+    report: bool,
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
@@ -139,9 +141,13 @@ def run(
         with _collect_plugin_messages() as messages, _show_progress() as progress:
             result = reconstruct_photo(photo, plan, progress=progress)
             result.save(str(folder), overwrite=overwrite)
+            if report:
+                from physic_core.io.report_file import add_report
+
+                add_report(folder, result, photo.name)
     for line in messages:
         click.echo(line, err=True)
-    click.echo(_summary(result, folder))
+    click.echo(_summary(result, folder, report))
 
 
 class _Terminated(BaseException):
@@ -289,7 +295,7 @@ def _show_progress() -> Iterator[Callable[[str, int, int], None]]:
         yield show
 
 
-def _summary(result: Reconstruction, folder: Path) -> str:
+def _summary(result: Reconstruction, folder: Path, report: bool) -> str:
     from physic_core.types import summarize_checks
 
     people = len(result.people)
@@ -315,7 +321,8 @@ def _summary(result: Reconstruction, folder: Path) -> str:
     lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
-    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  (look at preview.png first)")
+    first = "open report.html in a browser" if report else "look at preview.png first"
+    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  ({first})")
     lines.append(f"grade: {result.grade or 'none'}  (checks: {summarize_checks(result.checks)})")
     return "\n".join(lines)
 

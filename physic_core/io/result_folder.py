@@ -21,6 +21,7 @@ __all__ = [
     "ARRAYS_FILE",
     "DOCUMENT_FILE",
     "PREVIEW_FILE",
+    "REPORT_FILE",
     "SCHEMA",
     "check_overwrite",
     "file_digest",
@@ -36,7 +37,8 @@ SCHEMA = "physic-reconstruction"
 DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
 PREVIEW_FILE = "preview.png"
-_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, "scene.glb", "combined.glb")
+REPORT_FILE = "report.html"
+_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
 _PERSON = re.compile(r"person_\d+\.glb")
 
 

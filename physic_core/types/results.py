@@ -212,6 +212,20 @@ class Reconstruction(ShortRepr):
 
         save_reconstruction(self, folder, preview=preview, overwrite=overwrite)
 
+    def report(self, path: str, title: str = "") -> None:
+        """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser without a network.
+
+        Args:
+            path: of the HTML file; an earlier page of PhySIC is replaced.
+            title: of the page, such as the name of the photo.
+
+        Raises:
+            OutputError: the file cannot be written, or is not a page of PhySIC.
+        """
+        from physic_core import save_report
+
+        save_report(self, path, title)
+
     @classmethod
     def load(cls, folder: str) -> Reconstruction:
         """Read a reconstruction from a folder that :meth:`save` wrote.

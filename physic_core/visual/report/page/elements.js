@@ -20,6 +20,7 @@ const cssColor = ([red, green, blue]) => `rgb(${red} ${green} ${blue})`;
 function number(value, unit) {
   if (value === null) return "not measured";
   const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
-  if (unit === "count" || unit.includes("=")) return String(Math.round(value));
+  if (unit.startsWith("1")) return value >= 1 ? "yes" : "no"; // "1 = yes"
+  if (unit === "count") return String(Math.round(value));
   return unit === "share" ? percent(value) : `${value.toFixed(digits)} ${unit}`;
 }

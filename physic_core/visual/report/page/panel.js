@@ -44,7 +44,7 @@ function personCard(data, index) {
     if (person.others.length) {
       card.append(element("h3", { textContent: "Distance to other people" }), table(
         ["person", "pelvis to pelvis", "gap"],
-        person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)])));
+        person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)]), ["pelvis to pelvis", "gap"]));
     }
     card.append(element("h3", { textContent: "Contact" }), ...contactRows(person));
   }
@@ -61,7 +61,7 @@ function contactRows(person) {
   }
   const rows = person.contact.map(({ part, cm2, share }) => {
     const fill = element("b", {});
-    fill.style.width = percent(share);
+    fill.style.width = `${100 * share}%`;
     return element("div", { className: "bar" },
       element("span", { textContent: words(part) }), element("i", { title: `${percent(share)} of this part` }, fill),
       element("span", { textContent: `${cm2.toFixed(0)} cm²` }));
@@ -74,8 +74,9 @@ function facts(pairs) {
     element("dt", { textContent: name }), element("dd", { textContent: value })]));
 }
 
-function table(names, rows) {
-  const kind = column => (column ? "number" : "");
+// Rows of text; the columns named in ``right`` are numbers.
+function table(names, rows, right) {
+  const kind = column => (right.includes(names[column]) ? "number" : "");
   return element("table", {},
     element("thead", {}, element("tr", {}, ...names.map((name, i) => element("th", { className: kind(i), textContent: name, scope: "col" })))),
     element("tbody", {}, ...rows.map(row =>
@@ -92,11 +93,11 @@ function checkList(checks) {
 }
 
 function checkRow(check) {
-  const bound = `${check.direction} ${number(check.threshold, check.unit)}`;
+  const bound = check.unit.startsWith("1") ? "must be yes" : `${check.direction} ${number(check.threshold, check.unit)}`;
   const value = check.value === null ? STATE_NAME[check.state] : `${STATE_NAME[check.state]}: ${number(check.value, check.unit)}`;
   return element("div", { className: "check" },
     element("div", { className: "row" }, element("code", { textContent: check.name }),
-      element("span", { className: STATE_CLASS[check.state], textContent: value, title: `must be ${bound}` })),
+      element("span", { className: STATE_CLASS[check.state], textContent: value, title: bound })),
     element("p", { textContent: `${check.message} (${bound})` }));
 }
 
@@ -122,11 +123,11 @@ function showStages(section, data) {
   const seconds = data.stages.reduce((sum, stage) => sum + (stage.seconds ?? 0), 0);
   const rows = data.stages.map(stage => [
     stage.name + (stage.cached ? " (from the cache)" : stage.failed ? " (failed)" : ""),
-    stage.backend === null ? "engine" : `${stage.backend} of ${stage.plugin}`,
+    stage.backend === null ? "engine" : `${stage.backend}, ${stage.plugin}`,
     `${(stage.seconds ?? 0).toFixed(1)} s`]);
   const licenses = [...new Map(data.stages.filter(stage => stage.license).map(stage => [stage.backend + stage.name, stage])).values()];
   section.replaceChildren(
-    element("h2", { textContent: `Stages: ${seconds.toFixed(1)} s` }), table(["stage", "backend", "time"], rows),
+    element("h2", { textContent: `Stages: ${seconds.toFixed(1)} s` }), table(["stage", "backend", "time"], rows, ["time"]),
     element("details", {}, element("summary", { textContent: "Licences of the weights" }),
       element("ul", {}, ...licenses.map(stage => element("li", { textContent: `${stage.name}: ${stage.license}` })))));
 }

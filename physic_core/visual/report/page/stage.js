@@ -20,7 +20,7 @@ class Stage {
     this.bodies = data.people.map((person, index) => makeBody(data, index));
     const { mesh, points } = makeScene(data, background);
     const people = new THREE.Group();
-    people.add(...this.bodies.filter(Boolean));
+    for (const body of this.bodies) if (body) people.add(body);
     this.root.updateMatrixWorld(true);
     this.groups = { mesh, points, people, camera: makeFrustum(data, photo) };
     this.root.add(...Object.values(this.groups));
@@ -67,8 +67,10 @@ class Stage {
   }
 
   look(name) {
-    const center = this.box.getCenter(new THREE.Vector3()), size = this.box.getSize(new THREE.Vector3());
-    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix);
+    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix), box = this.box.clone();
+    // From the side and from above, the camera is in the picture too, unless it is far away.
+    if ((name === "side" || name === "top") && box.distanceToPoint(eye) < 6) box.expandByPoint(eye);
+    const center = box.getCenter(new THREE.Vector3()), size = box.getSize(new THREE.Vector3());
     const { width, height, camera } = this.data;
     this.camera.fov = FIELD_OF_VIEW;
     if (name === "camera") {
@@ -91,6 +93,8 @@ class Stage {
     this.controls.target.copy(center);
     this.camera.updateProjectionMatrix();
     this.controls.update();
+    // The photo may be tilted; the controls keep the horizon level from the next turn on.
+    if (name === "camera") this.camera.quaternion.setFromRotationMatrix(this.photoCamera.matrixWorld);
     this.draw();
   }
 
@@ -124,6 +128,9 @@ class Stage {
   }
 
   render() {
+    // From its own place, the photo would hide the scene.
+    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix);
+    this.groups.camera.userData.photo.visible = eye.distanceTo(this.camera.position) > 0.3;
     this.renderer.render(this.scene, this.camera);
     this.listeners.forEach(listener => listener());
   }
@@ -241,7 +248,8 @@ function makeFrustum(data, photo) {
   plane.setIndex([0, 2, 1, 0, 3, 2]);
   const group = new THREE.Group();
   const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo), side: THREE.DoubleSide });
-  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), new THREE.Mesh(plane, paint));
+  group.userData.photo = new THREE.Mesh(plane, paint);
+  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), group.userData.photo);
   return group;
 }
 
@@ -275,7 +283,7 @@ function makeFloor(data, box, root) {
   grid.setAttribute("position", new THREE.Float32BufferAttribute(spots, 3));
   const sheet = new THREE.PlaneGeometry(high[0] - low[0], high[1] - low[1]).rotateX(-Math.PI / 2)
     .translate((low[0] + high[0]) / 2, 0, (low[1] + high[1]) / 2);
-  const glass = { color: 0x4f8fd0, transparent: true, opacity: 0.12, side: THREE.DoubleSide, depthWrite: false };
+  const glass = { color: 0x4f8fd0, transparent: true, opacity: 0.09, side: THREE.DoubleSide, depthWrite: false };
   group.add(
     new THREE.LineSegments(grid, new THREE.LineBasicMaterial({ color: 0x3f7fc0, transparent: true, opacity: 0.65 })),
     new THREE.Mesh(sheet, new THREE.MeshBasicMaterial(glass)));

@@ -1,0 +1,69 @@
+"""The command ``physic report``: pages of saved results that open in a browser without a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from physic_core.errors import PhysicError
+
+__all__ = ["report"]
+
+
+@click.command()
+@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), help="Write the page of one result to this file.")
+@click.option("--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the folder]")
+@click.option("--each", is_flag=True, help="In a folder of results, also write the page of each one.")
+def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
+    """Write report.html of each result OUT: scene, people, contact and numbers in one file for a browser.
+
+    A folder of results, such as that of a batch, gets contact-sheet.html, which links to their pages.
+    """
+    if (out is not None or title) and len(results) > 1:
+        raise click.UsageError(f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}")
+    from physic_core.errors import InputError, OutputError
+
+    first: PhysicError | None = None
+    for folder in results:
+        try:
+            _write(folder, out, title, each)
+        except (InputError, OutputError) as error:
+            if first is not None:
+                click.echo(f"Error: {first}", err=True)
+            first = error
+    if first is not None:
+        raise first
+
+
+def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
+    from physic_core.io.report_file import add_report, is_result, save_report
+
+    if out is not None:
+        from physic_core.io.results import load_reconstruction
+
+        click.echo(f"wrote {save_report(load_reconstruction(folder), out, title or folder.resolve().name)}")
+    elif is_result(folder):
+        click.echo(f"wrote {add_report(folder, title=title)}")
+    else:
+        _write_index(folder, each)
+
+
+def _write_index(folder: Path, each: bool) -> None:
+    """Write the contact sheet of a folder of results, and with ``each`` the page of every result."""
+    from physic_core.batch.result_index import find_results, write_index
+    from physic_core.errors import InputError
+    from physic_core.io.report_file import add_report
+
+    found = find_results(folder)
+    for number, result in enumerate(found if each else (), 1):
+        try:
+            path = add_report(result)
+        except InputError as error:  # the page says it, and the others get theirs
+            click.echo(f"[{number}/{len(found)}] {error}", err=True)
+        else:
+            click.echo(f"[{number}/{len(found)}] {path}", err=True)
+    click.echo(f"wrote {write_index(folder, found)}")

@@ -1,0 +1,104 @@
+"""Write ``report.html``: to a file, or to the folder of a result."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from physic_core.errors import InputError, OutputError
+from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.io.document import decode_document, encode_document
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, file_digest
+from physic_core.io.results import load_reconstruction
+from physic_core.visual.report.page import GENERATOR, failure_html, report_html
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
+
+__all__ = ["REPORT_FILE", "add_report", "is_result", "save_report"]
+
+_HEAD = 500  # bytes, of which the element that names our pages is one of the first
+
+
+def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:
+    """Write the page of a reconstruction to a file; an earlier page of PhySIC is replaced.
+
+    Args:
+        reconstruction: what to show.
+        path: of the file; missing folders are created.
+        title: of the page, such as the name of the photo.
+
+    Raises:
+        OutputError: the file cannot be written, or is not a page of PhySIC.
+    """
+    path = Path(path)
+    _check_own(path)
+    _write(path, report_html(reconstruction, title))
+    return path
+
+
+def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = "") -> Path:
+    """Write ``report.html`` to the folder of a result, and list it there, so that later runs replace it.
+
+    If the result cannot be read, the page says why, and the error is raised.
+
+    Args:
+        folder: of a finished run.
+        reconstruction: its result, if it is at hand; else it is loaded.
+        title: of the page; by default the name of the folder.
+
+    Raises:
+        InputError: there is no result in the folder, or its files are damaged.
+        OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
+    """
+    folder = Path(folder)
+    title = title or folder.resolve().name
+    if not is_result(folder):
+        raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+    _check_own(folder / REPORT_FILE)
+    try:
+        page = report_html(load_reconstruction(folder) if reconstruction is None else reconstruction, title)
+    except InputError as error:
+        _write_listed(folder, failure_html(title, str(error)))
+        raise
+    _write_listed(folder, page)
+    return folder / REPORT_FILE
+
+
+def is_result(folder: str | os.PathLike[str]) -> bool:
+    """Whether a folder has a file of a result, complete or not."""
+    return any(os.path.isfile(os.path.join(folder, name)) for name in (DOCUMENT_FILE, ARRAYS_FILE))
+
+
+def _check_own(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            own = GENERATOR.encode() in file.read(_HEAD)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; name another file") from error
+    if not own:
+        raise OutputError(f"cannot write {path}: the file there is not a page of PhySIC; move it away, or name another")
+
+
+def _write(path: Path, page: str) -> None:
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_text(page, encoding="utf-8")
+
+
+def _write_listed(folder: Path, page: str) -> None:
+    """Write the page, and its name and digest to the document of the result, if that can be read."""
+    try:
+        document = decode_document((folder / DOCUMENT_FILE).read_bytes(), DOCUMENT_FILE)
+        files, digests = document["files"], document["digests"]
+    except (InputError, OSError, KeyError):
+        _write(folder / REPORT_FILE, page)
+        return
+    with atomic_write(check_writable(folder)) as temporary:
+        temporary(REPORT_FILE).write_text(page, encoding="utf-8")
+        if isinstance(files, list) and isinstance(digests, dict):
+            document["files"] = [*(name for name in files if name != REPORT_FILE), REPORT_FILE]
+            document["digests"] = digests | {REPORT_FILE: file_digest(temporary(REPORT_FILE))}
+            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))

@@ -1,0 +1,154 @@
+"""report.html in the folder of a result, pages of broken results, and the sheet of a folder of results."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from physic_core.batch.saving import Saving, save_photo
+from physic_core.cli import main
+from physic_core.errors import InputError, OutputError
+from physic_core.io.report_file import add_report, save_report
+from physic_core.io.results import load_reconstruction, save_reconstruction
+
+from .conftest import make_reconstruction
+
+
+@pytest.fixture(scope="module")
+def result():
+    return replace(make_reconstruction(), photo="sha256:1")
+
+
+@pytest.fixture(scope="module")
+def saved(result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("saved") / "my photo-physic"
+    save_reconstruction(result, folder, preview=False, glb=False)
+    return folder
+
+
+@pytest.fixture
+def folder(saved, tmp_path):
+    return Path(shutil.copytree(saved, tmp_path / saved.name))
+
+
+def physic(*arguments: object):
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+def test_the_page_is_a_file_of_the_result(folder, result):
+    path = add_report(folder)
+    assert path == folder / "report.html"
+    assert "<h1>my photo-physic</h1>" in path.read_text(encoding="utf-8")
+    document = json.loads((folder / "reconstruction.json").read_text())
+    assert document["files"][-1] == "report.html"
+    assert document["digests"]["report.html"].startswith("sha256:")
+    load_reconstruction(folder)
+    add_report(folder, result, "photo.jpg")
+    assert json.loads((folder / "reconstruction.json").read_text())["files"].count("report.html") == 1
+    # The next run of this photo replaces the result, and removes the page of the earlier one.
+    save_reconstruction(result, folder, preview=False, glb=False)
+    assert not path.exists()
+
+
+def test_a_page_that_was_edited_is_not_removed(folder, result):
+    path = add_report(folder)
+    path.write_text(path.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
+    save_reconstruction(result, folder, preview=False, glb=False)
+    assert path.read_text(encoding="utf-8").endswith("my remarks")
+
+
+def test_files_of_others_are_never_replaced(folder, result):
+    path = folder / "report.html"
+    path.write_text("my report")
+    message = f"cannot write {path}: the file there is not a page of PhySIC; move it away, or name another"
+    for write in (lambda: add_report(folder), lambda: save_report(result, path), lambda: result.report(str(path))):
+        with pytest.raises(OutputError) as error:
+            write()
+        assert str(error.value) == message
+    assert path.read_text() == "my report"
+
+
+def test_the_result_writes_its_page(result, tmp_path):
+    result.report(str(tmp_path / "new" / "a.html"), title="photo.jpg")
+    assert "<h1>photo.jpg</h1>" in (tmp_path / "new" / "a.html").read_text(encoding="utf-8")
+
+
+def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
+    arrays = folder / "reconstruction.npz"
+    arrays.write_bytes(arrays.read_bytes()[:5000])
+    with pytest.raises(InputError, match="it is damaged"):
+        add_report(folder)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "This result cannot be shown" in page
+    assert "it is damaged (File is not a zip file); run the reconstruction again" in page
+
+
+def test_a_folder_without_a_result_gets_no_page(tmp_path):
+    done = physic("report", tmp_path)
+    assert done.exit_code == 3
+    message = f"Error: no result in {tmp_path}: name the folder of a finished run, or a folder of such folders\n"
+    assert done.output == message
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_path):
+    done = physic("report", tmp_path / "nothing", folder)
+    assert done.exit_code == 3
+    assert f"wrote {folder / 'report.html'}\n" in done.output
+    assert f"Error: no result in {tmp_path / 'nothing'}" in done.output
+    done = physic("report", folder, "-o", tmp_path / "x.html", "--title", "one <b>")
+    assert done.output == f"wrote {tmp_path / 'x.html'}\n"
+    assert "<h1>one &lt;b&gt;</h1>" in (tmp_path / "x.html").read_text(encoding="utf-8")
+    done = physic("report", folder, folder, "-o", tmp_path / "x.html")
+    assert done.exit_code == 2
+    assert done.output.endswith("Error: --out needs one result, got 2\n")
+
+
+def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path):
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "reconstruction.json").write_text("{")
+    done = physic("report", tmp_path)
+    assert done.output == f"wrote {tmp_path / 'contact-sheet.html'}\n"
+    broken, good = cards(tmp_path)
+    assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "my photo-physic/", "done")
+    assert (good["people"], good["grade"], good["error"]) == (2, "bad", "")
+    assert len(good["thumbnail"]) > 500
+    assert (broken["state"], broken["error"]) == ("failed", "InputError")
+    assert "it is not JSON" in broken["message"]
+
+    done = physic("report", "--each", tmp_path)
+    assert done.exit_code == 0
+    broken, good = cards(tmp_path)
+    assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
+    assert "it is not JSON" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_sheet_of_others_is_not_replaced(folder, tmp_path):
+    (tmp_path / "contact-sheet.html").write_text("mine")
+    done = physic("report", tmp_path)
+    assert done.exit_code == 2
+    assert "the file there is not a contact sheet of PhySIC" in done.output
+
+
+def cards(folder: Path) -> list[dict]:
+    page = (folder / "contact-sheet.html").read_text(encoding="utf-8")
+    return json.loads(page.split('type="application/json">')[1].split("</script>")[0])
+
+
+@pytest.mark.parametrize("level", ["numbers", "people", "summary"])
+def test_a_batch_writes_pages_at_every_level(result, tmp_path, level):
+    saving = Saving(level, report=True)
+    assert str(saving) == f"{level}+report"
+    save_photo(result, tmp_path / "photos", saving, "photo.jpg")
+    save_photo(result, tmp_path / "photos", saving, "photo.jpg")
+    assert "<h1>photo.jpg</h1>" in (tmp_path / "photos" / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "photos" / saving.main_file).is_file()
+    if level != "summary":
+        document = json.loads((tmp_path / "photos" / "reconstruction.json").read_text())
+        assert "report.html" in document["digests"]

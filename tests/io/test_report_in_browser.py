@@ -1,0 +1,311 @@
+"""The page of a result in a real browser, opened from its file."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core.types import CheckResult, UnposedPerson
+from physic_core.visual.report.page import failure_html, report_html
+
+from .conftest import make_reconstruction
+
+READY = "document.documentElement.dataset.ready"
+ODD = "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> \u2028 \U0001f3c0.jpg"
+SWITCHES = ["mesh", "points", "people", "contact", "floor"]
+
+
+@pytest.fixture(scope="module")
+def result():
+    checks = (
+        CheckResult("floor", "ok", 0.5, 0.15, "at least", "share", "of the searched pixels lie on the floor"),
+        CheckResult("floor_mask", "failed", 0.0, 1.0, "at least", "1: yes", ODD),
+        CheckResult("lean", "unknown", None, 12.0, "at most", "degrees", "nobody stands", person=1),
+    )
+    unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
+    made = make_reconstruction(320, 240)
+    low = made.scene.floor.normal, made.scene.floor.offset
+    people = tuple(replace(p, contact=p.vertices @ low[0] + low[1] < 0.6) for p in made.people)
+    return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
+
+
+@pytest.fixture(scope="module")
+def path(result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(report_html(result, ODD), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def page(chromium, path):
+    page = chromium.open(path.as_uri(), 960, 480)
+    page.wait(READY)
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def overview(page):
+    """The 3D view as the page opens it."""
+    return page.picture("#view")
+
+
+def text(page, selector: str) -> str:
+    return page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
+
+
+def click(page, selector: str) -> None:
+    page.evaluate(f"document.querySelector({json.dumps(selector)}).click()")
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> float:
+    """Share of the pixels that differ."""
+    return float((np.abs(one.astype(int) - other.astype(int)).max(-1) > 8).mean())
+
+
+def test_it_opens_from_a_file_and_asks_for_nothing(page, path):
+    assert page.evaluate(READY) == "3d"
+    assert page.requests() == [path.as_uri()]
+    assert page.errors() == []
+    assert page.evaluate("window.broken") is None
+    assert text(page, "h1") == ODD.replace("\u2028", " ") or text(page, "h1") == ODD
+    assert text(page, "#message") == ""
+
+
+def test_the_view_is_not_blank(overview):
+    assert len(np.unique(overview.reshape(-1, 3), axis=0)) > 500
+    assert overview.std() > 20
+
+
+@pytest.mark.parametrize("name", SWITCHES)
+def test_each_switch_shows_and_hides_its_part(page, overview, name):
+    click(page, f"[data-show={name}]")
+    changed = page.picture("#view")
+    click(page, f"[data-show={name}]")
+    assert difference(overview, changed) > 0.0003
+    assert difference(overview, page.picture("#view")) == 0
+
+
+def test_the_camera_is_in_the_side_view_and_can_be_hidden(page, overview):
+    click(page, "[data-view=side]")
+    shown = page.picture("#view")
+    click(page, "[data-show=camera]")
+    assert difference(shown, page.picture("#view")) > 0.001
+    click(page, "[data-show=camera]")
+    click(page, "[data-view=angle]")
+
+
+def test_contact_is_red_on_the_bodies_only_while_it_is_switched_on(page):
+    def red(picture: np.ndarray) -> int:
+        picture = picture.astype(int)
+        return int(((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum())
+
+    click(page, "[data-view=camera]")
+    shown = red(page.picture("#canvas"))
+    click(page, "[data-show=contact]")
+    hidden = red(page.picture("#canvas"))
+    click(page, "[data-show=contact]")
+    click(page, "[data-view=angle]")
+    # The box in the room is red too, on both pictures.
+    assert shown > hidden + 300
+
+
+def test_people_take_their_numbers_with_them(page):
+    count = "document.querySelectorAll('.label.number:not([hidden])').length"
+    assert page.evaluate(count) == 2
+    click(page, "[data-show=people]")
+    page.picture("#view")
+    assert page.evaluate(count) == 0
+    click(page, "[data-show=people]")
+    page.picture("#view")
+    assert page.evaluate(count) == 2
+
+
+@pytest.mark.parametrize("view", ["camera", "side", "top"])
+def test_each_view_looks_from_elsewhere(page, overview, view):
+    click(page, f"[data-view={view}]")
+    assert difference(overview, page.picture("#view")) > 0.1
+    click(page, "[data-view=angle]")
+
+
+def test_the_bodies_over_the_photo_can_be_switched_off(page, result):
+    over = page.picture("#photo")
+    click(page, "#overlay")
+    plain = page.picture("#photo")
+    click(page, "#overlay")
+    wanted = np.asarray(Image.fromarray(result.image).resize(plain.shape[1::-1]))
+    assert np.abs(plain[8:-8, 8:-8].astype(int) - wanted[8:-8, 8:-8].astype(int)).mean() < 6
+    assert difference(over, plain) > 0.05
+    # The drawn bodies cover the people's vertices in the photo, and little else.
+    drawn = np.abs(over.astype(int) - plain.astype(int)).max(-1) > 5
+    scale = plain.shape[1] / result.image.shape[1]
+    vertices = np.concatenate([person.vertices for person in result.people]) @ result.intrinsics.matrix.T
+    columns, rows = np.round((vertices[:, :2] / vertices[:, 2:] + 0.5) * scale - 0.5).astype(int).T
+    inside = (columns >= 0) & (rows >= 0) & (columns < drawn.shape[1]) & (rows < drawn.shape[0])
+    assert drawn[rows[inside], columns[inside]].mean() > 0.9
+
+
+def place_on_canvas(page, result, column: float, row: float) -> tuple[float, float]:
+    """Return where a pixel of the photo is in the photo's view, px of the page."""
+    x, y, width, height = page.box("#canvas")
+    camera = result.intrinsics
+    tall = max(camera.height / camera.fy, camera.width / camera.fx / (width / height))
+    pixels = height / tall
+    return x + width / 2 + (column - camera.cx) / camera.fx * pixels, y + height / 2 + (
+        row - camera.cy
+    ) / camera.fy * pixels
+
+
+def test_two_clicks_measure_the_distance_of_their_points(page, result):
+    spots = [(60, 200), (250, 120)]  # on the floor, on the back wall
+    first, second = (result.scene.points[row, column].astype(float) for column, row in spots)
+    click(page, "[data-view=camera]")
+    page.picture("#view")
+    click(page, "#measure")
+    assert text(page, "#hint") == "Click on two points."
+    for column, row in spots:
+        page.click(*place_on_canvas(page, result, column, row))
+    apart, upwards = (float(number) for number in re.findall(r"([\d.]+) m", text(page, "#hint")))
+    assert apart == pytest.approx(np.linalg.norm(first - second), abs=0.04)
+    assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
+    page.picture("#view")
+    assert text(page, ".label:not(.number)") == f"{apart:.2f} m"
+    click(page, "#measure")
+    click(page, "[data-view=angle]")
+    assert text(page, "#hint") == ""
+
+
+def test_a_click_on_a_person_shows_their_numbers(page, result):
+    click(page, "[data-view=camera]")
+    page.picture("#view")
+    spot = result.people[1].joints[9] @ result.intrinsics.matrix.T
+    page.click(*place_on_canvas(page, result, *(spot[:2] / spot[2])))
+    card = text(page, "#people")
+    click(page, "[data-view=angle]")
+    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
+    assert "doubtful" in card
+    assert f"{np.linalg.norm(result.people[1].joints[0]):.2f} m" in card
+    apart = np.linalg.norm(result.people[0].joints[0] - result.people[1].joints[0])
+    assert f"{apart:.2f} m" in card
+    assert "lean" in card
+    assert "No body: no pose fits the box" in card
+
+
+def test_grade_warnings_checks_and_stages_are_on_the_page(page):
+    assert text(page, "#grade") == "grade: bad"
+    assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")
+    checks = text(page, "#checks")
+    assert "failed: no" in checks
+    assert "1 ok" in checks
+    stages = text(page, "#stages")
+    assert "mock, physic-mock 0.1.0" in stages
+    assert page.evaluate("document.querySelector('#stages details').textContent").endswith("people: Apache-2.0")
+
+
+def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
+    names = page.evaluate(
+        "[...document.querySelectorAll('button, input, canvas[tabindex], summary')]"
+        ".filter(e => !e.disabled && e.tabIndex < 0).length"
+    )
+    assert names == 0
+    unnamed = "[...document.querySelectorAll('button, input')].filter(e => !(e.labels?.length || e.innerText)).length"
+    assert page.evaluate(unnamed) == 0
+    page.evaluate("document.querySelector('[data-show=people]').focus()")
+    page.press(" ")
+    assert page.evaluate("document.querySelector('[data-show=people]').checked") is False
+    page.press(" ")
+    page.evaluate("document.querySelector('#canvas').focus()")
+    page.press("ArrowLeft")
+    assert difference(overview, page.picture("#view")) > 0.05
+    click(page, "[data-view=angle]")
+
+
+def test_light_and_dark_follow_the_system_and_the_button(chromium, path):
+    dark = chromium.open(path.as_uri(), 900, 600, dark=True)
+    dark.wait(READY)
+    assert dark.picture("aside").mean() < 90
+    click(dark, "#theme")
+    assert dark.picture("aside").mean() > 190
+    dark.close()
+
+
+def test_on_a_phone_nothing_is_wider_than_the_screen(chromium, path):
+    phone = chromium.open(path.as_uri(), 375, 700)
+    phone.wait(READY)
+    assert phone.evaluate("document.documentElement.scrollWidth") == 375
+    assert phone.box("#view")[2:] == pytest.approx((375, 392), abs=1)
+    click(phone, ".chips button")
+    assert phone.evaluate("document.documentElement.scrollWidth") == 375
+    too_small = "[...document.querySelectorAll('button')].filter(e => e.getBoundingClientRect().height < 28).length"
+    assert phone.evaluate(too_small) == 0
+    phone.close()
+
+
+def test_without_webgl_the_numbers_and_the_photo_are_there(chromium, path):
+    none = "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...more) {"
+    none += " return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); })"
+    none += "(HTMLCanvasElement.prototype.getContext)"
+    page = chromium.open(path.as_uri(), 960, 600, before=none)
+    page.wait(READY)
+    assert page.evaluate(READY) == "numbers"
+    assert text(page, "#message").startswith("This browser shows no 3D")
+    assert page.picture("#photo").std() > 15
+    click(page, ".chips button")
+    assert "To the camera" in text(page, "#people")
+    page.close()
+
+
+@pytest.mark.parametrize("damage", ["cut off", "in the data"])
+def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
+    content = path.read_text(encoding="utf-8")
+    broken = tmp_path / "broken.html"
+    start = content.index('"photo":"data:image/jpeg;base64,') + 40
+    kept = content[: len(content) // 2] if damage == "cut off" else content[:start] + "AAAA" + content[start + 4000 :]
+    broken.write_text(kept, encoding="utf-8")
+    page = chromium.open(broken.as_uri(), 900, 600)
+    if damage == "cut off":
+        assert "the file is incomplete" in " ".join(text(page, "#message").split())
+    else:
+        page.wait(READY)
+        assert text(page, "#message").startswith("The data of this page is damaged or incomplete.")
+    page.close()
+
+
+@pytest.mark.parametrize("people", [0, 1])
+def test_a_scene_alone_and_one_person_are_shown(chromium, tmp_path, people):
+    path = tmp_path / "report.html"
+    path.write_text(report_html(make_reconstruction(people=people)), encoding="utf-8")
+    page = chromium.open(path.as_uri(), 900, 600)
+    page.wait(READY)
+    assert page.evaluate(READY) == "3d"
+    assert page.errors() == []
+    assert page.picture("#view").std() > 15
+    assert ("Nobody is in this result" in text(page, "#people")) is (people == 0)
+    assert ("Stature" in text(page, "#people")) is (people == 1)  # the only person is chosen
+    page.close()
+
+
+def test_a_page_of_failure_is_readable(chromium, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(failure_html(ODD, f"cannot read {ODD}: it is damaged"), encoding="utf-8")
+    page = chromium.open(path.as_uri(), 375, 600)
+    assert page.evaluate("window.broken") is None
+    assert "This result cannot be shown" in text(page, "main")
+    assert "it is damaged" in text(page, "main")
+    assert page.evaluate("document.documentElement.scrollWidth") == 375
+    page.close()
+
+
+def test_the_photo_in_the_page_is_the_photo(path, result):
+    data = json.loads(re.search(r'application/json">(.*?)</script>', path.read_text(encoding="utf-8"), re.S)[1])
+    import base64
+
+    photo = np.asarray(Image.open(io.BytesIO(base64.b64decode(data["photo"].partition(",")[2]))))
+    assert photo.shape == result.image.shape
+    assert np.abs(photo.astype(int) - result.image.astype(int)).mean() < 4
