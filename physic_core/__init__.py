@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         Reconstruction,
         Scene,
     )
+    from physic_core.visual.export.write import export_reconstruction
     from physic_core.visual.preview import preview_png
     from physic_core.visual.report.page import report_html
 
@@ -68,6 +69,7 @@ __all__ = [
     "Scene",
     "WeightsMissingError",
     "discover",
+    "export_reconstruction",
     "hookimpl",
     "load_config",
     "load_reconstruction",
@@ -95,6 +97,7 @@ _ON_FIRST_USE = {
     "hookimpl": "physic_core.discovery.hookspecs",
     "load_config": "physic_core.configuration.model",
     "load_reconstruction": "physic_core.io.results",
+    "export_reconstruction": "physic_core.visual.export.write",
     "preview_png": "physic_core.visual.preview",
     "report_html": "physic_core.visual.report.page",
     "save_reconstruction": "physic_core.io.results",

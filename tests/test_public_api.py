@@ -32,6 +32,7 @@ PUBLIC = [
     "Scene",
     "WeightsMissingError",
     "discover",
+    "export_reconstruction",
     "hookimpl",
     "load_config",
     "load_reconstruction",

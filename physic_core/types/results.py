@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
+    from physic_core.visual.export.write import Exported
 
 __all__ = ["Person", "Reconstruction", "Scene"]
 
@@ -225,6 +226,26 @@ class Reconstruction(ShortRepr):
         from physic_core import save_report
 
         save_report(self, path, title)
+
+    def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
+        """Write a file of another program's format: skinned GLB, SMPL-X npz, PLY, OBJ, BVH, USD, MJCF, COCO, HOT.
+
+        Args:
+            path: of the file, or a folder, which then needs ``format``.
+            format: "glb", "amass", ...; None for that of the suffix.
+            options: ``person`` (index or indices), ``up`` ("y", "z", "camera"), ``scene``, ``body_model`` (SMPL-X file
+                of yours) and ``overwrite``, as in :func:`physic_core.export_reconstruction`.
+
+        Returns:
+            ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was left out.
+
+        Raises:
+            InputError: the format is unknown, the result lacks what it needs, or a library is missing.
+            OutputError: a file exists already, or cannot be written.
+        """
+        from physic_core import export_reconstruction
+
+        return export_reconstruction(self, path, format, **options)
 
     @classmethod
     def load(cls, folder: str) -> Reconstruction:

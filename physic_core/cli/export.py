@@ -1,0 +1,78 @@
+"""The command ``physic export``: write a result in the format of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+__all__ = ["export"]
+
+
+def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if not wanted:
+        return
+    from physic_core.visual.export.formats import FORMATS
+
+    rows = [("format", "suffix", "for", "content", "needs")]
+    for each in FORMATS:
+        needs = [each.needs] if each.needs else []
+        if each.extra:
+            needs.insert(0, f"the extra '{each.extra}' ({'installed' if each.available else 'not installed'})")
+        rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    for row in rows:
+        click.echo("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[4]]))
+    ctx.exit()
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]")
+@click.option(
+    "-o", "--out", "path", type=click.Path(path_type=Path), help="File or folder to write.  [default: a file in OUT]"
+)
+@click.option("--person", type=int, multiple=True, metavar="N", help="Only person N of the result; may be repeated.")
+@click.option("--up", type=click.Choice(["y", "z", "camera"]), help="Up axis.  [default: the format's convention]")
+@click.option("--no-scene", is_flag=True, help="Leave out scene and floor.")
+@click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
+@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+@click.option(
+    "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_formats, help="List the formats."
+)
+def export(
+    out: Path,
+    name: str | None,
+    path: Path | None,
+    person: tuple[int, ...],
+    up: str | None,
+    no_scene: bool,
+    body_model: Path | None,
+    overwrite: bool,
+) -> None:
+    """Export the result in folder OUT to a format of another program."""
+    from physic_core.visual.export.formats import find_format
+
+    if name is None and path is None:
+        raise click.UsageError("no format is given: name one with --to, or a file with -o; --list prints the formats")
+    # An unknown format is reported before the result is read.
+    find_format(name, "" if path is None or path.is_dir() else path.suffix)
+
+    from physic_core.io.results import load_reconstruction
+    from physic_core.visual.export.write import export_reconstruction
+
+    done = export_reconstruction(
+        load_reconstruction(out),
+        out if path is None else path,
+        name,
+        person=person or None,
+        up=up,
+        scene=not no_scene,
+        body_model=body_model,
+        overwrite=overwrite,
+    )
+    for note in done.notes:
+        click.echo(f"note: {note}")
+    for file in done.files:
+        size = file.stat().st_size
+        click.echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")

@@ -1,0 +1,1 @@
+"""Export a reconstruction to the formats of other programs; ``formats.FORMATS`` is the list."""

@@ -1,0 +1,94 @@
+"""BVH: skeleton and one pose of each person, in metres."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import roma
+import torch
+
+from physic_core.visual.export.request import ExportedFiles, ExportRequest
+from physic_core.visual.export.rig import Rig, rigs
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["bvh_name", "export_bvh"]
+
+_BODY = {
+    "pelvis": "Hips",
+    "spine1": "Spine",
+    "spine2": "Spine1",
+    "spine3": "Spine2",
+    "neck": "Neck",
+    "head": "Head",
+    "jaw": "Jaw",
+}
+_LIMBS = {
+    "hip": "UpLeg",
+    "knee": "Leg",
+    "ankle": "Foot",
+    "foot": "ToeBase",
+    "collar": "Shoulder",
+    "shoulder": "Arm",
+    "elbow": "ForeArm",
+    "wrist": "Hand",
+    "eye": "Eye",
+}
+_END_M = 0.02
+"""Length of a bone without children, metres: BVH demands one."""
+
+
+def bvh_name(joint: str) -> str:
+    """Return the Mixamo name, without prefix, of an SMPL-X joint: "LeftUpLeg" for "left_hip"."""
+    if joint in _BODY:
+        return _BODY[joint]
+    side, _, rest = joint.partition("_")
+    return side.capitalize() + (_LIMBS.get(rest) or f"Hand{rest.capitalize()}")
+
+
+def export_bvh(request: ExportRequest) -> ExportedFiles:
+    """Return one BVH file per person: T-pose offsets in metres, one frame, rotations z, x, y in degrees."""
+    files = {request.file_of(index): _document(rig).encode("ascii") for index, rig in rigs(request)}
+    return ExportedFiles(
+        files, ("lengths are metres: a program that counts in centimetres imports them with scale 100",)
+    )
+
+
+def _document(rig: Rig) -> str:
+    lines = ["HIERARCHY"]
+    order: list[int] = []
+    _write_joint(rig, 0, 0, lines, order)
+    # roma returns the angles of R = Rz Rx Ry, the order in which BVH applies its channels.
+    angles = roma.rotmat_to_euler("ZXY", torch.from_numpy(rig.rotations[order]), degrees=True).numpy()
+    numbers = [*rig.offsets[0], *angles.reshape(-1)]
+    lines += ["MOTION", "Frames: 1", "Frame Time: 0.0333333", " ".join(_number(n) for n in numbers), ""]
+    return "\n".join(lines)
+
+
+def _write_joint(rig: Rig, joint: int, depth: int, lines: list[str], order: list[int]) -> None:
+    """Append the lines of a joint and its children, and their indices in this order."""
+    order.append(joint)
+    indent = "\t" * depth
+    offset: NDArray[np.float64] = rig.offsets[joint] if depth else np.zeros(3)
+    position = "Xposition Yposition Zposition " if not depth else ""
+    lines += [
+        f"{indent}{'JOINT' if depth else 'ROOT'} {bvh_name(rig.names[joint])}",
+        f"{indent}{{",
+        f"{indent}\tOFFSET {' '.join(map(_number, offset))}",
+        f"{indent}\tCHANNELS {6 if not depth else 3} {position}Zrotation Xrotation Yrotation",
+    ]
+    children = [child for child, parent in enumerate(rig.parents) if parent == joint]
+    for child in children:
+        _write_joint(rig, child, depth + 1, lines, order)
+    if not children:
+        length = np.linalg.norm(offset)
+        end = offset / length * _END_M if length > 0 else np.array([0.0, _END_M, 0.0])
+        lines += [f"{indent}\tEnd Site", f"{indent}\t{{", f"{indent}\t\tOFFSET {' '.join(map(_number, end))}"]
+        lines.append(f"{indent}\t}}")
+    lines.append(f"{indent}}}")
+
+
+def _number(value: float) -> str:
+    return f"{value:.6f}"

@@ -1,0 +1,92 @@
+"""COCO JSON: boxes, masks and 17 keypoints of the people, beside the image as it was reconstructed."""
+
+from __future__ import annotations
+
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.types.skeletons import SKELETONS, skeleton_named
+from physic_core.visual.export.request import ExportedFiles, ExportRequest
+from physic_core.visual.export.rle import run_lengths
+
+if TYPE_CHECKING:
+    from physic_core.types import Person, UInt8Array
+
+__all__ = ["export_coco", "png"]
+
+_VISIBLE_CONFIDENCE = 0.5
+"""Minimum confidence of a keypoint that is labelled as visible (v = 2)."""
+
+_BONES = (
+    *((16, 14), (14, 12), (17, 15), (15, 13), (12, 13), (6, 12), (7, 13), (6, 7), (6, 8), (7, 9)),
+    *((8, 10), (9, 11), (2, 3), (1, 2), (1, 3), (2, 4), (3, 5), (4, 6), (5, 7)),
+)
+
+
+def export_coco(request: ExportRequest) -> ExportedFiles:
+    """Return the JSON and a PNG of the image.
+
+    Boxes are x, y, width and height; keypoints are pixel indices, as in
+    COCO. Segmentations are run lengths (``iscrowd`` 0). A keypoint has v = 2 from a confidence of 0.5, v = 1 below that
+    and v = 0 if it was not detected.
+    """
+    result = request.result
+    names = [name.removesuffix("_surface") for name in SKELETONS["coco17"].names]
+    image = f"{request.stem}.png"
+    document = {
+        "info": {
+            "description": "PhySIC; the image is the photo as reconstructed: upright, without lens distortion",
+            "version": "1",
+        },
+        "licenses": [],
+        "images": [{"id": 1, "file_name": image, "width": result.intrinsics.width, "height": result.intrinsics.height}],
+        "categories": [{"id": 1, "name": "person", "supercategory": "person", "keypoints": names, "skeleton": _BONES}],
+        "annotations": [_annotation(request, index, person) for index, person in request.chosen()],
+    }
+    text = json.dumps(document, allow_nan=False).encode()
+    return ExportedFiles({f"{request.stem}{request.suffix}": text, image: png(result.image)})
+
+
+def _annotation(request: ExportRequest, index: int, person: Person) -> dict[str, Any]:
+    x0, y0, x1, y1 = (float(edge) for edge in person.box)
+    keypoints = _keypoints(request, person)
+    return {
+        "id": index + 1,
+        "image_id": 1,
+        "category_id": 1,
+        "iscrowd": 0,
+        "bbox": [round(v, 2) for v in (x0, y0, x1 - x0, y1 - y0)],
+        "area": int(person.mask.sum()),
+        "segmentation": run_lengths(person.mask),
+        "keypoints": [round(number, 2) for point in keypoints for number in point],
+        "num_keypoints": sum(point[2] > 0 for point in keypoints),
+        "score": round(float(person.score), 4),
+        "person": index,
+    }
+
+
+def _keypoints(request: ExportRequest, person: Person) -> list[tuple[float, float, int]]:
+    """Return x, y, v of the 17 keypoints; 0, 0, 0 for those that the detector does not have."""
+    place = {name: row for row, name in enumerate(skeleton_named(request.result.skeleton).names)}
+    points: list[tuple[float, float, int]] = []
+    for name in SKELETONS["coco17"].names:
+        row = place.get(name)
+        confidence = 0.0 if row is None else float(person.keypoint_confidence[row])
+        if row is None or not confidence > 0 or not np.isfinite(person.keypoints[row]).all():
+            points.append((0, 0, 0))
+            continue
+        x, y = (float(v) for v in person.keypoints[row])
+        points.append((x, y, 2 if confidence >= _VISIBLE_CONFIDENCE else 1))
+    return points
+
+
+def png(image: UInt8Array) -> bytes:
+    """Return a PNG of an image."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG")
+    return stream.getvalue()

@@ -1,0 +1,84 @@
+"""A binary glTF file: accessors and images in one buffer, and the JSON tree."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["ARRAY", "INDICES", "GlbBuffer"]
+
+ARRAY, INDICES = 34962, 34963
+"""Targets of buffer views: vertex attributes and indices."""
+
+_COMPONENTS = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
+_TYPES = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+
+
+class GlbBuffer:
+    """Collect the tree and the binary chunk of a GLB file.
+
+    Attributes:
+        tree: the JSON, to which nodes, meshes, ... are added with :meth:`add`.
+    """
+
+    def __init__(self, **asset: Any) -> None:
+        self.tree: dict[str, Any] = {"asset": {"version": "2.0", **asset}}
+        self._chunks: list[bytes] = []
+        self._size = 0
+
+    def add(self, kind: str, entry: dict[str, Any]) -> int:
+        """Append an entry to a list of the tree ("nodes", "meshes", ...), and return its index."""
+        entries = self.tree.setdefault(kind, [])
+        entries.append(entry)
+        return len(entries) - 1
+
+    def view(self, content: bytes, target: int | None = None) -> int:
+        """Append bytes to the binary chunk, and return the index of their buffer view."""
+        entry = {"buffer": 0, "byteOffset": self._size, "byteLength": len(content)}
+        if target is not None:
+            entry["target"] = target
+        padded = content + b"\0" * (-len(content) % 4)
+        self._chunks.append(padded)
+        self._size += len(padded)
+        return self.add("bufferViews", entry)
+
+    def accessor(
+        self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
+    ) -> int:
+        """Append an array (N, ...) of float32 or unsigned integers, and return the index of its accessor.
+
+        Args:
+            values: matrices are (N, 4, 4), by rows.
+            target: ARRAY, INDICES or None.
+            bounds: whether to state minimum and maximum, which positions must have.
+            normalized: whether integers stand for 0 to 1.
+        """
+        values = np.ascontiguousarray(np.swapaxes(values, -1, -2) if values.ndim == 3 else values)
+        entry: dict[str, Any] = {
+            "bufferView": self.view(values.tobytes(), target),
+            "componentType": _COMPONENTS[values.dtype.name],
+            "count": len(values),
+            "type": _TYPES[values.shape[1:]],
+        }
+        if normalized:
+            entry["normalized"] = True
+        if bounds:
+            entry |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
+        return self.add("accessors", entry)
+
+    def content(self) -> bytes:
+        """Return the GLB file."""
+        tree = self.tree | ({"buffers": [{"byteLength": self._size}]} if self._size else {})
+        text = json.dumps(tree, separators=(",", ":"), allow_nan=False).encode()
+        text += b" " * (-len(text) % 4)
+        binary = b"".join(self._chunks)
+        parts = struct.pack("<II", len(text), 0x4E4F534A) + text
+        if binary:
+            parts += struct.pack("<II", len(binary), 0x004E4942) + binary
+        return struct.pack("<III", 0x46546C67, 2, 12 + len(parts)) + parts

@@ -1,0 +1,145 @@
+"""Closed convex collision meshes of a scene: flat patches of its surface, thickened away from the camera.
+
+Physics engines collide with the convex hull of a mesh, so that a room as one mesh would be a solid block. The pixels
+are divided like a quadtree until the surface in each square is flat; each patch with its thickness is then nearly
+convex, and its hull is the collision shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Reconstruction
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Tile", "convex_tiles"]
+
+THICKNESS_M = 0.1
+"""Depth of a tile behind the surface; what is behind it is not known."""
+
+FLAT_M, FLAT_SHARE = 0.02, 0.01
+"""Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if that is more."""
+
+MIN_FILLED = 0.8
+"""Minimum share of a square that the surface covers, so that no tile spans a hole or an edge in depth."""
+
+FLOOR_M = 0.04
+"""Points lower than this over the floor are the floor, which is an infinite plane of its own."""
+
+_MAX_VERTICES = 20_000
+_LARGEST = 32
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Closed convex mesh, counter-clockwise seen from outside, in the camera frame.
+
+    Attributes:
+        vertices: (V, 3) metres.
+        faces: (F, 3).
+        color: (3,) mean sRGB in 0-1.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    color: Array
+
+
+def convex_tiles(result: Reconstruction) -> list[Tile]:
+    """Return the tiles of the scene above the floor."""
+    surface = mesh_scene(result.scene, depth_limit(result), _MAX_VERTICES)
+    if not len(surface.faces):
+        return []
+    points = surface.vertices.astype(np.float64)
+    cells = _cells(surface)
+    colors = result.scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255
+    floor = result.scene.floor
+    heights = np.full(len(points), np.inf)
+    if floor is not None:
+        heights = points @ np.asarray(floor.normal, np.float64) + floor.offset
+    tiles: list[Tile] = []
+    for square in _top_squares(cells, np.arange(len(cells)), _LARGEST):
+        _divide(square, _LARGEST, cells, surface.faces, points, heights, colors, tiles)
+    return tiles
+
+
+def _cells(surface: SceneMesh) -> NDArray[np.int64]:
+    """Return the row and column (F, 2) of the grid square that each face lies in."""
+    columns = np.unique(surface.pixels[:, 0])
+    stride = int(np.diff(columns).min()) if len(columns) > 1 else 1
+    corners = surface.pixels[surface.faces]
+    lowest: NDArray[np.int64] = corners.min(1)[:, ::-1] // stride
+    return lowest
+
+
+def _top_squares(cells: NDArray[np.int64], faces: NDArray[np.int64], side: int) -> list[NDArray[np.int64]]:
+    """Divide faces by the square of ``side`` cells that they lie in."""
+    square = cells[faces] // side
+    key = square[:, 0] * (1 << 20) + square[:, 1]
+    order = np.argsort(key, kind="stable")
+    return np.split(faces[order], np.flatnonzero(np.diff(key[order])) + 1)
+
+
+def _divide(
+    inside: NDArray[np.int64],
+    side: int,
+    cells: NDArray[np.int64],
+    faces: NDArray[np.int64],
+    points: Array,
+    heights: Array,
+    colors: Array,
+    tiles: list[Tile],
+) -> None:
+    """Append the tiles of the faces in one square; divide the square in four if they are not flat."""
+    used = np.unique(faces[inside])
+    if heights[used].max() < FLOOR_M:
+        return
+    filled = len(inside) / (2 * side * side)
+    flat = max(FLAT_M, FLAT_SHARE * float(points[used, 2].mean()))
+    if side == 1 or (filled >= MIN_FILLED and _deviation(points[used]) <= flat):
+        tile = _thicken(points[used], colors[used].mean(0))
+        if tile is not None:
+            tiles.append(tile)
+        return
+    for quarter in _top_squares(cells, inside, side // 2):
+        _divide(quarter, side // 2, cells, faces, points, heights, colors, tiles)
+
+
+def _plane_axis(points: Array) -> Array:
+    """Return the unit normal (3,) of the plane through points, away from the camera."""
+    centered = points - points.mean(0)
+    normal: Array = np.linalg.eigh(centered.T @ centered)[1][:, 0]
+    return normal if normal @ points.mean(0) > 0 else -normal
+
+
+def _deviation(points: Array) -> float:
+    centered = points - points.mean(0)
+    return float(np.abs(centered @ _plane_axis(points)).max())
+
+
+def _thicken(points: Array, color: Array) -> Tile | None:
+    """Return the convex hull of points and of the same points moved away from the camera; None if it is degenerate."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    both = np.concatenate([points, points + THICKNESS_M * _plane_axis(points)])
+    try:
+        hull = ConvexHull(both)
+    except QhullError:  # all points on one line
+        return None
+    new = np.full(len(both), -1)
+    new[hull.vertices] = np.arange(len(hull.vertices))
+    faces, vertices = new[hull.simplices], both[hull.vertices]
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = (normals * hull.equations[:, :3]).sum(1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return Tile(vertices, faces.astype(np.int64), color)

@@ -1,0 +1,148 @@
+"""Export a reconstruction: check the request, call the exporter, write its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import InputError, OutputError
+from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.visual.export.formats import Format, find_format
+from physic_core.visual.export.request import ExportedFiles, ExportRequest, export_frame
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
+
+__all__ = ["Exported", "export_reconstruction"]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export.
+
+    Attributes:
+        files: paths of the written files.
+        notes: sentences about frame, fit errors and what was left out.
+    """
+
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def export_reconstruction(
+    result: Reconstruction,
+    path: str | os.PathLike[str],
+    format: str | None = None,
+    *,
+    person: int | Sequence[int] | None = None,
+    up: str | None = None,
+    scene: bool = True,
+    body_model: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+) -> Exported:
+    """Write a reconstruction to a file of another program's format.
+
+    Args:
+        result: the reconstruction.
+        path: of the file, or a folder, which then needs ``format``. With several people, formats of one person per file
+            add "_0", "_1", ... to the name.
+        format: name of the format ("glb", "amass", ...); None for that of the suffix.
+        person: index or indices into ``result.people``; None for all people with a body.
+        up: "y", "z" or "camera"; None for the convention of the format.
+        scene: whether to write the scene too, where the format has one.
+        body_model: SMPL-X file of the user, which some exports need.
+        overwrite: whether to replace files.
+
+    Raises:
+        InputError: the format is unknown, the result lacks what it needs, or a library is missing.
+        OutputError: a file exists already, or cannot be written.
+        BodyModelError: the body model file cannot be used.
+    """
+    path = Path(path)
+    is_folder = path.is_dir()
+    kind = find_format(format, "" if is_folder else path.suffix)
+    folder, stem, suffix = (path, kind.stem, kind.suffixes[0]) if is_folder else _split(path, kind)
+    if not kind.available:
+        raise InputError(
+            f"export to {kind.name} needs the package that has the module '{kind.module}': install it with "
+            f"`pip install -e '.[{kind.extra}]'` in a checkout of PhySIC"
+        )
+    people, notes = _people(result, person, kind)
+    frame = export_frame(result.scene.floor, _up_axis(kind, up))
+    request = ExportRequest(
+        result, people, frame, stem, suffix, scene, None if body_model is None else Path(body_model).expanduser()
+    )
+    module, _, function = kind.target.partition(":")
+    made: ExportedFiles = getattr(import_module(module), function)(request)
+    return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
+
+
+def _split(path: Path, kind: Format) -> tuple[Path, str, str]:
+    """Return folder, stem and suffix of the file.
+
+    Raises:
+        InputError: the suffix belongs to another format.
+    """
+    if path.suffix.lower() not in kind.suffixes:
+        raise InputError(
+            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format {kind.name} must: "
+            "name another file"
+        )
+    return path.parent, path.stem, path.suffix.lower()
+
+
+def _people(
+    result: Reconstruction, person: int | Sequence[int] | None, kind: Format
+) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Return the indices of the people to write, and notes about those left out.
+
+    Raises:
+        InputError: a person does not exist or has no body, or nobody has one and the format needs it.
+    """
+    count = len(result.people)
+    bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
+    wanted = range(count) if person is None else [person] if isinstance(person, int) else list(dict.fromkeys(person))
+    for index in wanted:
+        if not 0 <= index < count:
+            there = f"people are numbered 0 to {count - 1}" if count else "nobody is in this result"
+            raise InputError(f"there is no person {index}: {there}")
+        if person is not None and index in bodiless and kind.name != "coco":
+            raise InputError(
+                f"person {index} has no body, only a box and keypoints: the body estimator returned no finite values "
+                "for them; export them with --to coco, or choose another person"
+            )
+    if kind.name == "coco":
+        return tuple(wanted), ()
+    kept = tuple(index for index in wanted if index not in bodiless)
+    if kind.bodies and not kept:
+        why = "nobody in this result has a body" if count else "nobody is in this result"
+        raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
+    left = sorted(bodiless.intersection(wanted))
+    return kept, tuple(f"person {index} has no body and is left out" for index in left)
+
+
+def _up_axis(kind: Format, up: str | None) -> str:
+    if up is not None and up not in kind.ups:
+        raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
+    return up or kind.ups[0]
+
+
+def _write(folder: Path, made: ExportedFiles, overwrite: bool) -> tuple[Path, ...]:
+    paths = tuple(folder / name for name in made.files)
+    existing = [str(path) for path in paths if os.path.lexists(path)]
+    if existing and not overwrite:
+        raise OutputError(
+            f"{', '.join(existing)} exists already: name another file (-o), or replace it with --overwrite "
+            "(overwrite=True in Python)"
+        )
+    check_writable(folder)
+    with atomic_write(folder) as temporary:
+        for name, content in made.files.items():
+            temporary(name).write_bytes(content)
+    return paths

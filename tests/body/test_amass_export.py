@@ -1,0 +1,145 @@
+"""SMPL-X parameters as AMASS npz: with a made-up SMPL-X file, read again by our own reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from other_body import OtherBody, smplx_file_arrays
+from scipy.spatial import cKDTree
+
+from physic_core import Reconstruction, load_config, reconstruct
+from physic_core.body import load_body
+from physic_core.body.conversion import convert_bodies
+from physic_core.body.model import BodyModel
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.errors import InputError
+from physic_core.geometry.upright import transform_points
+from physic_core.types import Bodies, BodyParameters
+from physic_core.visual.export.amass import read_amass
+from physic_core.visual.export.request import export_frame
+from physic_testing.worlds import build_world
+
+
+@pytest.fixture(scope="module")
+def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = tmp_path_factory.mktemp("smplx") / "SMPLX_FEMALE.npz"
+    np.savez(path, **smplx_file_arrays(other))
+    yield path
+    path.unlink()  # pytest keeps folders of old runs
+
+
+@pytest.fixture(scope="module")
+def result() -> Reconstruction:
+    world = build_world("sit_side_by_side", 0, (160, 120))
+    overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]
+    return reconstruct(world.image, load_config(preset="mock", overrides=overrides))
+
+
+@pytest.fixture(scope="module")
+def model(file: Path) -> BodyModel:
+    return load_body(file)
+
+
+@pytest.fixture(scope="module")
+def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstruction:
+    """The same people as bodies of the file, as a run with [body_model] path gives them."""
+    people = []
+    for person in result.people:
+        parameters = convert_bodies(Bodies(person.parameters, "embedded"), model).parameters
+        vertices, joints = posed(model, parameters)
+        contact = np.zeros(len(vertices), bool)
+        people.append(replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact))
+    faces = model.faces.numpy().astype(np.int32)
+    people = [replace(person, faces=faces) for person in people]
+    config = {"body_model": {"path": str(file)}}
+    return replace(result, people=tuple(people), faces=faces, body_model="smplx", config=config)
+
+
+def posed(model: BodyModel, parameters: BodyParameters) -> tuple[np.ndarray, np.ndarray]:
+    given = (torch.from_numpy(np.array(getattr(parameters, n), np.float64)) for n in ("betas", "transl", "expression"))
+    rotations = rotations_from_parameters(parameters, dtype=torch.float64)
+    out = model.to(dtype=torch.float64)(rotations, *given)
+    return out.vertices[0].numpy(), out.joints[0].numpy()
+
+
+@pytest.mark.parametrize("up", ["z", "camera"])
+def test_our_reader_gives_the_same_bodies(converted: Reconstruction, model: BodyModel, tmp_path: Path, up: str):
+    done = converted.export(str(tmp_path / "a.npz"), up=up)
+    frame = export_frame(converted.scene.floor, up)
+    for path, person in zip(done.files, converted.people, strict=True):
+        vertices, joints = posed(model, read_amass(path))
+        np.testing.assert_allclose(vertices, transform_points(frame.from_camera, person.vertices), atol=1e-5)
+        with np.load(path) as arrays:
+            pelvis = arrays["pelvis"] + arrays["trans"][0]
+            assert float(arrays["fit_error_m"]) == 0
+        np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
+
+
+def test_embedded_bodies_are_fitted_and_the_error_is_stated(
+    result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path, maps: None
+):
+    done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
+    vertices, joints = posed(model, read_amass(done.files[0]))
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    with np.load(done.files[0]) as arrays:
+        error = float(arrays["fit_error_m"])
+        assert str(arrays["gender"]) == "female"
+        assert str(arrays["surface_model_type"]) == "smplx"
+        assert arrays["poses"].shape == (1, 165)
+        assert arrays["trans"].shape == (1, 3)
+        assert arrays["betas"].shape == (10,)
+        assert float(arrays["mocap_frame_rate"]) == 30
+    assert 0 < error < 0.01
+    assert done.notes == (
+        f"person 1: fitted with SMPL-X, surface within {1000 * error:.0f} mm on average",
+        "frame: x right, y forward, z up, origin on the floor below the camera; the root turns about the pelvis joint; "
+        "gender female, from the file",
+    )
+    distance, _ = cKDTree(transform_points(matrix, result.people[1].vertices)).query(vertices)
+    assert np.median(distance) < 0.012
+    assert np.abs(joints[0] - transform_points(matrix, result.people[1].joints[0])).max() < 0.06
+
+
+def test_without_a_file_the_message_says_what_is_needed_and_why(result: Reconstruction, tmp_path: Path):
+    with pytest.raises(InputError) as refused:
+        result.export(str(tmp_path / "a.npz"))
+    assert str(refused.value) == (
+        "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, which PhySIC may not "
+        "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz (--body-model FILE, or "
+        "body_model= in Python). The file is free for research from the SMPL-X project, after registration. "
+        "Without it, --to glb and --to bvh have the same pose"
+    )
+
+
+def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction, smplx_v10: Path, tmp_path: Path):
+    with pytest.raises(InputError, match=r"^the body model gives vertices \d+ mm from those of the result: give the "):
+        converted.export(str(tmp_path / "a.npz"), body_model=smplx_v10)
+
+
+def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction, tmp_path: Path):
+    done = converted.export(str(tmp_path / "a.glb"), scene=False)
+    assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0", "person_1"}
+    lost = replace(converted, config={})
+    with pytest.raises(InputError) as refused:
+        lost.export(str(tmp_path / "b.glb"))
+    assert str(refused.value) == (
+        "the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and the result does not name it: give "
+        "its path (--body-model FILE, or body_model= in Python)"
+    )
+
+
+def test_what_is_no_amass_file_is_refused(tmp_path: Path):
+    path = tmp_path / "a.npz"
+    path.write_text("no")
+    with pytest.raises(InputError, match=r"^cannot read .*a\.npz: it is no npz file of arrays"):
+        read_amass(path)
+    np.savez(path, poses=np.zeros((1, 156)), betas=np.zeros(10), trans=np.zeros((1, 3)))
+    with pytest.raises(InputError) as refused:
+        read_amass(path)
+    assert str(refused.value) == f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"

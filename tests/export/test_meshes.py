@@ -1,0 +1,76 @@
+"""PLY and OBJ: colours, normals, metres; read by plyfile and trimesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from physic_core import Reconstruction
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
+
+
+def wanted_vertices(result: Reconstruction, person: int, up: str) -> np.ndarray:
+    return transform_points(export_frame(result.scene.floor, up).from_camera, result.people[person].vertices)
+
+
+def test_plyfile_reads_points_colours_normals_and_contact(export, result: Reconstruction):
+    plyfile = pytest.importorskip("plyfile")
+    data = plyfile.PlyData.read(str(export("a.ply", up="camera").files[0]))
+    rows = data["vertex"].data
+    scene, own = rows["object"] == -1, rows["object"] == 1
+    valid = result.scene.valid
+    points = np.stack([rows[name] for name in "xyz"], 1)
+    np.testing.assert_array_equal(points[scene], result.scene.points[valid])
+    np.testing.assert_array_equal(
+        np.stack([rows[c] for c in ("red", "green", "blue")], 1)[scene], result.scene.colors[valid]
+    )
+    normals = np.stack([rows[f"n{name}"] for name in "xyz"], 1)
+    np.testing.assert_allclose(normals[scene], result.scene.normals[valid], atol=1e-6)
+    np.testing.assert_array_equal(points[own], result.people[1].vertices)
+    np.testing.assert_array_equal(rows["contact"][own], result.people[1].contact)
+    assert [c for c in data.comments if c.startswith("axes")] == [
+        "axes: x right, y down, z forward, origin at the camera"
+    ]
+    floor = result.scene.floor
+    numbers = next(c for c in data.comments if c.startswith("floor")).split()
+    np.testing.assert_allclose([float(numbers[k]) for k in (1, 4, 7, 10)], [*floor.normal, floor.offset], atol=1e-5)
+
+
+def test_the_floor_of_an_upright_ply_is_y_equals_0(export):
+    head = export("a.ply", scene=False).files[0].read_bytes()[:600].decode("ascii", "replace")
+    assert "comment floor: 0 x + 1 y + 0 z + 0 = 0\n" in head
+    assert "comment axes: x right, y up, z backward, origin on the floor below the camera\n" in head
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.obj"])
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result: Reconstruction, name: str, up: str):
+    path = export(name, up=up, scene=False, person=0).files[0]
+    mesh = trimesh.load(path, process=False, force="mesh")
+    wanted = wanted_vertices(result, 0, up)
+    np.testing.assert_allclose(mesh.vertices, wanted, atol=1e-5)
+    assert mesh.volume == pytest.approx(trimesh.Trimesh(wanted, result.faces, process=False).volume, rel=1e-3)
+    assert mesh.volume > 0
+    colors = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(int)
+    np.testing.assert_array_equal(colors[:, 0] > 2 * colors[:, 1], result.people[0].contact)
+
+
+def test_an_obj_has_an_object_for_scene_and_people_with_unit_normals(export, result: Reconstruction):
+    text = Path(export("a.obj").files[0]).read_text()
+    assert [line[2:] for line in text.splitlines() if line.startswith("o ")] == ["scene", "person_0", "person_1"]
+    normals = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("vn ")], float)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=2e-4)
+    assert text.splitlines()[0] == (
+        "# PhySIC; unit: metre; axes: x right, y up, z backward, origin on the floor below the camera"
+    )
+
+
+def test_a_scene_without_a_valid_pixel_leaves_people(export, result: Reconstruction):
+    empty = replace(result, scene=replace(result.scene, valid=np.zeros_like(result.scene.valid)))
+    for name in ("a.ply", "a.obj", "a.glb"):
+        assert export(name, of=empty).files[0].stat().st_size > 1000

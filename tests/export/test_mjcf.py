@@ -1,0 +1,129 @@
+"""MJCF: closed convex meshes, and what falls on floor and furniture stays there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial import cKDTree
+
+from physic_core import Reconstruction
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
+from physic_core.visual.export.tiles import FLAT_M, FLOOR_M, convex_tiles
+
+RADIUS = 0.05
+
+
+@pytest.fixture(scope="module")
+def text(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0].read_text()
+
+
+def upright_points(result: Reconstruction) -> np.ndarray:
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    points = transform_points(matrix, result.scene.points)
+    return np.where(result.scene.valid[..., None], points, np.nan)
+
+
+def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstruction):
+    tiles = convex_tiles(result)
+    assert 20 < len(tiles) < 2500
+    for tile in tiles:
+        mesh = trimesh.Trimesh(tile.vertices, tile.faces, process=False)
+        assert mesh.is_watertight
+        assert mesh.is_winding_consistent
+        assert mesh.volume > 0
+    floor = result.scene.floor
+    assert floor is not None
+    heights = result.scene.points @ floor.normal + floor.offset
+    # The surface above the floor is in the tiles, which have no more than the tolerance in front of it.
+    above = result.scene.points[result.scene.valid & (heights > 2 * FLOOR_M)][::40].astype(np.float64)
+    every = trimesh.util.concatenate([trimesh.Trimesh(tile.vertices, tile.faces, process=False) for tile in tiles])
+    hits = trimesh.ray.ray_pyembree.RayMeshIntersector(every).intersects_first(np.zeros_like(above), above)
+    corner = every.triangles[hits, 0]
+    apart = np.abs(((corner - above) * every.face_normals[hits]).sum(1))[hits >= 0]
+    assert (hits >= 0).mean() > 0.97
+    print(np.quantile(apart, [0.5, 0.9, 0.95, 0.99]))
+    assert np.quantile(apart, 0.9) < 2 * FLAT_M
+
+
+def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    points = upright_points(result).reshape(-1, 3)
+    points = points[np.isfinite(points).all(1)]
+    obstacles = np.concatenate([points[points[:, 2] > 0.05], *(p.reshape(-1, 3) for p in people_points(result))])
+    low = points[np.abs(points[:, 2]) < 0.02]
+    free = low[np.argmax(cKDTree(obstacles[:, :2]).query(low[:, :2])[0])]
+    seat = flat_spot(points, people_points(result))
+    places = {"floor": (free[0], free[1], 0.6), "seat": (seat[0], seat[1], seat[2] + 0.2)}
+    shapes = {"floor": f'type="sphere" size="{RADIUS}"', "seat": f'type="box" size="{RADIUS} {RADIUS} {RADIUS}"'}
+    balls = "".join(
+        f'<body name="{name}" pos="{x} {y} {z}"><freejoint/><geom {shapes[name]}/></body>'
+        for name, (x, y, z) in places.items()
+    )
+    model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", f"{balls}</worldbody>"))
+    data = mujoco.MjData(model)
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(data.body("floor").xpos, [free[0], free[1], RADIUS], atol=0.01)
+    assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
+
+
+def people_points(result: Reconstruction) -> list[np.ndarray]:
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    return [transform_points(matrix, person.vertices) for person in result.people]
+
+
+def flat_spot(points: np.ndarray, people: list[np.ndarray]) -> np.ndarray:
+    """The point over 0.2 m whose neighbours within 10 cm are flattest, away from people."""
+    tree, bodies = cKDTree(points[:, :2]), cKDTree(np.concatenate(people)[:, :2])
+    candidates = points[(points[:, 2] > 0.2) & (points[:, 2] < 1.0)]
+    candidates = candidates[bodies.query(candidates[:, :2])[0] > 0.15][::5]
+    spread = [np.ptp(points[tree.query_ball_point(spot[:2], 0.1), 2]) for spot in candidates]
+    return candidates[int(np.argmin(spread))]
+
+
+def test_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    for index, person in enumerate(result.people):
+        body = data.body(f"person_{index}")
+        np.testing.assert_allclose(body.xpos, transform_points(matrix, person.joints[0]), atol=1e-5)
+        assert model.body(f"person_{index}").mocapid[0] == index
+        skin = model.geom(f"person_{index}_skin").id
+        mesh = model.geom_dataid[skin]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        local = model.mesh_vert[first : first + count]
+        posed = local @ data.geom_xmat[skin].reshape(3, 3).T + data.geom_xpos[skin]
+        np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
+        collide = [i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")]
+        assert sum(model.geom_contype[i] > 0 for i in collide) == 14
+
+
+def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    camera = result.intrinsics
+    assert model.cam("photo").fovy[0] == pytest.approx(
+        2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    up = export_frame(result.scene.floor, "z").from_camera
+    np.testing.assert_allclose(data.cam("photo").xpos, up[:3, 3], atol=1e-5)
+    np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)
+
+
+def test_a_result_without_a_surface_is_a_floor_with_people(export, result: Reconstruction):
+    without = export("a.xml", scene=False, person=1).files[0].read_text()
+    assert 'name="scene_0"' not in without
+    assert 'name="person_1"' in without
+    assert 'name="person_0"' not in without
+    assert Path(export("b.mjcf", scene=False).files[0]).suffix == ".mjcf"

@@ -1,0 +1,237 @@
+"""Formats, people, frames and files of an export, and what is refused."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core import Reconstruction
+from physic_core.cli import main
+from physic_core.errors import InputError, OutputError
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export import write
+from physic_core.visual.export.formats import FORMATS, find_format
+from physic_core.visual.export.request import camera_pose, export_frame
+
+NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd"
+
+
+def physic(*arguments: object) -> Result:
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+def without_floor(result: Reconstruction) -> Reconstruction:
+    return replace(result, scene=replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32)))
+
+
+def without_body(result: Reconstruction, index: int) -> Reconstruction:
+    person = result.people[index]
+    lost = replace(person, vertices=np.full_like(person.vertices, np.nan), contact=np.zeros_like(person.contact))
+    return replace(result, people=tuple(lost if i == index else p for i, p in enumerate(result.people)))
+
+
+# --- formats ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_list_names_every_format_with_suffix_and_needs():
+    done = physic("export", "--list")
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    assert [line.split()[0] for line in lines] == ["format", *(each.name for each in FORMATS)]
+    assert "SMPL-X file of yours (--body-model)" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "name"),
+    [(".npz", "amass"), (".bvh", "bvh"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply"), (".usdz", "usd")],
+)
+def test_a_suffix_selects_a_format(suffix: str, name: str):
+    assert find_format(None, suffix).name == name
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix", "message"),
+    [
+        (None, ".json", "a file .json can be coco or hot: state which (--to, or format= in Python)"),
+        (
+            None,
+            ".stl",
+            f"no export format is given, and '.stl' is the suffix of none: choose one of {NAMES} (--to, or format= in "
+            "Python)",
+        ),
+        (
+            None,
+            "",
+            f"no export format is given, and the path has no suffix: choose one of {NAMES} (--to, or format= in "
+            "Python)",
+        ),
+        ("smplx", "", f"there is no export format 'smplx': choose one of {NAMES}"),
+        (
+            "fbx",
+            "",
+            "cannot export to 'fbx': FBX is a closed format that PhySIC does not write: export the skinned GLB (--to "
+            "glb) and convert it with Blender, as docs/exports.md shows",
+        ),
+        (
+            None,
+            ".pkl",
+            "cannot export to 'pkl': pickles can run code when they are read: use --to amass, which writes .npz",
+        ),
+    ],
+)
+def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: str):
+    with pytest.raises(InputError) as refused:
+        find_format(name, suffix)
+    assert str(refused.value) == message
+
+
+def test_a_missing_library_names_its_extra(result: Reconstruction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    absent = replace(find_format("usd"), module="no_such_module")
+    monkeypatch.setattr(write, "find_format", lambda *_: absent)
+    with pytest.raises(InputError) as refused:
+        result.export(str(tmp_path / "a.usda"))
+    assert str(refused.value) == (
+        "export to usd needs the package that has the module 'no_such_module': install it with "
+        "`pip install -e '.[usd]'` in a checkout of PhySIC"
+    )
+
+
+# --- people and frames ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("lost", "options", "message"),
+    [
+        ((), {"person": 2}, "there is no person 2: people are numbered 0 to 1"),
+        (
+            (0,),
+            {"person": 0},
+            "person 0 has no body, only a box and keypoints: the body estimator returned no finite values for them; "
+            "export them with --to coco, or choose another person",
+        ),
+        ((0, 1), {}, "cannot export to bvh, which holds people: nobody in this result has a body"),
+        ((), {"up": "camera"}, "bvh is written with --up y or z, not 'camera'"),
+    ],
+)
+def test_what_a_format_needs_of_people(
+    result: Reconstruction, tmp_path: Path, lost: tuple[int, ...], options: dict[str, object], message: str
+):
+    for index in lost:
+        result = without_body(result, index)
+    with pytest.raises(InputError) as refused:
+        result.export(str(tmp_path / "a.bvh"), **options)
+    assert str(refused.value) == message
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction, export, tmp_path: Path):
+    done = export("a.bvh", of=without_body(result, 0))
+    assert done.files == (tmp_path / "a.bvh",)
+    assert done.notes[0] == "person 0 has no body and is left out"
+
+
+def test_an_empty_scene_has_nobody_to_export(result: Reconstruction, tmp_path: Path):
+    with pytest.raises(InputError, match=r"^cannot export to bvh, which holds people: nobody is in this result$"):
+        replace(result, people=()).export(str(tmp_path / "a.bvh"))
+    with pytest.raises(InputError, match=r"^there is no person 0: nobody is in this result$"):
+        replace(result, people=()).export(str(tmp_path / "a.glb"), person=0)
+
+
+def test_z_up_needs_a_floor(result: Reconstruction, tmp_path: Path):
+    with pytest.raises(InputError) as refused:
+        without_floor(result).export(str(tmp_path / "a.xml"))
+    assert str(refused.value) == (
+        "z up needs the direction of gravity, which is the normal of the floor, and this result has no floor: "
+        "use a format with --up y (y is then the camera's up axis) or --up camera"
+    )
+
+
+def test_y_up_without_a_floor_is_the_camera_and_says_so(result: Reconstruction, export):
+    done = export("a.glb", of=without_floor(result))
+    assert done.notes == ("the result has no floor: y is the camera's up axis, and the origin is the camera",)
+
+
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_frames_are_rigid_and_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
+    floor = result.scene.floor
+    assert floor is not None
+    frame = export_frame(floor, up)
+    turn = frame.from_camera[:3, :3]
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    heights = points @ floor.normal + floor.offset
+    np.testing.assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)
+    # The camera looks along its -z: a point ahead of it in the photo is there.
+    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1)
+    np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
+    assert export("a.bvh").files == (tmp_path / "a_0.bvh", tmp_path / "a_1.bvh")
+    assert export("b.bvh", person=1).files == (tmp_path / "b.bvh",)
+    assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
+
+
+def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
+    (tmp_path / "a.obj").write_text("mine")
+    with pytest.raises(OutputError) as refused:
+        export("a.obj")
+    assert str(refused.value) == (
+        f"{tmp_path / 'a.obj'} exists already: name another file (-o), or replace it with --overwrite (overwrite=True "
+        "in Python)"
+    )
+    assert (tmp_path / "a.obj").read_text() == "mine"
+    export("a.obj", overwrite=True, scene=False)
+    assert (tmp_path / "a.obj").read_text().startswith("# PhySIC")
+
+
+def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
+    with pytest.raises(InputError) as refused:
+        export("a.ply", "obj")
+    assert str(refused.value) == (
+        f"{tmp_path / 'a.ply'} does not end in .obj, as a file of the format obj must: name another file"
+    )
+
+
+def test_the_command_writes_into_the_result_and_prints_the_files(saved: Path):
+    done = physic("export", saved, "--to", "coco", "--person", 1)
+    assert done.exit_code == 0, done.output
+    names = [Path(line.split("  (")[0]).name for line in done.output.splitlines()]
+    assert names == ["coco.json", "coco.png"]
+    again = physic("export", saved, "--to", "coco", "--person", 1)
+    assert (again.exit_code, again.output.startswith("Error: ")) == (2, True)
+    for name in names:
+        os.remove(saved / name)
+    Reconstruction.load(str(saved))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("out",), 2, "Error: no format is given: name one with --to, or a file with -o; --list prints the formats"),
+        (
+            ("out", "-o", "a.json"),
+            3,
+            "Error: a file .json can be coco or hot: state which (--to, or format= in Python)",
+        ),
+        (
+            ("nowhere", "--to", "glb"),
+            3,
+            f"Error: cannot read {Path('nowhere') / 'reconstruction.json'}: there is no such file; name the folder of "
+            "a finished run",
+        ),
+    ],
+)
+def test_wrong_arguments(arguments: tuple[str, ...], code: int, message: str):
+    done = physic("export", *arguments)
+    assert done.exit_code == code
+    assert done.output.splitlines()[-1] == message

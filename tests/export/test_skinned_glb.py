@@ -1,0 +1,160 @@
+"""Skinned GLB: read by pygltflib and trimesh, and checked by Khronos' validator."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import roma
+import torch
+import trimesh
+
+from physic_core import Reconstruction
+from physic_core.body.joints import JOINT_NAMES
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
+from physic_core.visual.export.skinned_glb import influences
+
+pygltflib = pytest.importorskip("pygltflib")
+
+DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+@pytest.fixture(scope="module")
+def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return result.export(str(tmp_path_factory.mktemp("glb") / "a.glb")).files[0]
+
+
+@pytest.fixture(scope="module")
+def tree(file: Path):
+    return pygltflib.GLTF2().load(str(file))
+
+
+def array(tree, index: int) -> np.ndarray:
+    accessor = tree.accessors[index]
+    view = tree.bufferViews[accessor.bufferView]
+    width = WIDTH[accessor.type]
+    start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
+    values = np.frombuffer(tree.binary_blob(), DTYPES[accessor.componentType], accessor.count * width, start)
+    return values.reshape(accessor.count, width)
+
+
+def node_poses(tree) -> dict[int, np.ndarray]:
+    poses: dict[int, np.ndarray] = {}
+
+    def visit(index: int, parent: np.ndarray) -> None:
+        node, own = tree.nodes[index], np.eye(4)
+        if node.rotation:
+            own[:3, :3] = roma.unitquat_to_rotmat(torch.tensor(node.rotation, dtype=torch.float64)).numpy()
+        if node.translation:
+            own[:3, 3] = node.translation
+        poses[index] = parent @ own
+        for child in node.children or ():
+            visit(child, poses[index])
+
+    for index in tree.scenes[0].nodes:
+        visit(index, np.eye(4))
+    return poses
+
+
+def named(tree, name: str):
+    (index,) = (i for i, node in enumerate(tree.nodes) if node.name == name)
+    return index, tree.nodes[index]
+
+
+@pytest.mark.parametrize("person", [0, 1])
+def test_vertices_skinned_from_the_file_are_the_posed_vertices(tree, result: Reconstruction, person: int):
+    _, node = named(tree, f"person_{person}")
+    skin, attributes = tree.skins[node.skin], tree.meshes[node.mesh].primitives[0].attributes
+    inverse = array(tree, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    poses = node_poses(tree)
+    bones = np.stack([poses[joint] for joint in skin.joints]) @ inverse
+    joints, weights = array(tree, attributes.JOINTS_0), array(tree, attributes.WEIGHTS_0).astype(np.float64)
+    points = np.pad(array(tree, attributes.POSITION), ((0, 0), (0, 1)), constant_values=1.0)
+    posed = np.einsum("vk,vkij,vj->vi", weights, bones[joints], points)[:, :3]
+    frame = export_frame(result.scene.floor, "y")
+    wanted = transform_points(frame.from_camera, result.people[person].vertices)
+    np.testing.assert_allclose(posed, wanted, atol=1e-5)
+    np.testing.assert_allclose(weights.sum(1), 1.0, atol=1e-6)
+    wanted = transform_points(frame.from_camera, result.people[person].joints)
+    np.testing.assert_allclose(np.stack([poses[j][:3, 3] for j in skin.joints]), wanted, atol=1e-5)
+    assert [tree.nodes[joint].name for joint in skin.joints] == list(JOINT_NAMES)
+
+
+def test_contact_is_an_attribute_and_a_colour(tree, result: Reconstruction):
+    for index, person in enumerate(result.people):
+        attributes = tree.meshes[named(tree, f"person_{index}")[1].mesh].primitives[0].attributes
+        contact = array(tree, attributes._CONTACT)[:, 0]
+        assert 0 < person.contact.sum() < len(person.contact)
+        np.testing.assert_array_equal(contact, person.contact)
+        red, green = array(tree, attributes.COLOR_0)[:, :2].T.astype(int)
+        np.testing.assert_array_equal(red > 2 * green, person.contact)
+
+
+def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstruction):
+    """A vertex, projected by the camera node with its field of view, lands on its pixel."""
+    index, node = named(tree, "camera")
+    perspective = tree.cameras[node.camera].perspective
+    pose = node_poses(tree)[index]
+    frame = export_frame(result.scene.floor, "y")
+    vertices = result.people[0].vertices.astype(np.float64)
+    seen = transform_points(np.linalg.inv(pose), transform_points(frame.from_camera, vertices))
+    half = np.tan(perspective.yfov / 2)
+    x = seen[:, 0] / -seen[:, 2] / (half * perspective.aspectRatio)
+    y = seen[:, 1] / -seen[:, 2] / half
+    camera = result.intrinsics
+    pixels = np.stack([(x + 1) / 2 * camera.width - 0.5, (1 - y) / 2 * camera.height - 0.5], 1)
+    wanted = vertices @ camera.matrix.T
+    shift = [camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2]
+    np.testing.assert_allclose(pixels + shift, wanted[:, :2] / wanted[:, 2:], atol=1e-3)
+
+
+def test_trimesh_opens_it(file: Path, result: Reconstruction):
+    scene = trimesh.load_scene(file)
+    assert set(scene.geometry) == {"scene", "floor", "person_0", "person_1"}
+    assert scene.geometry["floor"].bounds[:, 1].tolist() == [0, 0]
+    np.testing.assert_allclose(scene.geometry["floor"].face_normals, [[0, 1, 0]] * 2)
+    assert len(scene.geometry["person_0"].vertices) == len(result.people[0].vertices)
+
+
+def test_without_the_scene_only_people_and_the_camera_are_left(export):
+    scene = trimesh.load_scene(export("a.glb", scene=False, person=1).files[0])
+    assert set(scene.geometry) == {"person_1"}
+
+
+def test_weights_of_many_joints_become_eight():
+    rng = np.random.default_rng(0)
+    weights = rng.random((10, 55)) ** 8
+    weights /= weights.sum(1, keepdims=True)
+    joints, kept = influences(weights)
+    assert joints.shape == kept.shape == (10, 8)
+    np.testing.assert_allclose(kept.sum(1), 1, atol=1e-6)
+    four = np.eye(55)[[3, 7]]
+    joints, kept = influences(four)
+    assert joints.tolist() == [[3, 0, 0, 0], [7, 0, 0, 0]]
+
+
+VALIDATE = """
+const validator = require('gltf-validator'), fs = require('fs');
+validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1])))
+    .then(report => console.log(JSON.stringify(report.issues)));
+"""
+
+
+def test_khronos_validator_has_nothing_to_report(file: Path):
+    node, npm = shutil.which("node"), shutil.which("npm")
+    if node is None or npm is None:
+        pytest.skip("needs node and npm")
+    modules = subprocess.run([npm, "root", "-g"], capture_output=True, text=True, check=True).stdout.strip()
+    if not (Path(modules) / "gltf-validator").is_dir():
+        pytest.skip("needs `npm install -g gltf-validator`")
+    command = [node, "-e", VALIDATE, str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env={"NODE_PATH": modules})
+    issues = json.loads(done.stdout)
+    assert issues["messages"] == []
+    assert issues["numErrors"] == issues["numWarnings"] == issues["numInfos"] == issues["numHints"] == 0
