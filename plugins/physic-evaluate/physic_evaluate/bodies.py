@@ -106,7 +106,9 @@ class BodyFiles:
             return _model("embedded")
         return _model(str(self.file("smplx"))) if topology == "smplx" and self.smplx is not None else None
 
-    def regressed_joints(self, vertices: Array, topology: str) -> tuple[Array, tuple[str, ...]] | None:
+    def regressed_joints(
+        self, vertices: Array, topology: str, gender: str = "neutral"
+    ) -> tuple[Array, tuple[str, ...]] | None:
         """Return joints (J, 3) and their names by the joint regressor on a posed mesh; None without the model file.
 
         The regressor is made for the T-pose: on a posed mesh it is an approximation.
@@ -114,7 +116,7 @@ class BodyFiles:
         if topology not in ("smplx", "smpl") or not self.has(topology):
             return None
         names = tuple(JOINT_NAMES) if topology == "smplx" else SMPL_NAMES
-        return _regressor(topology, self.file(topology)) @ vertices, names
+        return _regressor(topology, self.file(topology, gender)) @ vertices, names
 
     def smplx_body(self, parameters: Mapping[str, Any], gender: str = "neutral") -> PosedBody:
         """Pose SMPL-X.
@@ -178,7 +180,7 @@ def rotations_of(given: Any, count: int, name: str) -> Array:
 
     if given is None:
         return np.tile(np.eye(3), (count, 1, 1))
-    values = np.asarray(given, np.float64)
+    values = np.array(given, np.float64)  # a copy: SciPy takes no read-only arrays, which pickles hold
     if values.size == 3 * count:
         return rotvec_to_rotmat(values.reshape(count, 3))
     if values.size == 9 * count:

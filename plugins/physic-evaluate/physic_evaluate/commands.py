@@ -191,7 +191,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     contact_cm = _thresholds(given.contact_cm)
     if not given.root.is_dir():
         raise InputError(f"there is no folder {given.root}")
-    missing = chosen.check(given.root, options)
+    missing = chosen.check(given.root, options, pictures=given.preset is not None or not given.results)
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
         raise InputError(
@@ -230,6 +230,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         "contact_cm": contact_cm,
     }
     _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    files += chosen.write_more(evaluation, given.out, rules.carrier)
     click.echo((given.out / "table.txt").read_text(encoding="utf-8"))
     for file in files:
         if file.parent == given.out:

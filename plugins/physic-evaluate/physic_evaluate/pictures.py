@@ -70,5 +70,5 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         from physic_core.files.atomic import atomic_write, check_writable
 
         with atomic_write(check_writable(folder)) as temporary:
-            Image.fromarray(read_picture(picture)).save(temporary(path.name))
+            Image.fromarray(read_picture(picture)).save(temporary(path.name), format="PNG")
     return path

@@ -16,7 +16,7 @@ from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import LIMB_JOINTS
 from physic_evaluate.projection import box_iou, box_of_points, person_points, project
-from physic_evaluate.scene_surface import SceneIndex, contact_by_rule
+from physic_evaluate.scene_surface import RayCaster, SceneIndex, contact_by_rule
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,6 +40,9 @@ CURVE_CM = (1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
 """Thresholds of the plot of precision and recall."""
 
 FLOATING_REACH_M = 1.0
+HIDDEN_SAMPLES = 500
+HIDDEN_BEHIND_M = 0.05
+"""A vertex is hidden if the scene is nearer by so much: what touches a chair is not hidden by it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +105,7 @@ def score_frame(
         record = base_record(frame, method, person, reason or "nobody at this place")
         true_maps = true_contacts(frame, truth, person, rules)
         record["distance_m"] = _distance(person)
+        record["occlusion"] = hidden_share(frame, truth.scene, person)
         if row in matched and prediction is not None:
             found, reasons = prediction.people[matched[row]], _Reasons()
             record |= {"found": True, "reason": "", "grade": found.grade}
@@ -316,6 +320,21 @@ def _distance(person: TruePerson) -> float:
     return float(np.nanmedian(points[:, 2])) if len(points) and np.isfinite(points[:, 2]).any() else float("nan")
 
 
+def hidden_share(frame: Frame, scene: Surface | None, person: TruePerson) -> float | None:
+    """Return the share of some vertices that the scene hides from the camera, or that are outside the picture."""
+    if scene is None or not len(scene.faces) or frame.camera is None or person.vertices is None:
+        return None
+    camera = frame.camera
+    points = person.vertices[:: max(len(person.vertices) // HIDDEN_SAMPLES, 1)]
+    pixels = project(points, camera.K)
+    with np.errstate(invalid="ignore"):
+        outside = ~((pixels >= 0) & (pixels < [camera.width, camera.height])).all(-1)
+    way = camera.in_world(points) - camera.centre
+    length = np.linalg.norm(way, axis=1)
+    first = _caster(scene).first_hit(np.tile(camera.centre, (len(way), 1)), way / length[:, None])
+    return float((outside | (first < length - HIDDEN_BEHIND_M)).mean())
+
+
 def _rows(joints: Array | None, names: Sequence[str], wanted: Sequence[str]) -> Array:
     assert joints is not None
     return np.asarray(joints, np.float64)[[list(names).index(name) for name in wanted]]
@@ -336,6 +355,11 @@ def _no_way(what: str, source: str, target: str) -> str:
 @lru_cache(maxsize=2)
 def _index_of(scene: Surface) -> SceneIndex:
     return SceneIndex.build(scene)
+
+
+@lru_cache(maxsize=2)
+def _caster(scene: Surface) -> RayCaster:
+    return RayCaster.build(scene)
 
 
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:

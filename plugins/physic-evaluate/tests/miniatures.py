@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from click.testing import CliRunner, Result
@@ -64,3 +64,62 @@ def figures(out: Path, method: str) -> dict[str, float]:
 
     document = json.loads((out / "results.json").read_text())
     return {key: found["value"] for key, found in document["figures"][method].items() if found["count"]}
+
+
+def python2_pickle(path: Path, values: dict[str, Any]) -> None:
+    """Write a pickle as Python 2 with numpy 1 wrote it: texts and bytes are both "str"."""
+    import io
+    import pickle
+    import struct
+
+    class Python2(pickle._Pickler):  # type: ignore[misc, name-defined]
+        def save_text(self, value: Any) -> None:
+            data = value if isinstance(value, bytes) else value.encode("latin1")
+            self.write(pickle.BINSTRING + struct.pack("<i", len(data)) + data)
+            self.memoize(value)
+
+        dispatch: ClassVar[dict[Any, Any]] = {**pickle._Pickler.dispatch, str: save_text, bytes: save_text}  # type: ignore[attr-defined]
+
+    stream = io.BytesIO()
+    Python2(stream, protocol=2).dump(values)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(stream.getvalue().replace(b"cnumpy._core.", b"cnumpy.core."))
+
+
+def ring(contact: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Contact (V,) and all neighbours of its vertices: moved outward by one ring."""
+    grown = contact.copy()
+    grown[faces[contact[faces].any(1)]] = True
+    return grown
+
+
+def rotation(axis: str, degrees: float) -> np.ndarray:
+    """(3, 3) about x, y or z."""
+    a, (i, j) = np.radians(degrees), {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    R = np.eye(3)
+    R[[i, i, j, j], [i, j, i, j]] = np.cos(a), -np.sin(a), np.sin(a), np.cos(a)
+    return R
+
+
+def rigid(R: np.ndarray, t: Any) -> np.ndarray:
+    """(4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = R, t
+    return matrix
+
+
+def moved_by(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) after a rigid transform."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def moved_parameters(files: Files, matrix: np.ndarray, parameters: dict[str, Any], gender: str) -> dict[str, Any]:
+    """Parameters of the same body after a rigid transform."""
+    import roma
+    import torch
+
+    pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender).joints[0]
+    orient = roma.rotvec_to_rotmat(torch.tensor(np.array(parameters["global_orient"], np.float64))).numpy()
+    turned = roma.rotmat_to_rotvec(torch.from_numpy(matrix[:3, :3] @ orient)).numpy()
+    transl = matrix[:3, :3] @ (np.array(parameters["transl"]) + pelvis) + matrix[:3, 3] - pelvis
+    return {**parameters, "global_orient": turned, "transl": transl}

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
+    from physic_evaluate.carry import Carrier
     from physic_evaluate.contract import Frame, Prediction
+    from physic_evaluate.run import Evaluation
 
 __all__ = ["DataSet", "Description", "FrameSet", "Source", "option"]
 
@@ -80,8 +82,14 @@ class DataSet(ABC):
         """Return what to get where, under which terms, and the folders that are expected."""
 
     @abstractmethod
-    def check(self, root: Path, options: Any) -> list[str]:
-        """Return everything that is missing in ROOT, a sentence each; empty if nothing is."""
+    def check(self, root: Path, options: Any, *, pictures: bool = True) -> list[str]:
+        """Return everything that is missing in ROOT, a sentence each; empty if nothing is.
+
+        Args:
+            root: of the data set.
+            options: of the class ``Options``.
+            pictures: whether the pictures are needed, which results of methods can do without.
+        """
 
     @abstractmethod
     def frames(self, root: Path, options: Any, bodies: BodyFiles) -> FrameSet:
@@ -102,16 +110,15 @@ class DataSet(ABC):
         """
         return found
 
+    def write_more(self, evaluation: Evaluation, out: Path, carrier: Carrier) -> list[Path]:
+        """Write further files of this data set, such as a submission; by default none."""
+        return []
+
     def needs_results(self, found: FrameSet) -> bool:
         """Return whether :meth:`complete` changes anything."""
         return False
 
 
-def tree(*lines: str) -> str:
-    """Return lines as the text of a folder tree."""
-    return "\n".join(lines)
-
-
 def missing_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a sentence for each path (relative, what it is) that does not exist; patterns may match anything."""
-    return [f"{root / name}: {what}" for name, what in names if not any(root.glob(name))]
+    """Return a sentence for each path (relative, what it is) or pattern that nothing exists for."""
+    return [f"{root / name}: {what}" for name, what in names if next(root.glob(name), None) is None]

@@ -83,7 +83,7 @@ class Calibrated(DataSet):
             ),
         )
 
-    def check(self, root: Path, options: CalibratedOptions) -> list[str]:
+    def check(self, root: Path, options: CalibratedOptions, *, pictures: bool = True) -> list[str]:
         """Return the missing files."""
         if (root / "truth.json").is_file():
             records = _json(root / "truth.json")

@@ -17,6 +17,14 @@ __all__ = ["READERS", "open_reader", "reader_class"]
 READERS = (
     "physic",
     "plain",
+    "physic-release",
+    "physic-release-init",
+    "phy-sic",
+    "holistic-mesh",
+    "mover",
+    "hsfm",
+    "sam-3d-body",
+    "human3r",
 )
 """Names; each is a module of this package, with "_" for "-"."""
 

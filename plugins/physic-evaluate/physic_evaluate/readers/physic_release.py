@@ -1,0 +1,188 @@
+"""The results that the paper's first author published: physic-eval-release, npz files for PROX and RICH."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_evaluate.bodies import BodyFiles
+from physic_evaluate.contract import PredictedPerson, Prediction
+from physic_evaluate.readers.base import ResultReader, archive_arrays, first_file, person_of_body
+from physic_evaluate.scene_surface import INSIDE_REACH_M
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_evaluate.contract import Frame
+
+    Array = NDArray[np.float64]
+
+__all__ = ["READER", "PhysicRelease", "people_of_release", "point_contact", "release_file", "release_parameters"]
+
+JOINTS = {
+    "global_orient": 1,
+    "body_pose": 21,
+    "left_hand_pose": 15,
+    "right_hand_pose": 15,
+    "jaw_pose": 1,
+    "leye_pose": 1,
+    "reye_pose": 1,
+}
+TRANSLATION = ("cam_trans", "transl", "cam_transl", "translation", "trans")
+"""Names of the translation; the card of the release calls it the camera translation."""
+
+CONTACT_M = 0.02
+
+LAYOUT = (
+    "{name}.npz",
+    "prox/{name}.npz",
+    "rich/{name}.npz",
+    "release_data/prox/{name}.npz",
+    "release_data/rich/{name}.npz",
+    "release_data_full/prox/{name}.npz",
+    "release_data_full/rich/{name}.npz",
+)
+
+
+class PhysicRelease(ResultReader):
+    """Reads the final bodies; contact is the released rule on the released scene points."""
+
+    name: ClassVar[str] = "physic-release"
+    summary: ClassVar[str] = "final results of the paper's authors; contact by their rule on their scene points"
+    layout: ClassVar[str] = "release_data/prox/RECORDING/FRAME.npz, release_data/rich/FRAME.npz"
+    prefix: ClassVar[str] = "final"
+
+    def locate(self, frame: Frame) -> Path | None:
+        """Return the file of the frame."""
+        return release_file(self.folder, frame)
+
+    def read(self, path: Path, frame: Frame) -> Prediction:
+        """Pose the bodies by the user's SMPL-X file."""
+        arrays = archive_arrays(path)
+        people = people_of_release(arrays, self.prefix, path, self.bodies)
+        K = np.asarray(arrays["K"], np.float64).reshape(3, 3) if "K" in arrays else None
+        points = np.asarray(arrays["scene_points"], np.float64) if "scene_points" in arrays else None
+        return Prediction(people, K=K, scene_points=points)
+
+
+def release_file(folder: Path, frame: Frame) -> Path | None:
+    """Return the file of a frame in the release."""
+    return first_file(folder, frame, *LAYOUT)
+
+
+def people_of_release(
+    arrays: Mapping[str, Any], prefix: str, path: Path, bodies: BodyFiles
+) -> tuple[PredictedPerson, ...]:
+    """Return the people of the start ("init") or the end ("final").
+
+    Contact of the end is the rule of the released code on the scene points; that of the start is DECO's.
+
+    Raises:
+        InputError: an array is missing or of another size, or there is no SMPL-X file.
+    """
+    people = []
+    for row, parameters in enumerate(release_parameters(arrays, prefix, path)):
+        person = person_of_body(bodies.smplx_body(parameters))
+        people.append(
+            PredictedPerson(
+                vertices=person.vertices,
+                topology=person.topology,
+                joints=person.joints,
+                joint_names=person.joint_names,
+                contact=_contact(arrays, prefix, row, person),
+            )
+        )
+    return tuple(people)
+
+
+def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> list[dict[str, Array]]:
+    """Return parameters of each person: rotation matrices, betas, transl.
+
+    Raises:
+        InputError: an array is missing or of another size.
+    """
+    own = {name.removeprefix(f"{prefix}_"): arrays[name] for name in arrays if name.startswith(f"{prefix}_")}
+    transl = next((own[name] for name in TRANSLATION if name in own), None)
+    lacking = [name for name in ("betas", "global_orient", "body_pose") if name not in own]
+    if transl is None:
+        lacking.append(f"{' or '.join(TRANSLATION[:2])}")
+    if lacking:
+        raise InputError(
+            f"{path} lacks {', '.join(f'{prefix}_{name}' for name in lacking)}; it has: {', '.join(sorted(arrays))}"
+        )
+    translations = np.asarray(transl, np.float64).reshape(-1, 3)
+    count = len(translations)
+    found = []
+    for row in range(count):
+        values = {
+            name: rotations_from_6d(np.asarray(own[name]).reshape(count, -1)[row], joints, f"{prefix}_{name}", path)
+            for name, joints in JOINTS.items()
+            if name in own
+        }
+        betas = np.asarray(own["betas"], np.float64).reshape(count, -1)[row]
+        found.append({**values, "betas": betas, "transl": translations[row]})
+    return found
+
+
+def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
+    """Return rotations (joints, 3, 3) of the released 6 numbers each: the first two columns of the matrix.
+
+    Rotation vectors and matrices are taken too.
+
+    Raises:
+        InputError: another size.
+    """
+    values = np.asarray(given, np.float64).reshape(-1)
+    if values.size != 6 * joints:
+        from physic_evaluate.bodies import rotations_of
+
+        try:
+            return rotations_of(values, joints, name)
+        except InputError as error:
+            raise InputError(f"{path}: {error}; 6 numbers a rotation were expected, {6 * joints}") from error
+    first, second = values.reshape(joints, 2, 3).swapaxes(0, 1)
+    x = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    y = second - (x * second).sum(-1, keepdims=True) * x
+    y /= np.linalg.norm(y, axis=-1, keepdims=True)
+    found: Array = np.stack([x, y, np.cross(x, y)], -1)
+    return found
+
+
+def point_contact(vertices: Array, points: Array, normals: Array | None) -> NDArray[np.bool_]:
+    """Return the contact (V,) of the released rule: within 2 cm of a scene point, or behind it by up to 15 cm.
+
+    Args:
+        vertices: (V, 3) m.
+        points: (M, 3) m.
+        normals: (M, 3) unit, out of the scene; None: only the distance counts.
+    """
+    from scipy.spatial import KDTree
+
+    distance, row = KDTree(points).query(vertices, distance_upper_bound=INSIDE_REACH_M)
+    near = np.isfinite(distance)
+    touching: NDArray[np.bool_] = distance <= CONTACT_M
+    if normals is not None:
+        behind = np.zeros(len(vertices), bool)
+        way = vertices[near] - points[row[near]]
+        behind[near] = (way * normals[row[near]]).sum(-1) < 0
+        touching |= behind
+    return touching
+
+
+def _contact(arrays: Mapping[str, Any], prefix: str, row: int, person: PredictedPerson) -> NDArray[np.bool_] | None:
+    if prefix == "final" and "scene_points" in arrays:
+        points = np.asarray(arrays["scene_points"], np.float64).reshape(-1, 3)
+        normals = arrays.get("scene_normals")
+        own = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3)
+        return point_contact(np.asarray(person.vertices), points, own)
+    if "contact_deco" not in arrays:
+        return None
+    contact = np.asarray(arrays["contact_deco"]).reshape(-1, 10475)
+    return np.asarray(contact[min(row, len(contact) - 1)]) >= 0.5
+
+
+READER = PhysicRelease
