@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config, load_config
     from physic_core.discovery.hookspecs import hookimpl
     from physic_core.discovery.plugins import discover
-    from physic_core.discovery.records import BackendRecord, CommandRecord
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_reconstruction, save_reconstruction
@@ -54,6 +54,7 @@ __all__ = [
     "Config",
     "ConfigError",
     "DeviceError",
+    "ExecutorRecord",
     "InputError",
     "Intrinsics",
     "KnownLength",
@@ -85,6 +86,7 @@ _ON_FIRST_USE = {
     "BackendRecord": "physic_core.discovery.records",
     "CommandRecord": "physic_core.discovery.records",
     "Config": "physic_core.configuration.model",
+    "ExecutorRecord": "physic_core.discovery.records",
     "Intrinsics": "physic_core.types",
     "PeoplePrompt": "physic_core.types",
     "KnownLength": "physic_core.types",

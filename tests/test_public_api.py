@@ -17,6 +17,7 @@ PUBLIC = [
     "Config",
     "ConfigError",
     "DeviceError",
+    "ExecutorRecord",
     "InputError",
     "Intrinsics",
     "KnownLength",

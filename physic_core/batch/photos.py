@@ -16,7 +16,7 @@ from urllib.parse import quote
 from physic_core.batch.extra import import_pyarrow
 from physic_core.errors import ConfigError, InputError
 
-__all__ = ["PhotoItem", "default_id", "find_photos", "in_shard", "parse_shard", "photo_folder"]
+__all__ = ["PhotoItem", "default_id", "find_photos", "in_shard", "parse_shard", "photo_folder", "table_item"]
 
 PHOTO_SUFFIXES = (".avif", ".heic", ".heif", ".jpeg", ".jpg", ".mpo", ".png", ".tif", ".tiff", ".webp")
 """Suffixes of the files of a folder that are photos; a file that is named itself may have any."""
@@ -123,13 +123,26 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
     for number, row in enumerate(_rows(table), start=1):
         if unknown := sorted(set(row) - set(_COLUMNS)):
             raise InputError(f"{table}: unknown column '{unknown[0]}'; a table may have {', '.join(_COLUMNS)}")
-        if not row.get("path"):
-            raise InputError(f"{table}, row {number}: the column 'path' is missing or empty")
-        path = os.path.abspath(table.parent / str(row["path"]))
         try:
-            yield PhotoItem(str(row.get("id") or default_id(path)), path, _settings(row))
+            yield table_item(row, table.parent)
         except ValueError as error:
             raise InputError(f"{table}, row {number}: {error}") from error
+
+
+def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
+    """Return the photo of a row with "path", and where given "camera", "stature" and "id".
+
+    A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.
+
+    Raises:
+        ValueError: a value is missing or invalid.
+    """
+    if not row.get("path"):
+        raise ValueError("the column 'path' is missing or empty")
+    path = str(row["path"])
+    if "://" not in path:
+        path = os.path.abspath(os.path.join(folder, path))
+    return PhotoItem(str(row.get("id") or default_id(path)), path, _settings(row))
 
 
 def _rows(table: Path) -> Iterator[dict[str, Any]]:

@@ -14,11 +14,11 @@ from typing import Any
 from physic_core.batch.journal import Journal, read_rows
 from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.workers import WorkerSettings, run_in_workers
+from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
 
-__all__ = ["Executor", "Plan", "local_executor", "plan_batch", "run_batch"]
+__all__ = ["Executor", "Plan", "local_executor", "outcome_row", "plan_batch", "run_batch", "run_locally"]
 
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
@@ -85,7 +85,7 @@ def run_batch(
     Args:
         items: photos to do, such as ``plan_batch(...).todo``.
         job: of the batch.
-        executor: such as :func:`local_executor`.
+        executor: such as ``open_executor("local", settings)`` of :mod:`physic_core.batch.executors`.
         journal: file in the output folder, called ``journal*.jsonl``.
         on_row: called after each row.
 
@@ -118,10 +118,14 @@ def run_locally(
     open_worker = open_worker or partial(PhotoProcessor, job)
     with closing(run_in_workers(items, open_worker, settings)) as outcomes:
         for outcome in outcomes:
-            if outcome.failure:
-                yield failed_row(job, outcome.task, outcome.failure, outcome.message, outcome.seconds, outcome.attempts)
-            else:
-                yield {**outcome.value, "attempts": outcome.attempts}
+            yield outcome_row(job, outcome)
+
+
+def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
+    """Return the row of a photo from what became of it in a worker process."""
+    if outcome.failure:
+        return failed_row(job, outcome.task, outcome.failure, outcome.message, outcome.seconds, outcome.attempts)
+    return {**outcome.value, "attempts": outcome.attempts}
 
 
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from physic_core.batch.extra import import_pyarrow
 from physic_core.batch.journal import COLUMNS, last_rows
 from physic_core.files.atomic import atomic_write
 
-__all__ = ["TABLE_KINDS", "check_table_kind", "write_table"]
+__all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "write_table"]
 
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "bytes", "modified")
@@ -24,6 +24,26 @@ def check_table_kind(kind: str) -> None:
     """Raise ConfigError if tables of this kind cannot be written on this machine."""
     if kind == "parquet":
         import_pyarrow("summary.parquet")
+
+
+def all_columns() -> tuple[str, ...]:
+    """Return the columns that rows can have: those of the journal, then the numbers of all results."""
+    from physic_core.pipeline.checks import CHECKS
+    from physic_core.types.result_summary import SUMMARY_NUMBERS
+
+    return (*COLUMNS, *(n for n in SUMMARY_NUMBERS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
+
+
+def arrow_schema(columns: Iterable[str]) -> Any:
+    """Return the ``pyarrow.Schema`` of columns; each that is none of the journal is a number."""
+    import pyarrow as pa
+
+    def kind(name: str) -> Any:
+        if name in _INTEGERS:
+            return pa.int64()
+        return pa.string() if name in COLUMNS and name not in _NUMBERS else pa.float64()
+
+    return pa.schema([(name, kind(name)) for name in columns])
 
 
 def write_table(out: Path, kind: str) -> Path:
@@ -53,12 +73,7 @@ def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str
     parquet = import_pyarrow("summary.parquet")
     import pyarrow as pa
 
-    def kind(name: str) -> Any:
-        if name in _INTEGERS:
-            return pa.int64()
-        return pa.float64() if name in _NUMBERS or name in numbers else pa.string()
-
-    schema = pa.schema([(name, kind(name)) for name in (*COLUMNS, *numbers)])
+    schema = arrow_schema((*COLUMNS, *numbers))
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         while group := list(islice(rows, _ROWS)):
             columns = {name: [row.get(name) for row in group] for name in schema.names}

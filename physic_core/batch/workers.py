@@ -17,7 +17,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from operator import length_hint
 from pathlib import Path
@@ -27,7 +27,7 @@ from physic_core import errors
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
 
-__all__ = ["Outcome", "WorkerSettings", "run_in_workers"]
+__all__ = ["LOAD_LIMIT_S", "Outcome", "SupervisedWorker", "WorkerSettings", "known_error", "run_in_workers"]
 
 Task = TypeVar("Task")
 
@@ -105,6 +105,37 @@ def run_in_workers(
     yield from _Supervisor(tasks, open_worker, settings).run()
 
 
+class SupervisedWorker(Generic[Task]):
+    """One worker process that stays open between tasks, for executors that hand out tasks themselves.
+
+    A worker that dies or hangs costs its task alone, as in :func:`run_in_workers`, and is replaced.
+
+    Args:
+        open_worker: called in the process; returns the function of a task. Can be pickled.
+        settings: time limit and logs; ``count`` is not used.
+
+    Raises:
+        PhysicError: the worker cannot be opened.
+    """
+
+    def __init__(self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings) -> None:
+        self._supervisor = _Supervisor((), open_worker, replace(settings, count=1))
+        self._supervisor.start_and_wait()
+
+    def __call__(self, task: Task) -> Outcome[Task]:
+        """Run a task; a second time if its worker dies.
+
+        Raises:
+            PhysicError: a new worker cannot be opened.
+            OutputError: the task raised OutputError.
+        """
+        return self._supervisor.run_one(task)
+
+    def close(self) -> None:
+        """End the process."""
+        self._supervisor.kill()
+
+
 @dataclass
 class _Attempt(Generic[Task]):
     task: Task
@@ -152,8 +183,25 @@ class _Supervisor(Generic[Task]):
                 self._fill()
                 yield from self._wait()
         finally:
-            for worker in self._workers:
-                worker.kill()
+            self.kill()
+
+    def start_and_wait(self) -> None:
+        self._start()
+        while not self._workers[0].ready:
+            for _ in self._wait():
+                pass
+
+    def run_one(self, task: Task) -> Outcome[Task]:
+        self._again.append(_Attempt(task))
+        self._start_if_none_left()
+        while True:
+            self._fill()
+            for outcome in self._wait():
+                return outcome
+
+    def kill(self) -> None:
+        while self._workers:
+            self._workers.pop().kill()
 
     def _take(self) -> _Attempt[Task] | None:
         for task in self._tasks:
@@ -224,7 +272,7 @@ class _Supervisor(Generic[Task]):
             seconds = time.monotonic() - worker.since
             yield Outcome(attempt.task, value, seconds=seconds, attempts=attempt.number, peak_mb=peak_mb)
         elif kind == "refused":
-            raise _known_error(*content)
+            raise known_error(*content)
         else:
             yield from self._replace_dead(worker)
 
@@ -312,7 +360,8 @@ def _print_error() -> None:
     traceback.print_exc()
 
 
-def _known_error(name: str, message: str) -> PhysicError:
+def known_error(name: str, message: str) -> PhysicError:
+    """Return an error of a worker from the name of its class; BackendError if that is not of physic_core.errors."""
     kind = getattr(errors, name, None)
     if isinstance(kind, type) and issubclass(kind, PhysicError):
         return kind(message)

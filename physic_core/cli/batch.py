@@ -12,7 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import Plan
+    from physic_core.batch.run import Executor, Plan
 
 __all__ = ["batch"]
 
@@ -35,6 +35,9 @@ _LEVELS = ("full", "numbers", "people", "summary")
 @click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
 @click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
 @click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
+@click.option("--executor", metavar="NAME", default="local", show_default=True, help="local, or a plugin's, as ray.")
+@click.option("--address", metavar="ADDRESS", help="Running cluster of the executor.  [default: started here]")
+@click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Setting of the executor; may be repeated.")
 @click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
@@ -47,6 +50,9 @@ def batch(
     timeout: float,
     retry: str | None,
     shard: str | None,
+    executor: str,
+    address: str | None,
+    executor_set: tuple[str, ...],
     **options: Any,
 ) -> None:
     """Reconstruct PHOTOS: files, folders, glob patterns, or a CSV or Parquet table.
@@ -54,11 +60,12 @@ def batch(
     The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
     """
     from physic_core.batch.photos import find_photos, in_shard, parse_shard
-    from physic_core.batch.run import local_executor, plan_batch, run_batch
+    from physic_core.batch.run import plan_batch, run_batch
     from physic_core.batch.table import check_table_kind, write_table
-    from physic_core.batch.workers import WorkerSettings
 
     check_table_kind(table)
+    logs = out.absolute() / "logs"
+    run = _executor(executor, workers, timeout or None, logs, address, executor_set)
     items, name = find_photos(photos, out), "journal.jsonl"
     if shard is not None:
         part, count = parse_shard(shard)
@@ -67,11 +74,10 @@ def batch(
     job = _job(out, **options)
     plan = plan_batch(items, job, retry_failed=retry is not None)
     click.echo(_describe(plan, len(items)), err=True)
-    settings = WorkerSettings(workers or _workers_for(job), timeout or None, Path(job.out) / "logs")
     from physic_core.cli.run import sigterm_as_exception
 
     with sigterm_as_exception(), _show_progress(len(plan.todo), plan.failed) as on_row:
-        run_batch(plan.todo, job, local_executor(settings), Path(job.out) / name, on_row)
+        run_batch(plan.todo, job, run, Path(job.out) / name, on_row)
     written = [write_table(Path(job.out), table)]
     if job.saving.thumbnails:
         from physic_core.batch.contact_sheet import write_contact_sheet
@@ -96,12 +102,10 @@ def _job(
     device: str | None,
 ) -> BatchJob:
     """Check everything that concerns all photos, and return the job; no network is loaded."""
-    from physic_core.batch.process import BatchJob
+    from physic_core.batch.job import prepare_job
     from physic_core.batch.saving import Saving
-    from physic_core.batch.settings import batch_config
-    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
+    from physic_core.configuration.resolve import load_checked_config
     from physic_core.discovery.plugins import discover
-    from physic_core.files.atomic import check_writable
 
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
@@ -109,18 +113,31 @@ def _job(
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
-    config = batch_config(config, registry, cache=cache)
-    require_available(resolve(config, registry))
-    return BatchJob(config, str(check_writable(out).resolve()), saving)
+    return prepare_job(config, out, saving, cache=cache, registry=registry)
 
 
-def _workers_for(job: BatchJob) -> Callable[[float], int]:
-    """Return the default number of workers, given the peak memory of the first one, MB."""
-    from functools import partial
+def _executor(
+    name: str,
+    workers: int | None,
+    timeout: float | None,
+    logs: Path,
+    address: str | None,
+    assignments: tuple[str, ...],
+) -> Executor:
+    """Return the executor that the options name; nothing is started.
 
-    from physic_core.batch.machine import default_workers
+    Raises:
+        ConfigError: an option is not one of the executor.
+    """
+    from physic_core.batch.executors import ExecutorSettings, open_executor
 
-    return partial(default_workers, device=job.config.run.device)
+    options = {}
+    for text in assignments:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise click.UsageError(f"--executor-set is written KEY=VALUE (got '{text}')")
+        options[key.strip()] = value.strip()
+    return open_executor(name, ExecutorSettings(workers, timeout, logs, address, options))
 
 
 def _describe(plan: Plan, photos: int) -> str:

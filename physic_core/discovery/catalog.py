@@ -1,8 +1,8 @@
-"""Known distributions with their backends, commands and install commands; used only for hints in messages."""
+"""Known distributions with their backends, commands, executors and install commands; only for hints in messages."""
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "COMMANDS", "distribution_for", "how_to_install", "known_names"]
+__all__ = ["CATALOG", "COMMANDS", "EXECUTORS", "distribution_for", "how_to_install", "known_names"]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -72,6 +72,11 @@ COMMANDS = {
 }
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 
+EXECUTORS = {"ray": "physic-ray"}
+"""Distribution of each known executor of ``physic batch``; a test compares them with the distribution."""
+
+_IN_CONTRIB = ("physic-omnieraser", "physic-ray")
+
 
 def distribution_for(interface: str | None, name: str) -> str | None:
     """Return the known distribution that offers a backend, or None; ``interface`` None means any interface."""
@@ -94,7 +99,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 def how_to_install(distribution: str) -> str:
     """Return the install command of a distribution; distributions of this project are installed from a checkout."""
-    if distribution not in CATALOG and distribution not in COMMANDS.values():
+    if distribution not in {*CATALOG, *COMMANDS.values(), *EXECUTORS.values()}:
         return f"`pip install {distribution}`"
-    folder = "contrib" if distribution == "physic-omnieraser" else "plugins"
+    folder = "contrib" if distribution in _IN_CONTRIB else "plugins"
     return f"`pip install -e {folder}/{distribution}` in a checkout of PhySIC"

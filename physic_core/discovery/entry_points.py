@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
-from physic_core.discovery.records import BackendRecord, CommandRecord
+from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
     InvalidPluginError,
@@ -74,6 +74,7 @@ def find_plugins(
                 manager = load_plugin(entry)
                 records = call_hook(manager, "physic_backends", BackendRecord)
                 call_hook(manager, "physic_commands", CommandRecord)  # only checked here
+                call_hook(manager, "physic_executors", ExecutorRecord)
                 weights, complaints = _manifests(manager, entry)
             origin = origin_of(entry, clock() - start)
             offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]

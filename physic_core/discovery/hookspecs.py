@@ -1,4 +1,4 @@
-"""Hooks that a plugin may implement: they return its backends, its weight manifests and its commands.
+"""Hooks that a plugin may implement: they return its backends, weight manifests, commands and executors.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
 hooks of that module return its backends::
@@ -23,6 +23,12 @@ A plugin adds a subcommand to ``physic`` with a ``click.Command``, which is impo
     @hookimpl
     def physic_commands():
         return [CommandRecord("my-command", "my_pkg.commands:my_command", summary="Does ...")]
+
+A plugin adds a value of ``physic batch --executor`` with a function, which is imported when it is used::
+
+    @hookimpl
+    def physic_executors():
+        return [ExecutorRecord("my-cluster", "my_pkg.cluster:my_executor", summary="Runs on ...")]
 """
 
 from __future__ import annotations
@@ -35,9 +41,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from physic_core.discovery.records import BackendRecord, CommandRecord
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
 
-__all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_commands", "physic_weights"]
+__all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_commands", "physic_executors", "physic_weights"]
 
 PROJECT = "physic"
 
@@ -53,6 +59,11 @@ def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
 @hookspec
 def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
     """Return the commands that this plugin adds to ``physic``."""
+
+
+@hookspec
+def physic_executors() -> Sequence[ExecutorRecord]:  # type: ignore[empty-body]
+    """Return the executors that this plugin adds to ``physic batch``."""
 
 
 @hookspec

@@ -1,4 +1,4 @@
-"""Records of backends and commands, which plugin hooks return."""
+"""Records of backends, commands and executors, which plugin hooks return."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
-__all__ = ["BackendRecord", "CommandRecord"]
+__all__ = ["BackendRecord", "CommandRecord", "ExecutorRecord"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,22 @@ class CommandRecord:
         name: words after ``physic``, such as "bench" or "plugins check".
         target: "package.module:function" of a ``click.Command``, imported when the command is run.
         summary: one line for ``--help``.
+    """
+
+    name: str
+    target: str
+    summary: str = ""
+
+
+@dataclass(frozen=True)
+class ExecutorRecord:
+    """A way to run ``physic batch``, such as on a cluster.
+
+    Attributes:
+        name: value of ``--executor``, lower case with hyphens.
+        target: "package.module:function" of a function that gets :class:`physic_core.batch.executors.ExecutorSettings`
+            and returns an :data:`physic_core.batch.run.Executor`; imported when the executor is used.
+        summary: one line for messages.
     """
 
     name: str

@@ -11,7 +11,29 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult
     from physic_core.types.results import Reconstruction
 
-__all__ = ["summarize"]
+__all__ = ["SUMMARY_NUMBERS", "summarize"]
+
+SUMMARY_NUMBERS = (
+    "people",
+    "bodies",
+    "width_px",
+    "height_px",
+    "focal_px",
+    "focal_known",
+    "floor_found",
+    "scene_valid_share",
+    "scene_scale",
+    "scale_sigma",
+    "nearest_person_m",
+    "farthest_person_m",
+    "contact_vertices",
+    "failed_checks",
+    "unknown_checks",
+    "warnings",
+    "seconds",
+    "load_seconds",
+)
+"""Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
 
 
 def summarize(result: Reconstruction) -> dict[str, float | int | None]:

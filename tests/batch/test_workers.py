@@ -13,7 +13,7 @@ from types import ModuleType
 import pytest
 
 from physic_core.batch.machine import default_workers, usable_cores
-from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
+from physic_core.batch.workers import Outcome, SupervisedWorker, WorkerSettings, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
 from .conftest import STANDIN
@@ -147,3 +147,18 @@ def alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (OSError, IndexError):
         return False
+
+
+def test_one_supervised_worker_is_replaced_when_its_task_takes_it_down(standin: ModuleType):
+    worker = SupervisedWorker(standin.open_worker, WorkerSettings(timeout=20.0))
+    try:
+        first, bad, again = (worker(task) for task in ("a", "abort", "b"))
+        assert (first.value.split()[0], again.value.split()[0]) == ("a", "b")
+        assert first.value.split()[-1] != again.value.split()[-1]
+        assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
+        with pytest.raises(OutputError):
+            worker("full")
+    finally:
+        worker.close()
+    with pytest.raises(ConfigError, match="preset mock"):
+        SupervisedWorker(standin.refuse, WorkerSettings())

@@ -1,0 +1,87 @@
+"""The executors of ``physic batch``: worker processes on this machine, and those of plugins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.batch.machine import default_workers
+from physic_core.batch.run import local_executor
+from physic_core.batch.workers import WorkerSettings
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.executors import InstalledExecutor, find_executor
+from physic_core.errors import ConfigError, PluginError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterable
+
+    from physic_core.batch.photos import PhotoItem
+    from physic_core.batch.process import BatchJob
+    from physic_core.batch.run import Executor
+
+__all__ = ["ExecutorSettings", "open_executor"]
+
+LOCAL = "local"
+
+
+@dataclass(frozen=True)
+class ExecutorSettings:
+    """How an executor runs the photos of a batch.
+
+    Attributes:
+        workers: number of processes or actors; None lets the executor choose.
+        timeout: longest time of one photo, s; None for no limit.
+        logs: folder for what the workers print; None for none.
+        address: of a running cluster; None for none, or for what the executor starts itself.
+        options: further settings of the executor, as text.
+    """
+
+    workers: int | None = None
+    timeout: float | None = None
+    logs: Path | None = None
+    address: str | None = None
+    options: Mapping[str, str] = field(default_factory=dict)
+
+
+def open_executor(name: str, settings: ExecutorSettings) -> Executor:
+    """Return the executor of a name: "local", or one that a plugin offers.
+
+    Raises:
+        ConfigError: there is no such executor, or it does not have one of the settings.
+        PluginError: it cannot be imported, or returns no function.
+    """
+    if name == LOCAL:
+        return _local(settings)
+    executor = _import(find_executor(name, (LOCAL,)))(settings)
+    if not callable(executor):
+        raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")
+    return executor
+
+
+def _local(settings: ExecutorSettings) -> Executor:
+    given = ["--address"] * (settings.address is not None) + ["--executor-set"] * bool(settings.options)
+    if given:
+        raise ConfigError(f"{given[0]} is for clusters; the executor 'local' uses this machine (see --executor)")
+
+    def run(items: Iterable[PhotoItem], job: BatchJob) -> Generator[dict[str, Any], None, None]:
+        count = settings.workers or partial(default_workers, device=job.config.run.device)
+        return local_executor(WorkerSettings(count, settings.timeout, settings.logs))(items, job)
+
+    return run
+
+
+def _import(executor: InstalledExecutor) -> Callable[[ExecutorSettings], Executor]:
+    record = executor.record
+    module, _, attribute = record.target.partition(":")
+    try:
+        found: Callable[[ExecutorSettings], Executor] = getattr(import_module(module), attribute)
+    except (Exception, SystemExit) as error:
+        raise PluginError(
+            f"the executor '{record.name}' of {executor.distribution} cannot be imported: "
+            f"{describe_error(error, module)}"
+        ) from error
+    return found

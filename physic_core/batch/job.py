@@ -1,0 +1,50 @@
+"""Check what concerns all photos of a batch, before the first one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.batch.process import BatchJob
+from physic_core.batch.settings import batch_config
+from physic_core.configuration.model import as_config
+from physic_core.configuration.resolve import require_available, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.files.atomic import check_writable
+
+if TYPE_CHECKING:
+    from physic_core.batch.saving import Saving
+    from physic_core.configuration.model import Config
+    from physic_core.discovery.registry import Registry
+
+__all__ = ["prepare_job"]
+
+
+def prepare_job(
+    config: Config | str | os.PathLike[str] | Mapping[str, Any] | None,
+    out: str | os.PathLike[str],
+    saving: Saving,
+    *,
+    cache: bool = False,
+    registry: Registry | None = None,
+) -> BatchJob:
+    """Return the job of a batch after checks of its configuration, weights and output folder; no network is loaded.
+
+    Args:
+        config: as of :class:`physic_core.Pipeline`.
+        out: output folder; created if files are written.
+        saving: the files of each photo.
+        cache: whether to use the cache of backends' outputs.
+        registry: of the backends; the installed ones if None.
+
+    Raises:
+        ConfigError: the configuration is invalid.
+        WeightsMissingError: weights are missing.
+        OutputError: the folder cannot be written.
+    """
+    registry = discover() if registry is None else registry
+    settings = batch_config(as_config(config), registry, cache=cache)
+    require_available(resolve(settings, registry))
+    return BatchJob(settings, str(check_writable(Path(out)).resolve()), saving)

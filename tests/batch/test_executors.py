@@ -1,0 +1,133 @@
+"""Executors of ``physic batch``: the core finds those of plugins by name, and names none itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.batch.executors import ExecutorSettings, open_executor
+from physic_core.cli import main
+from physic_core.discovery.executors import find_executors
+from physic_core.errors import ConfigError, PluginError
+
+PLUGIN = """
+from physic_core import ExecutorRecord, hookimpl
+
+@hookimpl
+def physic_executors():
+    return [
+        ExecutorRecord("queue", "physic_queue_executor:queue_executor", "Rows without work."),
+        ExecutorRecord("lost", "physic_queue_nowhere:lost"),
+        ExecutorRecord("number", "physic_queue_executor:number"),
+    ]
+"""
+EXECUTOR = """
+from physic_core.batch.process import failed_row
+from physic_core.errors import ConfigError
+
+def queue_executor(settings):
+    if settings.options.keys() - {"reason"}:
+        raise ConfigError("the executor 'queue' has no such setting; it has reason")
+
+    def run(items, job):
+        reason = f"{settings.options.get('reason')} at {settings.address}, {settings.workers} workers"
+        for item in items:
+            yield failed_row(job, item, "Queued", reason, 0.0)
+
+    return run
+
+def number(settings):
+    return 3
+"""
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["batch", "photos", "-o", "out", "--preset", "mock", "--table", "csv", *arguments])
+
+
+@pytest.fixture
+def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").write_text("a")
+    return tmp_path / "photos"
+
+
+@pytest.fixture
+def plugin(site: Any) -> Any:
+    site.install("physic-queue", PLUGIN)
+    (site.folder / "physic_queue_executor.py").write_text(EXECUTOR)
+    return site
+
+
+def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
+    options = ("--executor", "queue", "--address", "here", "--workers", "3", "--executor-set", "reason = full")
+    done = physic(*options)
+    assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "0 done, 1 failed (1 Queued)")
+    assert "Queued: full at here, 3 workers" in done.stderr
+
+
+def test_executors_of_broken_plugins_are_left_out(plugin: Any):
+    plugin.install("physic-broken", "raise ValueError('broken')")
+    assert "queue" in {executor.record.name for executor in find_executors(environment={})}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--executor", "queue", "--executor-set", "x=1"), "the executor 'queue' has no such setting; it has reason"),
+        (
+            ("--executor", "local", "--address", "auto"),
+            "--address is for clusters; the executor 'local' uses this machine (see --executor)",
+        ),
+        (
+            ("--executor-set", "cpus=2"),
+            "--executor-set is for clusters; the executor 'local' uses this machine (see --executor)",
+        ),
+    ],
+)
+def test_settings_that_an_executor_does_not_have(plugin: Any, photos: Path, options: tuple[str, ...], message: str):
+    done = physic(*options)
+    assert (done.exit_code, done.stderr) == (2, f"Error: {message}\n")
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("slurm", ""),
+        ("ray", ". 'ray' comes with physic-ray: `pip install -e contrib/physic-ray` in a checkout of PhySIC"),
+    ],
+)
+def test_an_unknown_name_lists_what_is_installed(monkeypatch: pytest.MonkeyPatch, photos: Path, name: str, hint: str):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    done = physic("--executor", name)
+    hidden = " (PHYSIC_PLUGINS='physic-mock' hides other plugins)"
+    assert (done.exit_code, done.stderr) == (2, f"Error: no executor named '{name}'; installed: local{hint}{hidden}\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "lost",
+            "the executor 'lost' of physic-queue cannot be imported: "
+            "ModuleNotFoundError: No module named 'physic_queue_nowhere'",
+        ),
+        ("number", "the executor 'number' should return a function, got int"),
+    ],
+)
+def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, message: str):
+    with pytest.raises(PluginError) as error:
+        open_executor(name, ExecutorSettings())
+    assert str(error.value) == message
+
+
+def test_a_name_that_two_plugins_offer_is_refused(plugin: Any):
+    plugin.install("physic-other", PLUGIN)
+    with pytest.raises(ConfigError) as error:
+        open_executor("queue", ExecutorSettings())
+    assert str(error.value) == "the executor 'queue' is offered by physic-other and physic-queue: uninstall one of them"
