@@ -1,6 +1,7 @@
 # make demo [PHOTO=photo.jpg]   reconstruct a photo and say where the results are
 # make quick [JOBS=2]           the tests that matter while you work, in about a minute on two cores
 # make test [JOBS=2]            lint, types and the whole test suite
+# make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make docs                     the documentation as a site, in docs/_build/html/index.html
 # make lint | clean             the first part alone | remove what make made
@@ -11,11 +12,11 @@ PHOTO ?= examples/basketball.png
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
-DISTRIBUTIONS := pyproject.toml $(wildcard plugins/*/pyproject.toml)
+DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/pyproject.toml)
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test kernels docs lint clean
+.PHONY: demo quick test test-ray kernels docs lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -38,7 +39,11 @@ quick: $(VENV)/test.stamp
 	$(PYTEST) -m "not slow" $(QUICK)
 
 test: lint
-	$(PYTEST) tests plugins
+	$(PYTEST) tests plugins contrib/physic-ray/tests/test_resources.py
+
+# One process: its cluster takes both cores.
+test-ray: $(VENV)/test.stamp
+	OMP_NUM_THREADS=1 $(BIN)/pytest -q contrib/physic-ray
 
 # Nehalem's kernels run on every x86-64 and are no newer machine's default; elsewhere OpenBLAS knows no such name and keeps
 # its own. MKL_CBWR changes the products of torch, which the other two variables leave alone.

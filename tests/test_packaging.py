@@ -64,7 +64,7 @@ def test_wheel_and_source_distribution_contain_the_licence(name: str):
     assert "LICENSE" in {f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()}
 
 
-MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "usd-core": "pxr"}
+MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray", "usd-core": "pxr"}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
     "physic-embedded": {"embreex", "onnxruntime"},  # trimesh.ray, physic_core.adapters.onnx_sessions

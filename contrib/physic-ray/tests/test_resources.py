@@ -1,0 +1,60 @@
+"""What a worker reserves, and the messages about it; Ray need not be installed."""
+
+from __future__ import annotations
+
+import pytest
+
+import physic_ray
+from physic_core.batch.executors import ExecutorSettings
+from physic_core.discovery.catalog import EXECUTORS
+from physic_core.errors import ConfigError
+from physic_ray.executor import ray_executor
+from physic_ray.resources import Resources
+from physic_ray.worker import decode_item, encode_item
+
+
+def test_the_plugin_registers_the_executor_that_the_core_knows_by_name():
+    assert [record.name for record in physic_ray.physic_executors()] == [n for n, d in EXECUTORS.items()]
+
+
+def test_options_are_attributes_of_resources():
+    assert Resources.from_options({"gpus": "0.25", "memory_gb": "6"}) == Resources(1.0, 0.25, 6.0)
+    assert Resources().for_device("cuda:0").gpus == 1
+    assert Resources().for_device("cpu").gpus == 0
+    assert Resources(2.0, 0.5, 0.0).as_ray_arguments() == {"num_cpus": 2.0, "num_gpus": 0.5}
+    assert Resources().for_device("cpu").as_ray_arguments() == {"num_cpus": 1, "num_gpus": 0, "memory": 1_500_000_000}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"gpu": "1"}, "the executor 'ray' has no setting 'gpu'; it has cpus, gpus, memory_gb"),
+        ({"gpus": "one"}, "gpus of a worker is a number (got 'one')"),
+        ({"cpus": "-1"}, "cpus of a worker is a number from 0 (got -1.0)"),
+        ({"cpus": "0"}, "a worker needs cpus or gpus above 0"),
+    ],
+)
+def test_invalid_options_are_refused_before_anything_starts(options: dict[str, str], message: str):
+    with pytest.raises(ConfigError) as error:
+        ray_executor(ExecutorSettings(options=options))
+    assert str(error.value) == message
+
+
+def test_workers_that_fit_on_the_nodes():
+    nodes = [
+        {"Alive": True, "Resources": {"CPU": 16.0, "memory": 20e9}},
+        {"Alive": True, "Resources": {"CPU": 4.0, "memory": 90e9, "GPU": 1.0}},
+        {"Alive": False, "Resources": {"CPU": 64.0, "memory": 200e9}},
+    ]
+    assert Resources().for_device("cpu").count_slots(nodes) == 13 + 4
+    assert Resources(0.5, 0.25, 0.0).count_slots(nodes) == 4
+    assert Resources(memory_gb=500.0).count_slots(nodes) == 0
+
+
+def test_every_name_of_a_photo_reaches_the_worker():
+    from physic_core.batch.photos import PhotoItem
+
+    item = PhotoItem("\udcff ü \U0001f600", "/photos/\udcff.jpg", {"focal_px": 900.5, "stature": [1.7, 1.8]})
+    text = encode_item(item)
+    assert text.isascii()
+    assert decode_item(text) == item
