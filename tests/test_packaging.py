@@ -67,6 +67,7 @@ def test_wheel_and_source_distribution_contain_the_licence(name: str):
 MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray", "usd-core": "pxr"}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
+    "physic-serve": {"python-multipart"},  # fastapi
     "physic-embedded": {"embreex", "onnxruntime"},  # trimesh.ray, physic_core.adapters.onnx_sessions
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
 }

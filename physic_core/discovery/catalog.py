@@ -69,6 +69,7 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
 COMMANDS = {
     **dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing"),
     "evaluate": "physic-evaluate",
+    "serve": "physic-serve",
 }
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 

@@ -1,0 +1,267 @@
+"""The HTTP interface, with a scripted worker."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_serve.pages import STATIC
+
+from .conftest import PHOTO, Served, jpeg
+
+Serve = Callable[..., Served]
+HTML = {"accept": "text/html,*/*"}
+
+
+def test_a_photo_becomes_files(serve: Serve, tmp_path: Path):
+    served = serve()
+    posted = served.post()
+    name = posted.json()["id"]
+    assert (posted.status_code, posted.headers["location"]) == (202, f"/reconstructions/{name}")
+    assert re.fullmatch(r"[\w-]{22}", name)
+    served.release.set()
+    done = served.wait(name)
+    files = {file: f"/reconstructions/{name}/files/{file}" for file in ("preview.png", "report.html")}
+    assert done == {
+        "id": name,
+        "state": "done",
+        "position": 0,
+        "stages": ["people", "scene"],
+        "error": "",
+        "summary": {"people": 2, "grade": "good"},
+        "files": files,
+    }
+    picture = served.client.get(files["preview.png"])
+    assert (picture.content, picture.headers["content-type"]) == (b"picture", "image/png")
+    assert picture.headers["content-disposition"] == 'attachment; filename="preview.png"'
+    assert picture.headers["x-content-type-options"] == "nosniff"
+    assert served.client.get(f"/reconstructions/{name}/report").text == "<p>report</p>"
+    assert not list(tmp_path.rglob("photo"))
+
+
+def test_the_events_are_those_of_the_job_from_its_beginning(serve: Serve):
+    served = serve()
+    served.release.set()
+    name = served.post().json()["id"]
+    served.wait(name)
+    text = served.client.get(f"/reconstructions/{name}/events")
+    assert text.headers["content-type"] == "text/event-stream; charset=utf-8"
+    events = re.findall(r"event: (\w+)\ndata: (.*)\n\n", text.text)
+    assert [(kind, json.loads(data)) for kind, data in events] == [
+        ("stage", {"stage": "people", "number": 0, "count": 2}),
+        ("stage", {"stage": "scene", "number": 1, "count": 2}),
+        ("done", {"error": ""}),
+    ]
+
+
+def test_photos_wait_in_order_and_a_full_queue_is_503(serve: Serve):
+    served = serve(queue=2)
+    first = served.post().json()["id"]
+    served.wait(first, "running")
+    others = [served.post().json() for _ in range(2)]
+    assert [other["position"] for other in others] == [1, 2]
+    refused = served.post()
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "30")
+    assert refused.json() == {"detail": "the queue is full: try again in 30 s"}
+    assert served.client.get("/health").json() == {"state": "ready", "waiting": 2, "running": 1, "kept": 0}
+    served.release.set()
+    assert [served.wait(other["id"])["state"] for other in others] == ["done", "done"]
+    assert [task.folder.name for task in served.workers[0].tasks] == [first, *(other["id"] for other in others)]
+
+
+@pytest.mark.parametrize(
+    ("content", "status", "detail"),
+    [
+        (b"", 400, "there is no photo: send its bytes as the body, or as the form's field 'photo'"),
+        (b"<!doctype html><p>photo", 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
+        (b"PK\x03\x04" + bytes(100), 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
+        (b"GIF89a" + bytes(100), 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
+        (b"\xff\xd8\xff" + bytes(200_000), 413, "the photo is too large"),
+    ],
+    ids=["empty", "html", "zip", "gif", "large"],
+)
+@pytest.mark.parametrize("way", ["body", "form", "counted"])
+def test_a_broken_upload_is_refused(serve: Serve, content: bytes, status: int, detail: str, way: str):
+    served = serve(upload_mb=0.1)
+    if way == "form":
+        found = served.client.post("/reconstructions", files={"photo": ("photo.jpg", content)})
+    else:
+        found = served.post(content if way == "body" else (content[i : i + 5000] for i in range(0, len(content), 5000)))  # type: ignore[arg-type]
+    assert (found.status_code, found.json()) == (status, {"detail": detail})
+    assert served.client.get("/health").json()["waiting"] == 0
+
+
+def test_the_name_of_the_file_is_not_used(serve: Serve, tmp_path: Path):
+    served = serve()
+    served.release.set()
+    for name in ("../../../evil.jpg", "/etc/passwd", "a\x00b.jpg", "reconstruction.json", "C:\\evil"):
+        posted = served.client.post("/reconstructions", files={"photo": (name, PHOTO)})
+        assert served.wait(posted.json()["id"])["state"] == "done"
+    written = {file.relative_to(tmp_path).parts[-1] for file in tmp_path.rglob("*") if file.is_file()}
+    assert written == {"preview.png", "report.html"}
+
+
+@pytest.mark.parametrize(
+    "file", ["photo", "..%2fphoto", "%2e%2e%2fpreview.png", "/etc/passwd", "%2fetc%2fpasswd", "preview.png%00"]
+)
+def test_only_files_of_the_result_can_be_read(serve: Serve, file: str):
+    served = serve()
+    name = served.post().json()["id"]
+    assert served.client.get(f"/reconstructions/{name}/files/{file}").status_code in (404, 405)
+    served.release.set()
+    served.wait(name)
+    assert served.client.get(f"/reconstructions/{name}/files/{file}").status_code in (404, 405)
+
+
+def test_settings_come_from_the_form_or_the_query(serve: Serve):
+    served = serve()
+    served.release.set()
+    by_form = served.client.post(
+        "/reconstructions", files={"photo": ("p.jpg", PHOTO)}, data={"stature": "1.8", "focal_px": "", "other": "3"}
+    )
+    by_query = served.post(params={"focal_px": "900"})
+    for posted in (by_form, by_query):
+        served.wait(posted.json()["id"])
+    assert [task.settings for task in served.workers[0].tasks] == [{"stature": 1.8}, {"focal_px": 900.0}]
+
+
+@pytest.mark.parametrize("text", ["tall", "-1", "0", "nan", "inf", "3"])
+def test_a_setting_out_of_its_range_is_refused(serve: Serve, text: str):
+    found = serve().post(params={"stature": text})
+    assert (found.status_code, found.json()["detail"]) == (
+        422,
+        f"stature must be a number over 0 and at most 2.7, got '{text}'",
+    )
+
+
+def test_a_page_of_another_site_and_another_host_name_are_refused(serve: Serve):
+    served = serve()
+    foreign = served.post(headers={"origin": "http://evil.example"})
+    assert (foreign.status_code, foreign.text) == (403, "a page of another site sent this request\n")
+    rebound = served.client.get("/", headers={"host": "evil.example"})
+    assert (rebound.status_code, rebound.text) == (400, "this server has another name\n")
+    assert served.post(headers={"origin": "http://testserver"}).status_code == 202
+
+
+def test_a_deleted_job_is_gone_and_its_folder_too(serve: Serve, tmp_path: Path):
+    served = serve()
+    running, waiting = (served.post().json()["id"] for _ in range(2))
+    served.wait(running, "running")
+    for name in (running, waiting):
+        assert served.client.delete(f"/reconstructions/{name}").status_code == 204
+        assert served.client.get(f"/reconstructions/{name}").json() == {
+            "detail": "there is no such reconstruction: it was deleted, or never there"
+        }
+    served.release.set()
+    after = served.wait(served.post().json()["id"])
+    assert after["state"] == "done"
+    assert [folder.name for folder in (tmp_path / "results-0").iterdir()] == [after["id"]]
+
+
+def test_the_oldest_results_are_deleted(serve: Serve):
+    served = serve(results=2)
+    served.release.set()
+    names = []
+    for _ in range(4):
+        names.append(served.post().json()["id"])
+        served.wait(names[-1])
+    served.jobs.delete_old()
+    assert [served.client.get(f"/reconstructions/{name}").status_code for name in names] == [404, 404, 200, 200]
+
+
+def test_a_result_that_is_too_old_is_deleted(serve: Serve):
+    served = serve(result_s=0.0)
+    served.release.set()
+    name = served.post().json()["id"]
+    while served.client.get(f"/reconstructions/{name}").status_code == 200:
+        served.jobs.delete_old()
+
+
+def test_all_results_are_deleted_at_the_end(serve: Serve, tmp_path: Path):
+    served = serve()
+    served.release.set()
+    served.wait(served.post().json()["id"])
+    served.jobs.close()
+    assert not (tmp_path / "results-0").exists()
+
+
+def test_a_browser_gets_pages(serve: Serve):
+    served = serve(queue=1)
+    start = served.client.get("/", headers=HTML).text
+    assert 'enctype="multipart/form-data"' in start
+    assert "at most 40 MB" in start
+    posted = served.client.post(
+        "/reconstructions", files={"photo": ("p.jpg", PHOTO)}, headers=HTML, follow_redirects=False
+    )
+    assert posted.status_code == 303
+    place = posted.headers["location"]
+    served.wait(place.removeprefix("/jobs/"), "running")
+    running = served.client.get(place, headers=HTML)
+    assert "Running." in running.text
+    assert "<li>people</li>" in running.text
+    assert "default-src 'self'" in running.headers["content-security-policy"]
+    served.post()
+    full = served.post(headers=HTML)
+    assert (full.status_code, "the queue is full" in full.text) == (503, True)
+    broken = served.client.post("/reconstructions", files={"photo": ("p.jpg", b"<b>")}, headers=HTML)
+    assert broken.status_code in (415, 503)
+    served.release.set()
+    served.wait(place.removeprefix("/jobs/"))
+    done = served.client.get(place, headers=HTML).text
+    assert "Done. Grade: good." in done
+    assert done.count(" download>") == 2
+    missing = served.client.get("/jobs/none", headers=HTML)
+    assert (missing.status_code, "it was deleted, or never there" in missing.text) == (404, True)
+    assert served.client.get("/none", headers=HTML).text.count("there is no such page") == 1
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_the_files_of_the_pages_are_served_and_name_no_other_server(serve: Serve, name: str):
+    found = serve().client.get(f"/static/{name}")
+    assert found.status_code == 200
+    assert "//" not in re.sub(r"^//.*$", "", found.text, flags=re.M)
+
+
+def test_the_interface_is_described(serve: Serve):
+    described = serve().client.get("/openapi.json").json()
+    assert {(path, method) for path, methods in described["paths"].items() for method in methods} == {
+        ("/reconstructions", "post"),
+        ("/reconstructions/{name}", "get"),
+        ("/reconstructions/{name}", "delete"),
+        ("/reconstructions/{name}/events", "get"),
+        ("/reconstructions/{name}/files/{file}", "get"),
+        ("/health", "get"),
+    }
+    post = described["paths"]["/reconstructions"]["post"]
+    assert set(post["responses"]) == {"202", "400", "408", "413", "415", "422", "503"}
+    assert set(post["requestBody"]["content"]) == {"multipart/form-data", "image/*"}
+
+
+def test_ten_clients_at_once(serve: Serve):
+    """Good and broken uploads together: each gets its own answer, and every good photo its own result."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    served = serve(queue=20, upload_mb=0.2)
+    served.release.set()
+    broken = [b"", b"<html>", b"PK\x03\x04bomb", b"\xff\xd8\xff" + bytes(300_000)]
+
+    def client(number: int) -> list[tuple[int, str]]:
+        uploads = [jpeg(70 + number), broken[number % 4], jpeg(90 + number)]
+        answers: list[Any] = [
+            served.client.post("/reconstructions", files={"photo": (f"../{number}.jpg", upload)}) for upload in uploads
+        ]
+        return [(found.status_code, found.json().get("id", "")) for found in answers]
+
+    with ThreadPoolExecutor(10) as pool:
+        answers = list(pool.map(client, range(10)))
+    assert [[status for status, _ in found] for found in answers] == [
+        [202, (400, 415, 415, 413)[number % 4], 202] for number in range(10)
+    ]
+    names = {name for found in answers for status, name in found if status == 202}
+    assert len(names) == 20
+    assert {served.wait(name)["state"] for name in names} == {"done"}

@@ -1,0 +1,179 @@
+"""``physic serve`` as a user starts it: a process of its own, real sockets on the loopback, and a browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import struct
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import httpx2
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core import Reconstruction
+from physic_core.cli import main
+from physic_serve.command import is_loopback
+from physic_testing import build_world
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photo") / "walk.png"
+    Image.fromarray(build_world("walk").image).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A server with mock estimators."""
+    folder = tmp_path_factory.mktemp("served")
+    command = [sys.executable, "-P", "-m", "physic_core", "serve", "--preset", "mock", "--port", "0"]
+    limits = ["--max-mb", "5", "--queue", "30", "--folder", str(folder)]
+    with subprocess.Popen(
+        [*command, *limits], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ}
+    ) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        found = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/  \(Ctrl-C ends it\)\n", line)
+        assert found, line + process.communicate()[1]
+        yield found[1]
+        process.terminate()
+        process.communicate(timeout=60)
+    assert list(folder.iterdir()) == []  # everything is deleted at the end
+
+
+def png_that_claims(width: int, height: int) -> bytes:
+    """A PNG of a few hundred bytes whose head claims many pixels."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + chunk(b"IDAT", zlib.compress(bytes(100_000)))
+        + chunk(b"IEND", b"")
+    )
+
+
+def finish(client: httpx2.Client, name: str) -> dict[str, Any]:
+    """Follow the events until the end, and return the state."""
+    with client.stream("GET", f"/reconstructions/{name}/events") as events:
+        assert [line for line in events.iter_lines() if line.startswith("event: ")][-1] in (
+            "event: done",
+            "event: failed",
+        )
+    found: dict[str, Any] = client.get(f"/reconstructions/{name}").json()
+    return found
+
+
+def test_ten_clients_at_once_with_broken_uploads_among_them(address: str, photo: Path, tmp_path: Path):
+    good = photo.read_bytes()
+    uploads = [
+        ("photo.png", good, 202, ""),
+        ("empty.jpg", b"", 400, "there is no photo"),
+        ("page.jpg", b"<!doctype html><html></html>", 415, "the file is not a photo"),
+        ("bomb.zip.jpg", b"PK\x03\x04" + bytes(1000), 415, "the file is not a photo"),
+        ("bomb.png", png_that_claims(60_000, 60_000), 202, "megapixels"),
+        ("hundred-mb.jpg", b"\xff\xd8\xff" + bytes(100_000_000), 413, "the photo is too large"),
+        ("../../../../tmp/evil.png", good[: len(good) // 2], 202, "photo"),
+        ("noise.jpg", b"\xff\xd8\xff\xe0" + os.urandom(5000), 202, "photo"),
+        ("small.png", png_that_claims(10, 10), 202, "64"),
+        ("claims.png", png_that_claims(200, 200)[:60], 202, "photo"),
+    ]
+
+    def client(upload: tuple[str, bytes, int, str]) -> tuple[int, str]:
+        name, content, _, _ = upload
+        with httpx2.Client(base_url=address, timeout=300) as client:
+            try:
+                found = client.post("/reconstructions", files={"photo": (name, content)})
+            except httpx2.TransportError:  # the server closed the connection before all of the 100 MB were sent
+                return 413, "the photo is too large"
+            if found.status_code != 202:
+                return found.status_code, found.json()["detail"]
+            return 202, finish(client, found.json()["id"])["error"]
+
+    with ThreadPoolExecutor(10) as pool:
+        answers = list(pool.map(client, uploads))
+    for (name, _, status, words), (found, message) in zip(uploads, answers, strict=True):
+        assert found == status, (name, message)
+        assert words in message, (name, message)
+        assert "/" not in message.replace("and/or", ""), message  # no path of this machine
+    assert not Path("/tmp/evil.png").exists()
+    assert httpx2.get(f"{address}/health").json()["state"] == "ready"
+
+
+def test_a_program_gets_the_files_of_a_result(address: str, photo: Path, tmp_path: Path):
+    with httpx2.Client(base_url=address, timeout=300) as client:
+        posted = client.post("/reconstructions", content=photo.read_bytes(), headers={"content-type": "image/png"})
+        done = finish(client, posted.json()["id"])
+        assert (done["state"], done["summary"]["people"]) == ("done", 1)
+        assert set(done["files"]) == {
+            *("combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz"),
+            *("report.html", "scene.glb"),
+        }
+        for name, place in done["files"].items():
+            (tmp_path / name).write_bytes(client.get(place).content)
+    assert len(Reconstruction.load(str(tmp_path)).people) == 1
+    assert "/tmp" not in json.dumps(done)
+
+
+def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chromium: Any):
+    page = chromium.open(f"{address}/", 420, 900)
+    root = page.call("DOM.getDocument")["root"]["nodeId"]
+    field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
+    page.call("DOM.setFileInputFiles", nodeId=field, files=[str(photo)])
+    page.evaluate("document.querySelector('button').click()")
+    page.wait("document.querySelectorAll('#stages li').length > 3")
+    assert page.evaluate("document.querySelector('#stages li').textContent") == "people"
+    page.wait("document.querySelector('h1')?.textContent === 'Result'")
+    assert page.evaluate("document.querySelector('#state').textContent").startswith("Done. Grade: good")
+    page.wait("document.querySelector('iframe').contentDocument?.documentElement?.dataset.ready")
+    picture = page.picture("iframe")
+    assert picture.std() > 10
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+    assert page.errors() == []
+    assert {re.match(r"\w+://[^/]+", place)[0] for place in page.requests()} == {address}  # type: ignore[index]
+    names = page.evaluate("[...document.querySelectorAll('a[download]')].map(a => a.textContent)")
+    assert "combined.glb" in names
+    page.evaluate("document.querySelector('button.quiet').click()")
+    page.wait("document.querySelector('h1')?.textContent === 'Reconstruct a photo'")
+    page.close()
+
+
+def test_a_broken_photo_in_the_browser_leads_to_a_page(address: str, chromium: Any, tmp_path: Path):
+    (tmp_path / "page.jpg").write_text("<html></html>")
+    page = chromium.open(f"{address}/", 420, 900)
+    root = page.call("DOM.getDocument")["root"]["nodeId"]
+    field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
+    page.call("DOM.setFileInputFiles", nodeId=field, files=[str(tmp_path / "page.jpg")])
+    page.evaluate("document.querySelector('button').click()")
+    page.wait("document.querySelector('h1')?.textContent === 'It did not work'")
+    assert "the file is not a photo" in page.evaluate("document.body.innerText")
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback"),
+    [("127.0.0.1", True), ("::1", True), ("localhost", True), ("127.8.8.8", True), ("0.0.0.0", False), ("a.b", False)],
+)
+def test_only_the_loopback_is_not_warned_about(host: str, loopback: bool):
+    assert is_loopback(host) is loopback
+
+
+def test_a_wrong_option_is_an_error_before_anything_is_loaded():
+    done = CliRunner().invoke(main, ["serve", "--preset", "mokc"])
+    assert done.exit_code == 2
+    assert "mokc" in done.stderr

@@ -1,0 +1,98 @@
+"""The worker process: what a photo that breaks it costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from physic_serve.jobs import Job, Jobs
+from physic_serve.settings import Limits
+from physic_serve.worker import Message, Worker
+
+STAND_IN = """
+import os, signal, time
+from physic_core import BackendError, InputError
+
+def open_pipeline(config):
+    if config == "refuse":
+        raise BackendError("no weights")
+
+    def reconstruct(task, progress):
+        progress("people", 0, 1)
+        word = (task.folder / "photo").read_bytes().decode()
+        if word == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if word == "exit":
+            os._exit(7)
+        if word == "hang":
+            time.sleep(600)
+        if word == "bad":
+            raise InputError("the photo is broken")
+        if word == "backend":
+            raise BackendError("no answer")
+        raise ValueError(f"a bug at {task.folder}")
+
+    return reconstruct
+"""
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Jobs]]:
+    """Start a queue whose process runs the stand-in; a spawned process has the import path of its parent."""
+    (tmp_path / "stand_in_of_pipeline.py").write_text(STAND_IN)
+    monkeypatch.syspath_prepend(tmp_path)
+    import stand_in_of_pipeline  # type: ignore[import-not-found]
+
+    started: list[Jobs] = []
+
+    def start(config: str = "", **limits: float) -> Jobs:
+        folder = tmp_path / "results"
+        folder.mkdir()
+        open_worker = partial(Worker, config, stand_in_of_pipeline.open_pipeline)
+        started.append(Jobs(folder, open_worker, Limits(**limits)))  # type: ignore[arg-type]
+        started[-1].start()
+        return started[-1]
+
+    yield start
+    for jobs in started:
+        jobs.close()
+
+
+def ended(job: Job) -> str:
+    while not job.finished:
+        time.sleep(0.02)
+    assert job.stages == [("people", 0, 1)]
+    return job.error
+
+
+def test_a_photo_that_breaks_the_process_costs_itself_alone(start: Callable[..., Jobs]):
+    jobs = start(job_s=3.0)
+    added = [jobs.add(word.encode(), {}) for word in ("kill", "bad", "hang", "backend", "exit", "bug")]
+    assert [ended(job) for job in added] == [
+        "the process was ended by SIGKILL; often the memory is too small",
+        "the photo is broken",
+        "no result after 3 s, the limit",
+        "BackendError: no answer",
+        "the process ended with code 7",
+        "an unexpected error (ValueError); the server's log has more",
+    ]
+    assert jobs.wait_until_open() == ""
+
+
+def test_models_that_cannot_be_loaded_are_reported(start: Callable[..., Jobs]):
+    jobs = start("refuse")
+    assert jobs.wait_until_open() == "the models cannot be loaded: BackendError: no weights"
+    job = jobs.add(b"photo", {})
+    while not job.finished:
+        time.sleep(0.02)
+    assert job.error == "the models cannot be loaded: BackendError: no weights"
+
+
+def test_a_message_can_be_sent_between_processes():
+    import pickle
+
+    assert pickle.loads(pickle.dumps(Message("stage", ("people", 0, 1)))) == Message("stage", ("people", 0, 1))
