@@ -52,11 +52,12 @@ if TYPE_CHECKING:
     from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BodyParameters, Intrinsics, Skeleton
+    from physic_core.types import BodyParameters, Intrinsics, Skeleton, SurfaceLabels
 
 __all__ = ["run_engine"]
 
 _EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
+_RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 _SHOULDERS, _WRISTS = joint_pair("shoulder"), joint_pair("wrist")
 
 
@@ -83,7 +84,9 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             ratio = factor * _size_by_scene(estimates, estimated, bodies, settings.placement)
             stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
-        feet = _lifted_feet(estimates, scene, photo, bodies, model) if settings.placement.detect_lifted_feet else None
+        feet = None
+        if settings.placement.detect_lifted_feet and estimates.people.surfaces is not None:
+            feet = _lifted_feet(estimates, estimates.people.surfaces, scene, photo, bodies, model)
         detections = _detections(estimates, photo, bodies, feet)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
@@ -313,7 +316,12 @@ def _bodies_of_scene_size(
 
 
 def _lifted_feet(
-    estimates: Estimates, scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
+    estimates: Estimates,
+    surfaces: SurfaceLabels,
+    scene: SceneState,
+    photo: _AlignedPhoto,
+    bodies: _EstimatedBodies,
+    model: BodyModel,
 ) -> LiftedFeet:
     gap = depth_gaps_at_feet(
         bodies.skeleton,
@@ -322,6 +330,7 @@ def _lifted_feet(
         tensor(estimates.people.masks),
         photo.depth,
         torch.where(scene.valid, scene.depth, torch.nan),
+        tensor(surfaces.mask(*_RAISED_SURFACES)),
     )
     up = gap.new_tensor([0.0, -1.0, 0.0]) if scene.floor_normal is None else scene.floor_normal
     return find_lifted_feet(gap, _hands_may_hold(estimates, bodies, model, up).cpu())

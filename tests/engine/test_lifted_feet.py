@@ -50,12 +50,15 @@ def test_nothing_is_known_of_unseen_feet():
     assert found(math.nan, above(0.4)) == ([True, True], True)
 
 
-def gap_of(stage):
+def gap_of(stage, raised=None):
+    """Gaps of depth at the feet of a stage; ``raised`` is True where a label names a seat or a table."""
     problem = stage.problem
     skeleton = problem.skeleton
     scene = problem.scene_depth
     photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
-    return depth_gaps_at_feet(skeleton, problem.keypoints, problem.keypoint_confidence, problem.masks, photo, scene)
+    raised = torch.zeros_like(problem.masks[0]) if raised is None else raised
+    confidence = problem.keypoint_confidence
+    return depth_gaps_at_feet(skeleton, problem.keypoints, confidence, problem.masks, photo, scene, raised)
 
 
 def floor_depth(problem):
@@ -77,6 +80,15 @@ def test_gaps_of_a_scene_in_metres(make_stage):
         if raised:
             # The visible foot is a few centimetres higher than its sole.
             assert gap.mean().item() == pytest.approx(above(raised + 0.03, 1.3), abs=0.05)
+
+
+def test_feet_among_seats_and_tables_have_no_gap(make_stage):
+    stage = make_stage([({}, (0.0, 0.0, 3.0))], stands_at=1.0)
+    problem = replace(stage.problem, scene_depth=floor_depth(stage.problem))
+    seat = torch.ones_like(problem.masks[0])
+    stage = replace(stage, problem=problem)
+    assert gap_of(stage).isfinite().all()
+    assert gap_of(stage, seat).isnan().all()
 
 
 def test_keypoints_that_are_not_seen_have_no_gap(make_stage):

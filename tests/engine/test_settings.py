@@ -10,11 +10,13 @@ import pytest
 
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.default import DefaultOptimisation
-from physic_core.engine.settings import PRESET_NAMES, EngineSettings
+from physic_core.engine.settings import PRESET_NAMES, EngineSettings, PlacementSettings
 
 
 def test_presets_hold_ours_and_the_papers() -> None:
-    assert PRESETS["default"] == EngineSettings(joint=DefaultOptimisation())
+    placement = PlacementSettings(detect_lifted_feet=True)
+    assert PRESETS["default"] == EngineSettings(placement=placement, joint=DefaultOptimisation())
+    assert [name for name, preset in PRESETS.items() if preset.placement.detect_lifted_feet] == ["default"]
     paper = PRESETS["paper"]
     assert (paper.placement.reprojection_weight, paper.placement.chamfer_weight) == (5000.0, 0.6)
     assert (paper.placement.method, paper.scene.floor, paper.scene.align_residual) == ("paper", "metric", "metric")

@@ -3,6 +3,8 @@
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without people nearly agree:
 the ground goes on behind the foot. A foot in the air has a gap. The gap is the logarithm of the ratio of both depths;
 over level ground it is about the foot's height as a share of the camera's height, in any unit and at any distance.
+A foot on a seat or a table has such a gap, too. Gaps are therefore measured where labels of the surfaces show none of
+these around the foot, and not at all without labels.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, the lower end al
 _RING_SHARE = 0.1  # of the height of a person's mask: background around a foot, where both maps must agree
 _MARGIN_PX = 3  # between people and background; depth maps are blurred at outlines
 _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
+_MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people over the ground
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,13 @@ def find_lifted_feet(gap: Tensor, held: Tensor) -> LiftedFeet:
 
 
 def depth_gaps_at_feet(
-    skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor, photo: Tensor, scene: Tensor
+    skeleton: Skeleton,
+    keypoints: Tensor,
+    confidence: Tensor,
+    masks: Tensor,
+    photo: Tensor,
+    scene: Tensor,
+    raised: Tensor,
 ) -> Tensor:
     """Measure the gap of depth behind each foot: (B, 2), NaN where unknown.
 
@@ -80,6 +89,7 @@ def depth_gaps_at_feet(
         masks: (B, H, W) bool, visible pixels of each person.
         photo: (H, W) metres, depth of the photo, NaN where unknown.
         scene: (H, W) metres, depth of the scene without people, NaN where unknown.
+        raised: (H, W) bool, surfaces that can carry a foot over the ground. Feet among them have no gap.
     """
     log_ratio = scene.log() - photo.log()
     people = torch.nn.functional.max_pool2d(
@@ -100,7 +110,10 @@ def depth_gaps_at_feet(
             if len(places) < 2 or not bool(torch.isfinite(places).all()):
                 continue
             values = [_around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places]
-            ground = _around(log_ratio, background, places.mean(0), _MARGIN_PX + _RING_SHARE * size)
+            ring = places.mean(0), _MARGIN_PX + _RING_SHARE * size
+            ground = _around(log_ratio, background, *ring)
+            if float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE:
+                continue
             across, down = (float(x) for x in places[1] - places[0])
             pitch = math.degrees(math.atan2(down, abs(across)))
             lower = values[1] if pitch > 0 else values[0]

@@ -34,8 +34,7 @@ class PlacementSettings:
         stand_reach_m: a person whose lower foot, without depth offset, is higher than this above the floor is on
             furniture and not on the floor; 0 disables the test.
         detect_lifted_feet: feet with a gap of depth behind them are in the air
-            (:mod:`physic_core.engine.placement.lifted_feet`). For depth networks whose people and scene agree to a few
-            percent; the errors of the mocks are larger.
+            (:mod:`physic_core.engine.placement.lifted_feet`), in photos whose segmenter labels surfaces.
     """
 
     method: Literal["robust", "paper", "released"] = "robust"

@@ -71,7 +71,7 @@ _PROX = EngineSettings(
 )
 
 PRESETS: dict[str, EngineSettings] = {
-    "default": EngineSettings(joint=DefaultOptimisation()),
+    "default": EngineSettings(placement=PlacementSettings(detect_lifted_feet=True), joint=DefaultOptimisation()),
     "paper": _PAPER,
     "release": _RELEASE,
     "prox": _PROX,

@@ -25,6 +25,7 @@ _NO_FLOOR = "no floor was found"
 _ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
 _NO_BODY = "there is no body, or nothing of it to measure"
 _HIDDEN_LEG = "a leg is not visible"
+_ASSUMED_SUPPORT = "a seat or a hold that the scene does not show is assumed to carry this person"
 
 
 def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
@@ -108,9 +109,10 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
         "the body cuts into the scene: its place or the scene behind it is wrong, do not use its contacts",
         unmeasured=_NO_BODY,
     )
-    # With an invisible leg the support of the person is unknown.
+    # With an invisible leg or an assumed support, what carries the person is unknown.
     legs = _visible_legs(estimates, person)
-    unknown = _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
+    assumed = _ASSUMED_SUPPORT if report.get("assumed_seat") or report.get("assumed_hold") else None
+    unknown = assumed or _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
     yield check_value(
         "floating",
         measured(report, "support_gap_m") if unknown is None else None,
@@ -119,9 +121,9 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
     yield check_value(
         "support",
-        measured(report, "clearance_m"),
+        measured(report, "clearance_m") if assumed is None else None,
         "nothing carries this person: neither floor nor a surface of the scene is near",
-        unmeasured="there is no floor, and no surface near the body",
+        unmeasured=assumed or "there is no floor, and no surface near the body",
     )
     yield _check_soles(solution, person, unknown)
     yield _check_lean(solution, person, unknown)

@@ -10,7 +10,18 @@ import torch
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.types import SKELETONS, Bodies, Hints, Intrinsics, Keypoints, People, Plane, Skeleton, skeleton_named
+from physic_core.types import (
+    SKELETONS,
+    Bodies,
+    Hints,
+    Intrinsics,
+    Keypoints,
+    People,
+    Plane,
+    Skeleton,
+    SurfaceLabels,
+    skeleton_named,
+)
 from physic_embedded.body_estimator import EmbeddedBodies, EmbeddedBodiesOptions
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
@@ -306,6 +317,24 @@ def test_legs_of_which_nothing_is_seen_hang_straight_down(backend: EmbeddedBodie
     for side in ("left", "right"):
         leg = joints[0, JOINT_INDEX[f"{side}_ankle"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
         assert np.degrees(np.arccos(leg[1] / np.linalg.norm(leg))) < 15
+
+
+def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: EmbeddedBodies) -> None:
+    seen = truth([SITS], [(-0.2, 0.75, 1.8)])
+    names = list(SKELETONS["blazepose33"].names)
+    legs = [names.index(f"{s}_{j}") for s in ("left", "right") for j in ("knee", "ankle", "heel", "foot_tip")]
+    confidence = seen.keypoints.confidence.copy()
+    confidence[0, legs] = 0.02
+    masks = np.zeros((1, *IMAGE.shape[:2]), bool)
+    masks[0, 300:, 300:500] = True
+    sofa = SurfaceLabels(np.zeros(IMAGE.shape[:2], np.uint8), ("seat",))
+    people = replace(seen.people, masks=masks, surfaces=sofa)
+    seen = replace(seen, keypoints=replace(seen.keypoints, confidence=confidence), people=people)
+    joints, _ = posed(fit(backend, seen))
+    for side in ("left", "right"):
+        thigh = joints[0, JOINT_INDEX[f"{side}_knee"]] - joints[0, JOINT_INDEX[f"{side}_hip"]]
+        assert np.degrees(np.arccos(thigh[1] / np.linalg.norm(thigh))) > 45
+        assert thigh[2] < -0.2  # towards the camera, as the person faces it
 
 
 def test_nobody_gives_no_bodies(backend: EmbeddedBodies) -> None:

@@ -30,7 +30,11 @@ _HIP_WEIGHT = 0.5  # networks mark hips on the surface, bodies have them inside
 _LEAST_WORLD_WEIGHT = 0.15
 _GUESSED = 0.05  # below this confidence, or outside the picture, a keypoint is made up
 _LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
-_HANGING = {"knee": 0.4, "ankle": 0.8}  # metres under the hip, of legs of which nothing is seen
+_HANGING = {"knee": (0.0, 0.4), "ankle": (0.0, 0.8)}  # metres before and under the hip, of legs that are not seen
+_SEATED = {"knee": (0.4, 0.05), "ankle": (0.4, 0.45)}  # the same for people on a seat
+_SEATS = ("seat", "bed")
+_MIN_SEAT_SHARE = 0.03  # of the labels beside the lower body; seats are mostly hidden by who sits on them
+_BESIDE_SHARE, _ABOVE_HIPS_SHARE = 0.5, 0.15  # widths and heights of the mask in which a seat is looked for
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,9 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
 
 
 def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics) -> Observations:
-    """Compute weights, sizes and viewing rays of all people. Legs that are not visible are set to hang straight down.
+    """Compute weights, sizes and viewing rays of all people.
+
+    Legs that are not visible are set to hang straight down, or as people sit if a seat is seen beside the hips.
 
     Args:
         keypoints: of a joint set with hips and shoulders; one row a person.
@@ -102,17 +108,44 @@ def observe_people(keypoints: Keypoints, people: People, intrinsics: Intrinsics)
     made_up = ~inside | (confidence < _GUESSED)
     bends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
     unseen = made_up[:, bends].all(1)
-    for side in ("left", "right"):
-        for name in _LEG:
-            joint = row.get(f"{side}_{name}")
-            if joint is None:
-                continue
-            weight[unseen, joint] = world_weight[unseen, joint] = 0
-            if world is not None and name in _HANGING:
-                down = _HANGING[name] * turn[unseen, 1]  # the camera's y axis in the axes of each view
-                world[unseen, joint] = world[unseen, row[f"{side}_hip"]] + down
-                world_weight[unseen, joint] = _LEAST_WORLD_WEIGHT
+    legs = [joint for side in ("left", "right") for name in _LEG if (joint := row.get(f"{side}_{name}")) is not None]
+    for joint in legs:
+        weight[unseen, joint] = world_weight[unseen, joint] = 0
+    if world is not None:
+        for i in map(int, np.flatnonzero(unseen)):
+            seated = _beside_seat(people, i, float(middle[i, 1]))
+            for joint, place in _guessed_legs(world[i], row, turn[i], seated).items():
+                world[i, joint] = place
+                world_weight[i, joint] = _LEAST_WORLD_WEIGHT
     return Observations(points, weight, confidence, size, turn, world, world_weight)
+
+
+def _guessed_legs(world: FloatArray, row: dict[str, int], turn: FloatArray, seated: bool) -> dict[int, FloatArray]:
+    """Return places (3,) of knees and ankles of one person with 3D landmarks (J, 3), by row of the landmark."""
+    down = turn[1]  # the camera's y axis in the axes of the view
+    ahead = np.cross(down, world[row["left_hip"]] - world[row["right_hip"]])
+    ahead /= np.linalg.norm(ahead) + 1e-9
+    return {
+        row[f"{side}_{name}"]: world[row[f"{side}_hip"]] + before * ahead + under * down
+        for side in ("left", "right")
+        for name, (before, under) in (_SEATED if seated else _HANGING).items()
+    }
+
+
+def _beside_seat(people: People, person: int, hips_y: float) -> bool:
+    """Return whether the labels of surfaces show a seat beside the lower body of a person whose hips are at ``hips_y``
+    px.
+    """
+    mask = people.masks[person]
+    if people.surfaces is None or not mask.any():
+        return False
+    rows, columns = mask.any(1).nonzero()[0], mask.any(0).nonzero()[0]
+    beside = _BESIDE_SHARE * len(columns)
+    top = max(0, round(hips_y - _ABOVE_HIPS_SHARE * len(rows)))
+    place = slice(top, rows[-1] + 1), slice(max(0, round(columns[0] - beside)), round(columns[-1] + beside) + 1)
+    background = ~np.logical_or.reduce(people.masks)[place]
+    seats = people.surfaces.mask(*_SEATS)[place]
+    return bool(background.any() and seats[background].mean() > _MIN_SEAT_SHARE)
 
 
 def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray) -> FloatArray:
