@@ -70,6 +70,7 @@ COMMANDS = {
     **dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing"),
     "evaluate": "physic-evaluate",
     "serve": "physic-serve",
+    "view": "physic-viewer",
 }
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 

@@ -1,0 +1,53 @@
+"""Numbers of results and people as Markdown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types import summarize_checks
+
+if TYPE_CHECKING:
+    from physic_core.types import CheckResult, Reconstruction
+
+__all__ = ["escape", "person_text", "result_text"]
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]()#+.!|<>~$&-])")
+
+
+def escape(text: str) -> str:
+    """Escape text of others for Markdown: names of folders, warnings."""
+    return _SPECIAL.sub(r"\\\1", " ".join(text.split()))
+
+
+def result_text(result: Reconstruction) -> str:
+    """Return grade, summary, checks and warnings of a result."""
+    summary = repr(result).removeprefix("Reconstruction(").removesuffix(")")
+    lines = [f"**{result.grade or 'no grade'}**: {escape(summary)}", f"checks: {summarize_checks(result.checks)}"]
+    lines += [f"- {escape(warning)}" for warning in result.warnings]
+    return "\n\n".join(lines[:2]) + "\n\n" + "\n".join(lines[2:])
+
+
+def person_text(index: int, record: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
+    """Return the numbers of a person.
+
+    Args:
+        index: of the person.
+        record: of :func:`physic_core.visual.report.people.people_records`.
+        checks: of the result.
+    """
+    lines = [f"**Person {index}**: {record['grade'] or 'no grade'}", ""]
+    facts = {"stature": record["stature"], "to the camera": record["camera"], "pelvis over the floor": None}
+    facts |= {"pelvis over the floor": record["pelvis_height"], "lowest point over the floor": record["lowest"]}
+    lines += [f"- {name}: {_metres(value)}" for name, value in facts.items()]
+    lines += [f"- to person {o['person']}: {_metres(o['pelvis'])}, gap {_metres(o['gap'])}" for o in record["others"]]
+    touching = [f"{row['part'].replace('_', ' ')} {row['cm2']:.0f} cm²" for row in record["contact"] or ()]
+    lines.append(f"- contact: {', '.join(touching) or record['contact_vertices'] or 'none'}")
+    failed = [check.name for check in checks if check.person == index and check.failed]
+    lines.append(f"- failed checks: {escape(', '.join(failed)) or 'none'}")
+    return "\n".join(lines)
+
+
+def _metres(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.2f} m"

@@ -1,0 +1,162 @@
+"""The live view: a viser server with several results, switches, and clicks that measure and select."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import viser
+
+from physic_core.visual.report.people import people_records
+from physic_viewer.drawing import PARTS
+from physic_viewer.slot import Slot
+from physic_viewer.text import person_text
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_viewer.drawing import DrawnResult
+    from physic_viewer.sources import Source
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Viewer"]
+
+_SIDE_BY_SIDE, _ONE_PLACE = "side by side", "in one place"
+_GAP_M = 0.6
+_ADVICE = "Click on a person for their numbers."
+
+
+class Viewer:
+    """A running server; call :meth:`refresh` to look for new results, and :meth:`stop` at the end.
+
+    Args:
+        sources: folders that were named, one slot each.
+        host: address to listen on.
+        port: to listen on; the next free one if it is taken.
+    """
+
+    def __init__(self, sources: Sequence[Source], host: str = "127.0.0.1", port: int = 8080) -> None:
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner, which verbose=False leaves
+            self.server = viser.ViserServer(host=host, port=port, label="PhySIC", verbose=False)
+        self._lock = threading.RLock()
+        self._marks: list[Array] = []
+        self.server.scene.set_up_direction("+y")
+        gui = self.server.gui
+        gui.configure_theme(show_share_button=False, show_logo=False)
+        gui.main_panel.dock_right()
+        with gui.add_folder("Show"):
+            self.switches = {name: gui.add_checkbox(name.capitalize(), shown) for name, shown in PARTS.items()}
+        self.arrange = gui.add_dropdown("Arrange", [_SIDE_BY_SIDE, _ONE_PLACE], visible=len(sources) > 1)
+        self.measuring = gui.add_checkbox("Measure", False)
+        self.text = gui.add_markdown(_ADVICE)
+        self.slots = [Slot(self.server, source, f"/{index}", self._place) for index, source in enumerate(sources)]
+        for switch in self.switches.values():
+            switch.on_update(lambda _: self._show())
+        self.arrange.on_update(lambda _: self._place())
+        self.measuring.on_update(lambda _: self._start_measuring())
+        self.server.scene.on_click()(lambda event: self.click(event.ray_origin, event.ray_direction))
+        self.refresh()
+        self._look()
+
+    @property
+    def address(self) -> str:
+        """Address of the page."""
+        host = self.server.get_host()
+        name = "127.0.0.1" if host == "0.0.0.0" else host
+        return f"http://{name}:{self.server.get_port()}"
+
+    def refresh(self) -> None:
+        """Look for new and changed results."""
+        with self._lock:
+            for slot in self.slots:
+                slot.refresh()
+
+    def stop(self) -> None:
+        """Stop the server."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def click(self, origin: Sequence[float], direction: Sequence[float]) -> None:
+        """Handle a click, as a ray: select a person, or mark a point."""
+        with self._lock:
+            hits = []
+            for slot in self.slots:
+                if slot.drawn is not None and slot.is_shown:
+                    found = slot.drawn.hit(np.array(origin, np.float64), np.array(direction, np.float64))
+                    if found is not None:
+                        hits.append((float(np.linalg.norm(found[0] - np.array(origin))), slot.drawn, *found))
+            if not hits:
+                return
+            _, drawn, point, person = min(hits, key=lambda hit: hit[0])
+            if self.measuring.value:
+                self._mark(point)
+            elif person is not None:
+                self.text.content = _numbers(drawn, person)
+
+    def _start_measuring(self) -> None:
+        with self._lock:
+            self._clear_marks()
+            self.text.content = "Click on two points." if self.measuring.value else _ADVICE
+
+    def _clear_marks(self) -> None:
+        self._marks.clear()
+        self.server.scene.remove_by_name("/measure")
+
+    def _mark(self, point: Array) -> None:
+        if len(self._marks) == 2:
+            self._clear_marks()
+        self._marks.append(point)
+        scene, number = self.server.scene, len(self._marks)
+        scene.add_icosphere(f"/measure/{number}", radius=0.02, color=(255, 47, 125), position=tuple(point))
+        self.text.content = "Click on the second point."
+        if number == 2:
+            first, second = self._marks
+            apart, upwards = float(np.linalg.norm(first - second)), abs(float(first[1] - second[1]))
+            lines = np.stack([first, second])[None].astype(np.float32)
+            scene.add_line_segments("/measure/line", lines, (255, 47, 125), thickness=3, thickness_units="screen")
+            scene.add_label("/measure/length", f"{apart:.2f} m", position=tuple((first + second) / 2))
+            self.text.content = f"**{apart:.2f} m** apart, of which {upwards:.2f} m upwards."
+
+    def _show(self) -> None:
+        on = {name: bool(switch.value) for name, switch in self.switches.items()}
+        for slot in self.slots:
+            if slot.drawn is not None:
+                for name, shown in on.items():
+                    slot.drawn.show(name, shown and (name != "contact" or on["people"]))
+
+    def _place(self) -> None:
+        """Put the results side by side from left to right, or all in one place."""
+        with self._lock:
+            self._clear_marks()
+            right = 0.0
+            for slot in self.slots:
+                if slot.drawn is None or not slot.is_shown:
+                    continue
+                shapes, offset = slot.drawn.shapes, np.zeros(3)
+                if self.arrange.value == _SIDE_BY_SIDE:
+                    offset[0] = right - shapes.low[0]
+                    right += float(shapes.high[0] - shapes.low[0]) + _GAP_M
+                slot.drawn.move(offset)
+            self._show()
+
+    def _look(self) -> None:
+        """Choose the first view: all results from the front, a little from above."""
+        drawn = [slot.drawn for slot in self.slots if slot.drawn is not None]
+        if not drawn:
+            return
+        low = np.min([one.shapes.low for one in drawn], axis=0)
+        high = np.max([one.shapes.high for one in drawn], axis=0)
+        wide = sum(float(one.shapes.high[0] - one.shapes.low[0]) + _GAP_M for one in drawn) - _GAP_M
+        center = np.array([wide / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2])
+        distance = max(0.6 * wide, 1.1 * float(high[1] - low[1])) + 0.5 * float(high[2] - low[2])
+        self.server.initial_camera.position = tuple(center + distance * np.array([0.25, 0.25, 0.94]))
+        self.server.initial_camera.look_at = tuple(center)
+
+
+def _numbers(drawn: DrawnResult, person: int) -> str:
+    return person_text(person, people_records(drawn.result)[person], drawn.result.checks)

@@ -1,0 +1,215 @@
+"""physic view: what is found, drawn, measured, followed and said; once in a real browser."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from physic_core import save_reconstruction
+from physic_core.cli import main
+from physic_core.errors import InputError
+from physic_viewer import command
+from physic_viewer.drawing import PARTS
+from physic_viewer.shapes import build_shapes, nearest_on_ray
+from physic_viewer.sources import Source
+from physic_viewer.text import escape
+from physic_viewer.viewer import Viewer
+
+
+@pytest.fixture(scope="module")
+def rooms():
+    """The module that makes the room with two mannequins."""
+    path = Path(__file__).parents[3] / "tests" / "io" / "conftest.py"
+    spec = spec_from_file_location("rooms", path)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def result(rooms):
+    return rooms.make_reconstruction()
+
+
+@pytest.fixture(scope="module")
+def saved(result, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("saved") / "a_b-physic"
+    save_reconstruction(result, folder, preview=False, glb=False)
+    return folder
+
+
+@pytest.fixture
+def viewer_of():
+    running = []
+
+    def start(*folders: Path) -> Viewer:
+        running.append(Viewer([Source(folder) for folder in folders], port=8500))
+        return running[-1]
+
+    yield start
+    for viewer in running:
+        viewer.stop()
+
+
+def ray_to(viewer: Viewer, slot: int, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A ray from the photo's camera to a point in the camera frame of the result in a slot."""
+    drawn = viewer.slots[slot].drawn
+    upright = drawn.shapes.upright
+    origin = upright[:3, 3] + np.array(drawn._root.position)
+    return origin, upright[:3, :3] @ point
+
+
+def test_a_source_finds_one_result_or_all_below(saved, tmp_path):
+    (one,) = Source(saved).find()
+    assert (one.name, one.folder) == ("a_b-physic", saved)
+    shutil.copytree(saved, tmp_path / "photos" / "2")
+    shutil.copytree(saved, tmp_path / "photos" / "10")
+    (tmp_path / "empty").mkdir()
+    assert [found.name for found in Source(tmp_path).find()] == ["photos/10", "photos/2"]
+    before = Source(tmp_path / "photos" / "2").find()
+    (tmp_path / "photos" / "2" / "reconstruction.npz").write_bytes(b"new")
+    assert Source(tmp_path / "photos" / "2").find() != before
+
+
+def test_a_folder_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(InputError, match=r"^no folder .*nowhere: name the folder of a finished run, or a folder of "):
+        Source(tmp_path / "nowhere")
+
+
+def test_shapes_are_upright_and_their_contact_lies_on_the_skin(result):
+    shapes = build_shapes(result)
+    assert [body.index for body in shapes.bodies] == [0, 1]
+    for body in shapes.bodies:
+        assert body.vertices[:, 1].min() == pytest.approx(0.0, abs=0.02)
+        assert body.vertices[:, 1].max() == pytest.approx(1.7, abs=0.05)
+        assert body.contact_vertices[:, 1].max() < 0.03
+        assert body.contact_faces.max() == len(body.contact_vertices) - 1
+    assert (shapes.low <= shapes.bodies[0].vertices.min(0)).all()
+
+
+def test_a_ray_finds_the_first_point_near_it():
+    points = np.array([[0.0, 0.0, 5.0], [0.0, 0.01, 3.0], [1.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    assert nearest_on_ray(points, np.zeros(3), np.array([0.0, 0.0, 2.0])) == 1
+    assert nearest_on_ray(points[2:], np.zeros(3), np.array([0.0, 0.0, 1.0])) is None
+    assert nearest_on_ray(np.zeros((0, 3)), np.zeros(3), np.array([0.0, 0.0, 1.0])) is None
+
+
+def test_two_results_stand_side_by_side_or_in_one_place(saved, viewer_of):
+    viewer = viewer_of(saved, saved)
+    assert viewer.server.get_host() == "127.0.0.1"
+    first, second = (slot.drawn for slot in viewer.slots)
+    offset = np.array(second._root.position) - np.array(first._root.position)
+    width = first.shapes.high[0] - first.shapes.low[0]
+    np.testing.assert_allclose(offset, [width + 0.6, 0, 0], atol=1e-9)
+    viewer.arrange.value = "in one place"
+    viewer._place()
+    np.testing.assert_allclose(second._root.position, first._root.position)
+    assert "bad" in viewer.slots[0].message
+    assert "no checks were run" in viewer.slots[0].message
+
+
+def test_switches_hide_their_part_in_all_results(saved, viewer_of):
+    viewer = viewer_of(saved, saved)
+    for name, shown in PARTS.items():
+        assert [slot.drawn.is_shown(name) for slot in viewer.slots] == [shown, shown]
+        viewer.switches[name].value = not shown
+        viewer._show()
+        assert [slot.drawn.is_shown(name) for slot in viewer.slots] == [not shown, not shown]
+        viewer.switches[name].value = shown
+    viewer.switches["people"].value = False
+    viewer._show()
+    assert not viewer.slots[0].drawn.is_shown("contact")
+
+
+def test_a_click_selects_a_person_and_two_clicks_measure(saved, result, viewer_of):
+    viewer = viewer_of(saved)
+    joints = result.people[1].joints
+    viewer.click(*ray_to(viewer, 0, joints[9]))
+    assert viewer.text.content.startswith("**Person 1**: doubtful")
+    assert f"- to the camera: {np.linalg.norm(joints[0]):.2f} m" in viewer.text.content
+    spots = [result.scene.points[100, 30].astype(float), result.scene.points[60, 125].astype(float)]
+    viewer.measuring.value = True
+    viewer._start_measuring()
+    for spot in spots:
+        viewer.click(*ray_to(viewer, 0, spot))
+    apart = np.linalg.norm(spots[0] - spots[1])
+    assert float(viewer.text.content[2:].split(" m")[0]) == pytest.approx(apart, abs=0.03)
+    viewer.click((0.0, 50.0, 0.0), (0.0, 1.0, 0.0))  # the sky: nothing happens
+    assert "apart" in viewer.text.content
+
+
+def test_results_are_followed_while_they_are_written(saved, tmp_path, viewer_of):
+    viewer = viewer_of(tmp_path)
+    (slot,) = viewer.slots
+    assert slot.drawn is None
+    assert slot.message == "waiting for a result"
+    shutil.copytree(saved, tmp_path / "one")
+    viewer.refresh()
+    assert slot.names == ["one"]
+    assert slot.drawn is not None
+    # A result that is half written says so, and is drawn when it is complete.
+    (tmp_path / "two").mkdir()
+    shutil.copy(saved / "reconstruction.json", tmp_path / "two")
+    viewer.refresh()
+    assert slot.drawn is None
+    assert slot.message.startswith("**cannot be shown**: cannot read ")
+    time.sleep(0.02)
+    shutil.copyfile(saved / "reconstruction.npz", tmp_path / "two" / "reconstruction.npz")
+    viewer.refresh()
+    assert slot.drawn is not None
+    slot.choose("one")
+    shutil.copytree(saved, tmp_path / "three", copy_function=shutil.copyfile)
+    viewer.refresh()
+    assert slot.names == ["one", "three", "two"]
+    assert slot._choice.value == "one"
+
+
+def test_text_of_others_is_not_markup():
+    assert escape("a_b <img> [x](y) *z*") == r"a\_b \<img\> \[x\]\(y\) \*z\*"
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_the_command_prints_the_address_and_ends_at_ctrl_c(saved, monkeypatch, host):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(command.sys, "platform", "linux")
+    monkeypatch.setattr(command.webbrowser, "open", lambda _: pytest.fail("there is no display"))
+
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "sleep", interrupt)
+    done = CliRunner().invoke(main, ["view", str(saved), "--host", host, "--port", "8600"])
+    assert done.exit_code == 0, done.output
+    first, *more = done.output.splitlines()
+    assert first.startswith("showing a_b-physic at http://127.0.0.1:86")
+    assert first.endswith("  (Ctrl-C ends it)")
+    assert more[:1] == (
+        [""]
+        if host == "127.0.0.1"
+        else ["warning: whoever reaches 0.0.0.0 can see these photos; --host 127.0.0.1 is this machine only"]
+    )
+
+
+def test_without_following_a_folder_must_have_a_result(tmp_path):
+    done = CliRunner().invoke(main, ["view", str(tmp_path), "--no-follow"])
+    assert done.exit_code == 3
+    assert done.output == f"Error: no result in {tmp_path}: name the folder of a finished run, or let it follow\n"
+
+
+def test_it_is_drawn_in_a_browser_that_asks_for_nothing_else(chromium, saved, viewer_of):
+    viewer = viewer_of(saved)
+    page = chromium.open(viewer.address, 900, 500)
+    page.wait("document.querySelectorAll('canvas').length > 0")
+    deadline = time.monotonic() + 60
+    while (picture := page.picture("canvas")).reshape(-1, 3).std(0).max() < 12 and time.monotonic() < deadline:
+        time.sleep(0.5)
+    assert picture.std() > 12
+    assert [url for url in page.requests() if not url.startswith((viewer.address, "ws://127.0.0.1"))] == []
+    page.close()
