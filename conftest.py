@@ -44,6 +44,11 @@ def chromium():
     if os.name != "posix" or binary is None:
         pytest.skip("needs Chromium: apt install chromium")
     browser = driver.Chromium(binary)
+    try:
+        browser.call("Browser.getVersion")
+    except (RuntimeError, OSError) as error:  # such as a link to a package that is not there
+        browser.close()
+        pytest.skip(f"{binary} does not start: {error}")
     yield browser
     browser.close()
 

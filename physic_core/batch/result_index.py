@@ -13,7 +13,7 @@ from physic_core.errors import InputError, OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.npz import read_arrays
 from physic_core.io.document import decode_document
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
 
 __all__ = ["find_results", "write_index"]
 
@@ -61,10 +61,11 @@ def _card(folder: Path, result: Path) -> dict[str, Any]:
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
         document = decode_document((result / DOCUMENT_FILE).read_bytes(), str(result / DOCUMENT_FILE))
+        thumbnail = _thumbnail(result)
     except (OSError, PhysicError) as error:
         return card | {"state": "failed", "error": "InputError", "message": str(error)}
     numbers = {"grade": str(document.get("grade") or ""), "checks": _failed(document)}
-    return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": _thumbnail(result)}
+    return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": thumbnail}
 
 
 def _failed(document: Mapping[str, Any]) -> list[str]:
@@ -73,21 +74,25 @@ def _failed(document: Mapping[str, Any]) -> list[str]:
 
 
 def _thumbnail(result: Path) -> str:
-    """Return the preview or else the photo of a result as a small JPEG in base64; "" if there is none."""
+    """Return the photo of a result as a small JPEG in base64; "" for a result of people alone, which has no photo.
+
+    Raises:
+        InputError: the arrays are damaged.
+    """
     import io
 
     import numpy as np
     from PIL import Image
 
-    try:
-        if (result / PREVIEW_FILE).is_file():
-            image = Image.open(result / PREVIEW_FILE).convert("RGB")
-        else:
-            with (result / ARRAYS_FILE).open("rb") as stream:
-                image = Image.fromarray(np.asarray(read_arrays(stream, ["image"])["image"]))
-        image.thumbnail(_THUMBNAIL)
-    except Exception:  # pictures and archives fail in many ways; the card has no picture then
+    path = result / ARRAYS_FILE
+    if not path.exists():
         return ""
+    try:
+        with path.open("rb") as stream:
+            image = Image.fromarray(np.asarray(read_arrays(stream, ["image"])["image"]))
+    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
+        raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
+    image.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=72)
     return base64.b64encode(buffer.getvalue()).decode()

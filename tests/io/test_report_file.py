@@ -113,9 +113,14 @@ def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_
 def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path):
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "reconstruction.json").write_text("{")
+    (tmp_path / "cut").mkdir()
+    shutil.copy(folder / "reconstruction.json", tmp_path / "cut")
+    (tmp_path / "cut" / "reconstruction.npz").write_bytes(b"PK")
     done = physic("report", tmp_path)
     assert done.output == f"wrote {tmp_path / 'contact-sheet.html'}\n"
-    broken, good = cards(tmp_path)
+    broken, cut, good = cards(tmp_path)
+    assert cut["state"] == "failed"
+    assert "it is damaged" in cut["message"]
     assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "my photo-physic/", "done")
     assert (good["people"], good["grade"], good["error"]) == (2, "bad", "")
     assert len(good["thumbnail"]) > 500
@@ -124,7 +129,7 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
 
     done = physic("report", "--each", tmp_path)
     assert done.exit_code == 0
-    broken, good = cards(tmp_path)
+    broken, _, good = cards(tmp_path)
     assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
     assert "it is not JSON" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
 

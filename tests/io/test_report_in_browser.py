@@ -197,6 +197,17 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     assert "No body: no pose fits the box" in card
 
 
+def test_a_click_on_the_photo_selects_the_person_there(page, result):
+    x, y, width, height = page.box("#photo")
+    spot = result.people[0].joints[9] @ result.intrinsics.matrix.T / result.people[0].joints[9][2]
+    page.click(
+        x + (spot[0] + 0.5) / result.image.shape[1] * width, y + (spot[1] + 0.5) / result.image.shape[0] * height
+    )
+    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 0"
+    page.click(x + 3, y + 3)
+    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]')") is None
+
+
 def test_grade_warnings_checks_and_stages_are_on_the_page(page):
     assert text(page, "#grade") == "grade: bad"
     assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")

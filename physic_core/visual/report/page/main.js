@@ -42,6 +42,7 @@ function connect(stage, panel, select) {
     byId("view").classList.toggle("measuring", on);
   };
   button.addEventListener("click", () => measure(!pointer.measuring));
+  byId("photo").addEventListener("click", event => select(pointer.personInPhoto(event)));
   document.addEventListener("keydown", event => { if (event.key === "Escape" && pointer.measuring) measure(false); });
   stage.canvas.addEventListener("keydown", event => {
     if (!KEYS[event.key] || event.ctrlKey || event.metaKey) return;

@@ -45,6 +45,15 @@ class Pointer {
     this.length.hidden = true;
   }
 
+  // The person at a click on the photo, or null.
+  personInPhoto(event) {
+    const rect = event.target.getBoundingClientRect();
+    this.caster.setFromCamera(new THREE.Vector2(
+      (event.clientX - rect.left) / rect.width * 2 - 1, 1 - (event.clientY - rect.top) / rect.height * 2), this.stage.photoCamera);
+    const [hit] = this.caster.intersectObjects(this.stage.bodies.filter(Boolean), false);
+    return hit?.object.userData.index ?? null;
+  }
+
   click(event) {
     const rect = this.stage.canvas.getBoundingClientRect();
     const spot = new THREE.Vector2(
