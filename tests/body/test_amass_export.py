@@ -81,6 +81,19 @@ def test_our_reader_gives_the_same_bodies(converted: Reconstruction, model: Body
         np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
 
 
+def test_smplfitter_poses_the_same_body_from_the_file(converted: Reconstruction, file: Path, tmp_path: Path):
+    from smplfitter.pt import BodyModel as Peer
+
+    np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
+    peer = Peer("smplx", "female", model_root=str(file.parent), num_betas=20)
+    with np.load(converted.export(str(tmp_path / "a.npz"), person=0).files[0]) as arrays:
+        poses, trans = (torch.from_numpy(arrays[name]).float() for name in ("poses", "trans"))
+        shape = torch.from_numpy(np.concatenate([arrays["betas"], arrays["expression"][0]]))[None].float()
+    theirs = peer(pose_rotvecs=poses, shape_betas=shape, trans=trans)["vertices"][0].numpy()
+    matrix = export_frame(converted.scene.floor, "z").from_camera
+    np.testing.assert_allclose(theirs, transform_points(matrix, converted.people[0].vertices), atol=1e-5)
+
+
 def test_embedded_bodies_are_fitted_and_the_error_is_stated(
     result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path, maps: None
 ):

@@ -178,6 +178,7 @@ def test_frames_are_rigid_and_stand_on_the_floor(result: Reconstruction, up: str
 def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
     assert export("a.bvh").files == (tmp_path / "a_0.bvh", tmp_path / "a_1.bvh")
     assert export("b.bvh", person=1).files == (tmp_path / "b.bvh",)
+    assert export("new", "bvh", person=0).files == (tmp_path / "new" / "skeleton.bvh",)
     assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
 
 

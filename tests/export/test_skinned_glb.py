@@ -19,8 +19,6 @@ from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.export.skinned_glb import influences
 
-pygltflib = pytest.importorskip("pygltflib")
-
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -32,6 +30,7 @@ def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def tree(file: Path):
+    pygltflib = pytest.importorskip("pygltflib")
     return pygltflib.GLTF2().load(str(file))
 
 

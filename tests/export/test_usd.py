@@ -13,7 +13,7 @@ from physic_core.visual.export.request import export_frame
 
 pytest.importorskip("pxr")
 
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 
 @pytest.fixture(scope="module")
@@ -65,11 +65,17 @@ def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
 def test_the_validators_of_usd_find_nothing(export, suffix: str):
-    UsdValidation = pytest.importorskip("pxr.UsdValidation", reason="needs usd-core with its validators")
+    path = str(export(f"a{suffix}").files[0])
+    if hasattr(UsdUtils, "ComplianceChecker"):  # what usdchecker ran, until it was replaced by the validators
+        checker = UsdUtils.ComplianceChecker()
+        checker.CheckCompliance(path)
+        assert checker.GetErrors() + checker.GetFailedChecks() + checker.GetWarnings() == []
+        return
+    from pxr import UsdValidation
+
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     assert len(validators) > 10
-    opened = Usd.Stage.Open(str(export(f"a{suffix}").files[0]))
-    errors = UsdValidation.ValidationContext(validators).Validate(opened)
+    errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(path))
     assert [error.GetErrorAsString() for error in errors] == []
 
 

@@ -50,8 +50,8 @@ def export_reconstruction(
 
     Args:
         result: the reconstruction.
-        path: of the file, or a folder, which then needs ``format``. With several people, formats of one person per file
-            add "_0", "_1", ... to the name.
+        path: of the file, or a folder, which then needs ``format`` and is created if missing. With several people,
+            formats of one person per file add "_0", "_1", ... to the name.
         format: name of the format ("glb", "amass", ...); None for that of the suffix.
         person: index or indices into ``result.people``; None for all people with a body.
         up: "y", "z" or "camera"; None for the convention of the format.
@@ -65,7 +65,7 @@ def export_reconstruction(
         BodyModelError: the body model file cannot be used.
     """
     path = Path(path)
-    is_folder = path.is_dir()
+    is_folder = path.is_dir() or (format is not None and not path.suffix)
     kind = find_format(format, "" if is_folder else path.suffix)
     folder, stem, suffix = (path, kind.stem, kind.suffixes[0]) if is_folder else _split(path, kind)
     if not kind.available:
