@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import glob
 import hashlib
+import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -49,18 +50,27 @@ def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     folder ``out``, such as thumbnails of an earlier run, are left out.
 
     Raises:
-        InputError: an input does not exist, a table is invalid, or two photos have one id.
+        InputError: an input does not exist, a table is invalid, two photos have one id, or there are no photos.
     """
+    inputs, left_out = list(inputs), 0
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items(text)):
         if out is not None and Path(item.path).is_relative_to(os.path.abspath(out)):
+            left_out += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
-            raise InputError(
-                f"two photos have the id '{item.id}', {same.path} and {item.path}: ids of a batch must be unique"
-            )
+            raise InputError(_same_id(same, item))
+    if not found:
+        reason = f"; {left_out:,} in the output folder are left out: choose another one" if left_out else ""
+        raise InputError(f"no photos in {', '.join(inputs)}{reason}")
     return list(found.values())
+
+
+def _same_id(first: PhotoItem, second: PhotoItem) -> str:
+    if first.path == second.path:
+        return f"{first.path} is listed twice with different settings: give each row an id of its own"
+    return f"two photos have the id '{first.id}', {first.path} and {second.path}: ids of a batch must be unique"
 
 
 def default_id(path: str) -> str:
@@ -71,7 +81,7 @@ def default_id(path: str) -> str:
 def photo_folder(item_id: str) -> str:
     """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits of the id's hash."""
     digest = hashlib.sha256(os.fsencode(item_id)).hexdigest()
-    name = quote(item_id, safe=" +,=@()[]")
+    name = quote(item_id, safe=" +,=@()[]", errors="surrogateescape")
     if len(name) > _MAX_NAME or name.startswith(".") or not name:
         name = f"{name[: _MAX_NAME - 17].lstrip('.')}-{digest[:16]}"
     return f"photos/{digest[:2]}/{name}"
@@ -137,40 +147,63 @@ def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> P
     Raises:
         ValueError: a value is missing or invalid.
     """
-    if not row.get("path"):
+    path = row.get("path")
+    if not path:
         raise ValueError("the column 'path' is missing or empty")
-    path = str(row["path"])
+    if not isinstance(path, str) or "\0" in path:
+        raise ValueError(f"a path is text without null characters (got {path!r})")
     if "://" not in path:
         path = os.path.abspath(os.path.join(folder, path))
-    return PhotoItem(str(row.get("id") or default_id(path)), path, _settings(row))
+    return PhotoItem(_text(row.get("id")) or default_id(path), path, _settings(row))
 
 
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
     if table.suffix.lower() == ".parquet":
         parquet = import_pyarrow(f"reading {table}")
-        with parquet.ParquetFile(table) as file:
-            for batch in file.iter_batches():
-                yield from batch.to_pylist()
+        try:
+            with parquet.ParquetFile(table) as file:
+                for batch in file.iter_batches():
+                    yield from batch.to_pylist()
+        except (OSError, ValueError) as error:  # pyarrow's errors are subclasses
+            raise InputError(f"cannot read {table}: {error}") from error
         return
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            yield from csv.DictReader(stream)
+            for number, row in enumerate(csv.DictReader(stream), start=1):
+                if None in row:
+                    raise InputError(f"{table}, row {number}: it has more cells than the first line; quote commas")
+                yield row
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
+    except csv.Error as error:
+        raise InputError(f"cannot read {table}: {error}") from error
+
+
+def _text(value: Any) -> str:
+    """Return a value of a table as text; "" for a missing one, which pandas writes as NaN."""
+    return "" if value is None or value != value else str(value).strip()
 
 
 def _settings(row: Mapping[str, Any]) -> dict[str, Any]:
     settings: dict[str, Any] = {}
-    camera = str(row.get("camera") or "").strip()
+    camera = _text(row.get("camera"))
     if camera:
-        try:
-            numbers = [float(part) for part in re.split(r"[,\s]+", camera.strip("[]() "))]
-        except ValueError:
-            numbers = []
+        numbers = _numbers(camera)
         if len(numbers) not in (1, 4):
             raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got '{camera}')")
         settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
-    stature = str(row.get("stature") or "").strip()
+    stature = _text(row.get("stature"))
     if stature:
-        settings["stature"] = [float(part) for part in re.split(r"[,\s]+", stature.strip("[]() "))]
+        settings["stature"] = _numbers(stature)
+        if not settings["stature"]:
+            raise ValueError(f"statures are numbers in m, from left to right (got '{stature}')")
     return settings
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of a list such as "1.7, 1.8"; none if a part is no finite number."""
+    try:
+        numbers = [float(part) for part in re.split(r"[,\s]+", text.strip("[]() "))]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []

@@ -60,13 +60,21 @@ def write_table(out: Path, kind: str) -> Path:
     with atomic_write(out) as temporary:
         path = temporary(name)
         if kind == "parquet":
-            _write_parquet(path, last_rows(out), numbers)
+            _write_parquet(path, map(_as_utf8, last_rows(out)), numbers)
         else:
             with path.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, [*COLUMNS, *numbers], restval="")
                 writer.writeheader()
-                writer.writerows(last_rows(out))
+                writer.writerows(map(_as_utf8, last_rows(out)))
     return out / name
+
+
+def _as_utf8(row: dict[str, Any]) -> dict[str, Any]:
+    """Write bytes of a file's name that are not UTF-8 as in the journal: ``\\udcff``."""
+    return {
+        name: value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
+        for name, value in row.items()
+    }
 
 
 def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str]) -> None:

@@ -59,6 +59,7 @@ def test_what_ends_a_batch_before_its_first_photo(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, message: str
 ):
     monkeypatch.chdir(tmp_path)
+    Path("a.jpg").touch()
     done = physic("-o", "out", "--table", "csv", *arguments)
     assert (done.exit_code, done.stderr.splitlines()[0]) == (code, f"Error: {message}")
     assert not Path("out").exists()

@@ -74,6 +74,15 @@ def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
             ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'wide')",
         ),
         ("path,id\nb.jpg,x\na.PNG,x\n", "ids of a batch must be unique"),
+        ("path,camera\nb.jpg,nan\n", ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'nan')"),
+        ("path,stature\nb.jpg,tall\n", ", row 1: statures are numbers in m, from left to right (got 'tall')"),
+        ("path,id\nb.jpg,1,2\n", ", row 1: it has more cells than the first line; quote commas"),
+        ("path\nb\0.jpg\n", ", row 1: a path is text without null characters (got 'b\\x00.jpg')"),
+        (
+            "path,camera\nb.jpg,9\nb.jpg,8\n",
+            "b.jpg is listed twice with different settings: give each row an id of its own",
+        ),
+        ("path\n" + "x" * 200_000, "field larger than field limit (131072)"),
     ],
 )
 def test_a_table_with_faults(folder: Path, rows: str, message: str):
@@ -87,6 +96,38 @@ def test_an_input_that_is_not_there():
     with pytest.raises(InputError) as error:
         find_photos(["nowhere/*.jpg"])
     assert str(error.value) == ("no photos at nowhere/*.jpg: name files, folders, patterns, or a CSV or Parquet table")
+
+
+@pytest.mark.parametrize("text", ["", "path,id\n"], ids=["empty", "head"])
+def test_a_table_without_photos_is_an_error(tmp_path: Path, text: str):
+    (tmp_path / "table.csv").write_text(text)
+    with pytest.raises(InputError) as error:
+        find_photos([str(tmp_path / "table.csv")])
+    assert str(error.value) == f"no photos in {tmp_path / 'table.csv'}"
+
+
+def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
+    (tmp_path / "a.jpg").touch()
+    with pytest.raises(InputError) as error:
+        find_photos([str(tmp_path)], tmp_path)
+    assert str(error.value) == f"no photos in {tmp_path}; 1 in the output folder are left out: choose another one"
+
+
+def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids(tmp_path: Path):
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    nan = float("nan")
+    columns = {"path": ["a.jpg", "b.jpg"], "id": [0, 1], "camera": [nan, 900.0], "stature": [nan, 1.7]}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "table.parquet")
+    items = find_photos([str(tmp_path / "table.parquet")])
+    assert [(item.id, item.settings) for item in items] == [
+        ("0", {}),
+        ("1", {"focal_px": 900.0, "stature": [1.7]}),
+    ]
+    parquet.write_table(pyarrow.table({"path": [b"a.jpg"]}), tmp_path / "bytes.parquet")
+    (tmp_path / "text.parquet").write_text("no table")
+    for name, message in (("bytes", r"row 1: a path is text .* \(got b'a.jpg'\)$"), ("text", "^cannot read ")):
+        with pytest.raises(InputError, match=message):
+            find_photos([str(tmp_path / f"{name}.parquet")])
 
 
 def test_a_folder_has_two_digits_of_the_ids_hash_before_it():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -15,11 +16,13 @@ from typing import Any
 
 import pytest
 
+from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_rows
 from physic_core.batch.photos import find_photos
 from physic_core.batch.process import BatchJob, base_row
 from physic_core.batch.run import plan_batch
 from physic_core.batch.saving import Saving
+from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
 
@@ -29,7 +32,7 @@ from .conftest import STANDIN
 def make_photos(folder: Path, *names: str) -> Path:
     folder.mkdir(exist_ok=True)
     for name in names:
-        (folder / f"{name}.jpg").write_text(name)
+        (folder / f"{name}.jpg").write_bytes(os.fsencode(name))
     return folder
 
 
@@ -99,6 +102,23 @@ def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(standin: ModuleT
     (photos / "full.jpg").rename(photos / "roomy.jpg")
     standin.run_standin(photos, out, workers=1)
     assert states(out) == {"a": ("done", ""), "roomy": ("done", "")}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are not UTF-8")
+def test_names_that_are_not_utf8_reach_every_file(standin: ModuleType, tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a \udcff", "новый 😀 <b>&", "broken \udcfe")
+    standin.run_standin(photos, out, workers=1)
+    assert states(out) == {
+        "a \udcff": ("done", ""),
+        "новый 😀 <b>&": ("done", ""),
+        "broken \udcfe": ("failed", "ValueError"),
+    }
+    text = write_table(out, "csv").read_text(encoding="utf-8")
+    assert "a \\udcff.jpg" in text
+    page = write_contact_sheet(out).read_text(encoding="utf-8")
+    assert "a \\udcff.jpg" in page
+    with (out / "summary.csv").open(encoding="utf-8", newline="") as file:
+        assert len(list(csv.DictReader(file))) == 3
 
 
 # ---- the journal -----------------------------------------------------------------------------------------------------
