@@ -323,6 +323,8 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
         _print_error()
         pipe.send(("refused", type(error).__name__, str(error)))
         return
+    gc.collect()
+    gc.freeze()  # the loaded libraries stay: to look through them after each task would take 0.1 s
     pipe.send(("ready",))
     while True:
         try:
