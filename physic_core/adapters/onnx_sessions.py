@@ -6,6 +6,7 @@ import logging
 import mmap
 import re
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.devices import DEVICE_PATTERN
@@ -53,11 +54,7 @@ _PROVIDERS = {
 
 
 class OnnxSession:
-    """An ONNX file that is opened with onnxruntime. On the CPU, unused working memory is freed after each run.
-
-    Without this the networks of one photo together use about three times as much memory (the five largest embedded
-    ones 2.8 GB, in place of 0.8 GB for all nine), for a tenth to a fifth less time. Without a memory arena, large
-    networks take twice as long.
+    """An ONNX file that is opened with onnxruntime.
 
     Attributes:
         session: onnxruntime's session.
@@ -66,12 +63,11 @@ class OnnxSession:
 
     def __init__(self, session: InferenceSession, provider: ExecutionProvider) -> None:
         self.session, self.provider = session, provider
-        self._run_options = _shrink_arena() if provider.name == "CPU" else None
 
     def run(self, outputs: Sequence[str] | None, inputs: Mapping[str, NDArray[Any]]) -> list[Any]:
         """Run the network and return the named outputs in that order, or all outputs for None."""
         names = None if outputs is None else list(outputs)
-        found: list[Any] = self.session.run(names, dict(inputs), self._run_options)
+        found: list[Any] = self.session.run(names, dict(inputs))
         return found
 
 
@@ -100,6 +96,8 @@ def open_session(path: Path, threads: int, device: str, provider: str = "auto", 
     options.enable_mem_pattern = False
     # The CPU runs the few operators that another provider does not implement.
     fallback = [] if chosen.name == "CPU" else ["CPUExecutionProvider"]
+    _register_shared_arena()
+    options.add_session_config_entry("session.use_env_allocators", "1")
     try:
         session = ort.InferenceSession(str(path), options, providers=[*settings, *fallback])
     except Exception as cause:  # onnxruntime's own exceptions share no public base class
@@ -151,13 +149,17 @@ def select_provider(
     return provider, [provider.key]
 
 
-def _shrink_arena() -> Any:
-    """Return run options that free the unused memory of the arena after each run."""
+@cache
+def _register_shared_arena() -> None:
+    """Let all sessions of the process take their working memory on the CPU from one arena, which keeps it.
+
+    With an arena each, the five largest embedded networks hold 2.8 GB. Arenas that shrink after each run, or none, get
+    their memory anew from the system: 400,000 page faults a photo, 6 % of its processor time or more.
+    """
     import onnxruntime as ort
 
-    options = ort.RunOptions()
-    options.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
-    return options
+    memory = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
+    ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
 
 
 def _open_error(path: Path, provider: ExecutionProvider, cause: Exception, broken: str) -> BackendError:
