@@ -24,6 +24,7 @@ __all__ = [
 ]
 
 _FEWEST_POINTS = 16
+_STRIP_ROWS = 64  # of a photo, so that temporary arrays stay in the cache of a CPU
 
 
 def depth_to_pointmap(depth: Tensor, K: Tensor) -> Tensor:
@@ -86,6 +87,18 @@ def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     Returns:
         (H, W, 3), zero where a pixel has no usable neighbour along both image axes.
     """
+    height = len(points)
+    strip = _STRIP_ROWS if points.device.type == "cpu" else max(height, 1)
+    found = []
+    for top in range(0, height, strip):
+        first, bottom = max(top - 1, 0), min(top + strip, height)
+        part = _normals(points[first : bottom + 1], valid[first : bottom + 1], ratio)
+        found.append(part[top - first : bottom - first])
+    return torch.cat(found) if found else torch.zeros_like(points)
+
+
+def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:
+    """Return :func:`normals` of a strip; those of its first and last row lack the neighbours outside of it."""
     dtype, points = points.dtype, points.double()  # the last digits of float32 differ from CPU to CPU
     # Two steps of one pixel span the 3 x 3 window.
     limit = math.sqrt(ratio)

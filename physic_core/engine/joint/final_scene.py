@@ -78,9 +78,21 @@ def _carved(
     points[unseen] = moved
     changed = unseen.clone()
     changed[unseen] = out
-    fresh = normals(points, scene.valid, edge_ratio(settings.outliers, hole.shape[0], hole.shape[1]))
-    changed &= fresh.square().sum(-1) > 0
-    return replace(scene, points=points, normals=torch.where(changed[..., None], fresh, scene.normals))
+    if not bool(out.any()):
+        return scene
+    rows, columns = (_span(changed.any(dim)) for dim in (1, 0))
+    ratio = edge_ratio(settings.outliers, hole.shape[0], hole.shape[1])
+    fresh = normals(points[rows, columns], scene.valid[rows, columns], ratio)
+    renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
+    surface = scene.normals.clone()
+    surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])
+    return replace(scene, points=points, normals=surface)
+
+
+def _span(hit: Tensor) -> slice:
+    """Return the span of the true elements of ``hit`` (n,) with one neighbour on each side."""
+    at = hit.nonzero()
+    return slice(max(0, int(at[0]) - 1), int(at[-1]) + 2)
 
 
 def _with_floor(scene: SceneState, normal: Tensor, offset: float, ankles: Tensor) -> SceneState:

@@ -185,7 +185,10 @@ def _dilate(mask: Tensor, radius: int) -> Tensor:
     """Dilate a mask (H, W) by a square of ``radius`` px."""
     if radius < 1:
         return mask
-    grown = mask[None, None].float()
-    for size, pad in (((2 * radius + 1, 1), (radius, 0)), ((1, 2 * radius + 1), (0, radius))):
-        grown = torch.nn.functional.max_pool2d(grown, size, stride=1, padding=pad)
-    return grown[0, 0] > 0
+    for dim in (0, 1):
+        # A pixel is reached if the count of mask pixels rises within the window around it.
+        count = torch.nn.functional.pad(mask.cumsum(dim, dtype=torch.int32).movedim(dim, -1), (1, 0)).movedim(-1, dim)
+        at = torch.arange(mask.shape[dim], device=mask.device)
+        first, last = (at - radius).clamp(min=0), (at + radius + 1).clamp(max=mask.shape[dim])
+        mask = count.index_select(dim, last) > count.index_select(dim, first)
+    return mask
