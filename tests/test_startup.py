@@ -57,3 +57,14 @@ def test_importing_the_package_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_run_of_the_default_preset_does_not_import_the_compiler_of_torch():
+    """It takes longer than a second of processor time; roma and torch.optim import it."""
+    code = (
+        "import sys, torch\n"
+        "import physic_core.pipeline.optimise, physic_core.pipeline.checks, physic_embedded.body_fit.fit\n"
+        "print('torch._dynamo' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "False"

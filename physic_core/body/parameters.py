@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import roma
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import NUM_JOINTS
+from physic_core.body.rotations import rotmat_to_rotvec
 from physic_core.errors import BodyModelError
+from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import BodyParameters
 
 __all__ = ["parameters_from_rotations", "rotations_from_parameters"]
@@ -45,8 +46,7 @@ def rotations_from_parameters(
         # An array of a plugin may be a view with negative strides, or read-only.
         own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
         columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
-    matrices: Tensor = roma.rotvec_to_rotmat(torch.cat(columns, 1))
-    return matrices
+    return rotvec_to_rotmat(torch.cat(columns, 1))
 
 
 def parameters_from_rotations(
@@ -65,8 +65,8 @@ def parameters_from_rotations(
         raise BodyModelError(
             f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one matrix for each joint"
         )
-    rotvecs = roma.rotmat_to_rotvec(rotations.detach().double())
-    pieces = rotvecs.split([count for _, count in _ROTATION_FIELDS], dim=1)
+    rotvecs = torch.from_numpy(rotmat_to_rotvec(rotations.detach().double().cpu().numpy()))
+    pieces = rotvecs.split([count for _, count in _ROTATION_FIELDS], dim=1)  # type: ignore[no-untyped-call]
     poses = {
         name: piece.flatten(1).float().cpu().numpy() for (name, _), piece in zip(_ROTATION_FIELDS, pieces, strict=True)
     }

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import roma
 import torch
 from torch import Tensor
 
@@ -228,6 +227,8 @@ class State:
 
     def _unpack_raw(self) -> Estimate:
         """Convert raw parameters; two columns of a rotation are orthonormalised."""
+        import roma  # which imports torch._dynamo, for longer than a second
+
         start, values = self._start, self.values
         body_and_hands = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
         first = roma.special_gramschmidt(values["root"])[:, None]

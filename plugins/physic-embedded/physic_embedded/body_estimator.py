@@ -32,7 +32,7 @@ _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 class EmbeddedBodiesOptions(Options):
     """Settings of the body fit."""
 
-    iterations: int = Field(80, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
+    iterations: int = Field(40, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
     cure_lean: bool = Field(
         True, description="set people who stand upright on the floor, where the floor is known; landmarks lean forward"
     )
@@ -192,15 +192,15 @@ def _restart(fit: BodyFit, observations: Observations, turn: FloatArray, upright
 
     3D landmarks bend knees towards the camera as they lean bodies towards it, and the picture shows neither.
     """
-    import roma
     from scipy.spatial.transform import Rotation
 
     from physic_core.body import JOINT_INDEX
+    from physic_core.body.rotations import rotmat_to_rotvec
     from physic_embedded.body_fit.problem import InitialPose
 
     about_x = Rotation.from_rotvec(np.stack([turn, 0 * turn, 0 * turn], -1)).as_matrix()
     root = observations.turn @ about_x @ observations.turn.transpose(0, 2, 1) @ fit.rotations[:, 0].double().numpy()
-    pose = roma.rotmat_to_rotvec(fit.rotations[:, 1:22].double()).numpy()
+    pose = rotmat_to_rotvec(fit.rotations[:, 1:22].double().numpy())
     for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
         bend = pose[:, knee, 0]
         pose[:, knee, 0] = np.where(upright & (np.abs(bend) < _MAX_APPARENT_BEND), _BEND_SHARE * bend, bend)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import roma
 import torch
 
 from physic_core.body import JOINT_INDEX
+from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.stature_prior import adult_shape
@@ -65,7 +65,7 @@ class FitSettings:
             wrong.
     """
 
-    iterations: int = 80
+    iterations: int = 40
     sigma_2d: float = 0.010
     sigma_3d: tuple[float, float, float] = (0.04, 0.04, 0.08)
     shape_weight: float = 4.0
@@ -218,7 +218,7 @@ class FitProblem:
             [3, 63, len(self.stature), 3, 1, 1, 1], 1
         )
         rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
-        local = roma.rotvec_to_rotmat(torch.cat([_ROOT_STEP * root[:, None], rotvecs], 1))
+        local = rotvec_to_rotmat(torch.cat([_ROOT_STEP * root[:, None], rotvecs], 1))
         rotations = torch.cat(
             [local[:, :1] @ self.root[:, None], local[:, 1:], self.fingers.expand(count, -1, 3, 3)], 1
         )
@@ -359,7 +359,7 @@ def fit_problem(
         pose=tensor(start.pose),
         mean=tensor(prior.mean),
         sigma=tensor(prior.sigma),
-        fingers=roma.rotvec_to_rotmat(tensor(relaxed_finger_pose())),
+        fingers=rotvec_to_rotmat(tensor(relaxed_finger_pose())),
         log_z=tensor(np.log(z)),
         side=tensor(start.transl[:, :2] / z),
         lean=tensor(lean),
