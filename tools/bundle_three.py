@@ -25,8 +25,8 @@ THREE, ESBUILD = "0.187.0", "0.28.2"
 PAGE = Path(__file__).resolve().parents[1] / "physic_core" / "visual" / "report" / "page"
 ENTRY = """
 export {
-  Box3, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, Float32BufferAttribute, Group,
-  HemisphereLight, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial,
+  Box3, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, Float32BufferAttribute,
+  Group, HemisphereLight, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshStandardMaterial,
   PerspectiveCamera, PlaneGeometry, Points, PointsMaterial, Raycaster, SRGBColorSpace, Scene, SphereGeometry, Texture,
   Vector2, Vector3, WebGLRenderer,
 } from "three";

@@ -176,6 +176,12 @@ def test_two_clicks_measure_the_distance_of_their_points(page, result):
     assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
     page.picture("#view")
     assert text(page, ".label:not(.number)") == f"{apart:.2f} m"
+    # A line joins the points: the columns of pixels between them have a pixel of its colour, but under the label.
+    red, green, blue = page.picture("#canvas").astype(int).transpose(2, 0, 1)
+    line = ((red > 200) & (green < 110) & (blue > 80) & (blue < 180)).any(0)
+    x = page.box("#canvas")[0]
+    ends = [round(place_on_canvas(page, result, *spot)[0] - x) for spot in spots]
+    assert line[ends[0] : ends[1]].mean() > 0.5
     click(page, "#measure")
     click(page, "[data-view=angle]")
     assert text(page, "#hint") == ""

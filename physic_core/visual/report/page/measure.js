@@ -3,8 +3,9 @@
 class Pointer {
   constructor(stage, labels, hint, onSelect) {
     Object.assign(this, { stage, labels, hint, onSelect, measuring: false, marks: [] });
-    this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xff2f7d, depthTest: false }));
-    this.line.renderOrder = 1;
+    this.paint = new THREE.MeshBasicMaterial({ color: 0xff2f7d, depthTest: false });
+    this.line = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 8), this.paint);
+    Object.assign(this.line, { renderOrder: 1, visible: false });
     stage.scene.add(this.line);
     this.caster = new THREE.Raycaster();
     this.caster.params.Points.threshold = 0.015;
@@ -41,7 +42,7 @@ class Pointer {
   clear() {
     for (const { ball } of this.marks) this.stage.scene.remove(ball);
     this.marks = [];
-    this.line.geometry.setFromPoints([]);
+    this.line.visible = false;
     this.length.hidden = true;
   }
 
@@ -69,16 +70,19 @@ class Pointer {
 
   mark(point, distance) {
     if (this.marks.length === 2) this.clear();
-    const ball = new THREE.Mesh(
-      new THREE.SphereGeometry(0.006 * distance, 16, 12), new THREE.MeshBasicMaterial({ color: 0xff2f7d, depthTest: false }));
+    const ball = new THREE.Mesh(new THREE.SphereGeometry(0.006 * distance, 16, 12), this.paint);
     ball.renderOrder = 2;
     ball.position.copy(point);
     this.stage.scene.add(ball);
-    this.marks.push({ point: point.clone(), ball });
+    this.marks.push({ point: point.clone(), ball, distance });
     this.hint.textContent = "Click on the second point.";
     if (this.marks.length === 2) {
       const [first, second] = this.marks.map(mark => mark.point), apart = first.distanceTo(second);
-      this.line.geometry.setFromPoints([first, second]);
+      const thick = 0.0022 * Math.max(...this.marks.map(mark => mark.distance));
+      this.line.position.copy(first).add(second).multiplyScalar(0.5);
+      this.line.scale.set(thick, apart, thick);
+      this.line.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), second.clone().sub(first).normalize());
+      this.line.visible = true;
       this.length.textContent = metres(apart);
       this.hint.textContent = `${metres(apart)} apart, of which ${metres(Math.abs(first.y - second.y))} upwards. `
         + "Click again for other points.";

@@ -130,7 +130,8 @@ class Stage {
   render() {
     // From its own place, the photo would hide the scene.
     const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix);
-    this.groups.camera.userData.photo.visible = eye.distanceTo(this.camera.position) > 0.3;
+    const isInside = eye.distanceTo(this.camera.position) < 0.3;
+    this.groups.camera.children.forEach(part => { part.visible = !isInside; });
     this.renderer.render(this.scene, this.camera);
     this.listeners.forEach(listener => listener());
   }
@@ -248,8 +249,7 @@ function makeFrustum(data, photo) {
   plane.setIndex([0, 2, 1, 0, 3, 2]);
   const group = new THREE.Group();
   const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo), side: THREE.DoubleSide });
-  group.userData.photo = new THREE.Mesh(plane, paint);
-  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), group.userData.photo);
+  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), new THREE.Mesh(plane, paint));
   return group;
 }
 
