@@ -73,6 +73,11 @@ def add_toctrees(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += "\n\n" + _toctree(subpages()[page])
 
 
+def pages_with_toctrees(app: Sphinx, env: object, added: set[str], changed: set[str], removed: set[str]) -> list[str]:
+    """Return the pages to read again when pages were added or removed: their lists have changed, their files not."""
+    return [root_doc, *subpages()] if added or removed else []
+
+
 def write_index(app: Sphinx, error: Exception | None) -> None:
     """Write ``index.html``, which servers show for the folder: it leads to the first page."""
     if error is None and app.builder.name == "html":
@@ -87,6 +92,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register what happens at each build."""
     write_reference(ROOT / "docs" / "_reference")
     app.add_lexer("mermaid", TextLexer)  # code hosts draw it; no script that could is loaded here
+    app.connect("env-get-outdated", pages_with_toctrees)
     app.connect("source-read", add_toctrees)
     app.connect("build-finished", write_index)
     return {"parallel_read_safe": True}
