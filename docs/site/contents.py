@@ -75,7 +75,14 @@ def subpages() -> dict[str, list[str]]:
         for parent, found in below.items():
             if page.startswith(parent.removesuffix("README")) and page != parent:
                 found.append(page)
-    return {parent: found for parent, found in below.items() if parent in pages()}
+    return {parent: _in_order_of(parent, found) for parent, found in below.items() if parent in pages()}
+
+
+def _in_order_of(parent: str, below: list[str]) -> list[str]:
+    """Sort pages by their first mention in the page that lists them; those that it does not mention come last."""
+    text = (ROOT / f"{parent}.md").read_text(encoding="utf-8")
+    names = {page: page.removeprefix(parent.removesuffix("README")) for page in below}
+    return sorted(below, key=lambda page: (text.find(names[page]) % (len(text) + 1), page))
 
 
 def sections() -> dict[str, list[str]]:
