@@ -40,6 +40,9 @@ COLUMNS: Mapping[str, str] = {
 """Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
 
 
+_ALWAYS = ("id", "state", "config", "finished")
+
+
 class Journal:
     """The journal file of one run, open for appending; only one process may have it open.
 
@@ -126,9 +129,9 @@ def _all_rows(folder: Path) -> Iterator[dict[str, Any]]:
             for line in file:
                 try:
                     row = from_json(json.loads(line))
-                except ValueError:
+                except (ValueError, RecursionError):
                     continue  # cut off
-                if isinstance(row, dict) and {"id", "state", "config", "finished"} <= row.keys():
+                if isinstance(row, dict) and all(isinstance(row.get(name), str) for name in _ALWAYS):
                     yield row
 
 

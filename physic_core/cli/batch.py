@@ -64,13 +64,14 @@ def batch(
     from physic_core.batch.table import check_table_kind, write_table
 
     check_table_kind(table)
-    logs = out.absolute() / "logs"
-    run = _executor(executor, workers, timeout or None, logs, address, executor_set)
-    items, name = find_photos(photos, out), "journal.jsonl"
+    name, logs = "journal.jsonl", out.absolute() / "logs"
     if shard is not None:
         part, count = parse_shard(shard)
+        name, logs = f"journal-{part}-of-{count}.jsonl", logs / f"{part}-of-{count}"
+    run = _executor(executor, workers, timeout or None, logs, address, executor_set)
+    items = find_photos(photos, out)
+    if shard is not None:
         items = [item for item in items if in_shard(item.id, part, count)]
-        name = f"journal-{part}-of-{count}.jsonl"
     job = _job(out, **options)
     plan = plan_batch(items, job, retry_failed=retry is not None)
     click.echo(_describe(plan, len(items)), err=True)

@@ -78,3 +78,18 @@ def test_without_pyarrow_the_command_says_what_to_install(tmp_path: Path, monkey
 def test_the_page_lists_every_column_of_the_journal(repository: Path):
     page = (repository / "docs" / "batch.md").read_text()
     assert [f"| `{name}` | {text} |" in page for name, text in COLUMNS.items()] == [True] * len(COLUMNS)
+
+
+def test_shards_have_journals_and_logs_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("photos.csv").write_text("path,id\n" + "".join(f"{i}.jpg,{i}\n" for i in range(4)))
+    options = ("photos.csv", "-o", "out", "--preset", "mock", "--save", "summary", "--no-thumbnails", "--table", "csv")
+    for part in ("1/2", "2/2"):
+        assert physic(*options, "--workers", "1", "--shard", part).exit_code == 0
+    assert sorted(path.name for path in Path("out").glob("*.jsonl")) == ["journal-1-of-2.jsonl", "journal-2-of-2.jsonl"]
+    assert {str(path) for path in Path("out").rglob("worker-0.txt")} == {
+        "out/logs/1-of-2/worker-0.txt",
+        "out/logs/2-of-2/worker-0.txt",
+    }
+    with Path("out/summary.csv").open(newline="") as file:
+        assert sorted(row["id"] for row in csv.DictReader(file)) == ["0", "1", "2", "3"]

@@ -134,7 +134,8 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
         journal.append(row("b"))
         journal.append(row("a", "2026-01-02T00:00:00", value=1.0 / 3))
     with (tmp_path / "journal.jsonl").open("ab") as file:
-        file.write(b'{"id": "c", "state": "do')
+        file.write(b'{"id": ["x"], "state": "done", "config": "c", "finished": "f"}\nnull\n\x00\xff\n')
+        file.write(b"[" * 100_000 + b'\n{"id": "c", "state": "do')
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("d"))
     assert list(read_rows(tmp_path)) == ["a", "b", "d"]
