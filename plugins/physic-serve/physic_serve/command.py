@@ -13,7 +13,7 @@ import click
 
 from physic_core import BackendError
 
-__all__ = ["serve"]
+__all__ = ["exposure_warning", "is_loopback", "serve"]
 
 _POSITIVE = click.FloatRange(min=0, min_open=True)
 
@@ -69,11 +69,7 @@ def serve(
             raise BackendError(refused)
         loopback = is_loopback(host)
         if not loopback:
-            click.echo(
-                f"Warning: {host} can be reached by other machines. There is no password and no encryption: put a "
-                "server in front that has both, or use the default 127.0.0.1.",
-                err=True,
-            )
+            click.echo(exposure_warning(host), err=True)
         app = make_app(jobs, frozenset({"localhost", "127.0.0.1", "::1", host}) if loopback else None)
         server = uvicorn.Server(
             uvicorn.Config(app, host, port, log_level="warning", limit_concurrency=100, timeout_graceful_shutdown=2)
@@ -90,6 +86,14 @@ def serve(
 def _end(*_: object) -> None:
     """End as after Ctrl-C: the worker is ended and the results are deleted."""
     sys.exit(0)
+
+
+def exposure_warning(host: str) -> str:
+    """Return what to consider before other machines can reach the server."""
+    return (
+        f"Warning: {host} can be reached by other machines. There is no password and no encryption: put a server in "
+        "front that has both, or use the default 127.0.0.1."
+    )
 
 
 def is_loopback(host: str) -> bool:

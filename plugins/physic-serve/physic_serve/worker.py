@@ -126,10 +126,10 @@ def _work(pipe: connection.Connection, config: Any, open_: OpenPipeline) -> None
 
 def _run(task: Task, reconstruct: Callable[[Task, Progress], Reconstruction], progress: Progress) -> Message:
     """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a message."""
-    from physic_core.visual.report.page import report_html
-
     try:
         result = reconstruct(task, progress)
+        from physic_core.visual.report.page import report_html
+
         progress("write the files", 0, 0)
         result.save(str(task.folder))
         (task.folder / REPORT_FILE).write_text(report_html(result, "Reconstruction"), encoding="utf-8")
