@@ -112,3 +112,11 @@ def test_every_array_is_on_the_page():
 def test_the_command_prints_where_the_schema_is():
     assert CliRunner().invoke(main, ["schema"]).stdout == f"{schema_file()}\n"
     assert json.loads(CliRunner().invoke(main, ["schema", "--print"]).stdout) == SCHEMA
+
+
+def test_the_wheel_contains_the_schema():
+    from hatchling.builders.wheel import WheelBuilder
+
+    root = Path(__file__).parents[2]
+    files = {file.distribution_path for file in WheelBuilder(str(root)).recurse_included_files()}
+    assert "physic_core/io/reconstruction.schema.json" in files
