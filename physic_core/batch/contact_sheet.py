@@ -7,7 +7,7 @@ import html
 import json
 from collections.abc import Iterable, Mapping
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from physic_core.batch.journal import last_rows
@@ -40,7 +40,8 @@ def contact_sheet(cards: Iterable[Mapping[str, Any]], left_out: int = 0) -> str:
     """Return the page.
 
     Args:
-        cards: of photos: name, path, link, thumbnail (base64 JPEG), state, error, message, grade, people, checks.
+        cards: of photos: name (its id), title, path, link, thumbnail (base64 JPEG), state, error, message, grade,
+            people, checks.
         left_out: number of photos that are not on the page; the page states it.
     """
     # "<" cannot end the script element.
@@ -58,19 +59,21 @@ def result_link(out: Path, folder: str) -> str:
 
 def _card(out: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     folder, thumbnail = photo_folder(str(row["id"])), ""
-    path = out / thumbnail_path(folder)
-    if row["state"] == "done" and path.is_file():
-        thumbnail = base64.b64encode(path.read_bytes()).decode()
+    picture = out / thumbnail_path(folder)
+    if row["state"] == "done" and picture.is_file():
+        thumbnail = base64.b64encode(picture.read_bytes()).decode()
+    path = str(row.get("path", ""))
     return {
         "name": row["id"],
-        "path": row.get("path", ""),
+        "title": PurePath(path).name or row["id"],
+        "path": path,
         "link": result_link(out, str(row.get("folder", ""))),
         "thumbnail": thumbnail,
         "state": row["state"],
         "error": row.get("error", ""),
         "message": row.get("message", ""),
         "grade": row.get("grade", ""),
-        "people": int(row.get("people") or 0),
+        "people": int(row.get("people") or 0) if row["state"] == "done" else None,
         "checks": str(row.get("checks_failed", "")).split(),
     }
 
@@ -116,7 +119,8 @@ const state = card => card.state === "done" ? "done" : card.error;
 [...new Set(cards.map(state))].sort().forEach(s => option(fields.state, s));
 [...new Set(cards.map(c => c.grade))].filter(Boolean).sort().forEach(s => option(fields.grade, s));
 [...new Set(cards.flatMap(c => c.checks))].sort().forEach(s => option(fields.check, s));
-[...new Set(cards.map(c => c.people))].sort((a, b) => a - b).forEach(n => option(fields.people, String(n)));
+const counts = [...new Set(cards.map(c => c.people))].filter(n => n !== null).sort((a, b) => a - b);
+counts.forEach(n => option(fields.people, String(n)));
 const part = (name, text, kind) => {
   const made = document.createElement(name);
   made.textContent = text;
@@ -129,23 +133,24 @@ for (const card of cards) {
   if (card.thumbnail) {
     const image = new Image();
     image.loading = "lazy";
-    image.alt = card.name;
+    image.alt = card.title;
     image.src = "data:image/jpeg;base64," + card.thumbnail;
     box.append(image);
   }
   const title = part("p", "");
+  title.title = card.name;
   if (card.link) {
-    const link = part("a", card.name);
+    const link = part("a", card.title);
     link.href = card.link.split("/").map(encodeURIComponent).join("/");
     title.append(link);
-  } else title.textContent = card.name;
+  } else title.textContent = card.title;
   box.append(title, part("p", card.path, "soft"));
   if (card.state === "done") {
     const people = card.people + (card.people === 1 ? " person" : " people");
     box.append(part("p", people + (card.grade ? ", grade: " + card.grade : "")));
   }
   if (card.checks.length) box.append(part("p", "failed: " + card.checks.join(", "), "bad"));
-  if (card.error) box.append(part("p", card.error + ": " + card.message, "bad"));
+  if (card.error) box.append(part("p", card.error + ": " + card.message.replace(card.path + ": ", ""), "bad"));
   main.append(box);
 }
 function show() {
