@@ -31,9 +31,9 @@ def connected(address: str | None) -> Iterator[bool]:
     A connection that this process already has is used and kept.
 
     Args:
-        address: of the cluster, such as "auto" or "ray://HOST:10001"; None for that of the environment variable
-            RAY_ADDRESS, or, without it, for a cluster that is started here and ended with this process. It reports no
-            usage statistics, has no dashboard, and listens on 127.0.0.1 only.
+        address: of the cluster, "auto" or "HOST:6379"; this machine is one of its nodes. None for that of the
+            environment variable RAY_ADDRESS, or, without it, for a cluster that is started here and ended with this
+            process. It reports no usage statistics, has no dashboard, and listens on 127.0.0.1 only.
 
     Raises:
         ConfigError: the cluster cannot be reached, or has another version of Ray or Python.

@@ -7,6 +7,7 @@ import logging
 import os
 from collections.abc import Callable, Generator, Iterable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.executors import ExecutorSettings
@@ -61,7 +62,9 @@ def run_on_ray(
     if not todo:
         return
     resources = (resources or Resources()).for_device(job.config.run.device)
-    plan = WorkerPlan(job, settings.timeout, settings.logs, os.getcwd(), environment_of_driver(), open_worker)
+    journal = min(map(str, Path(job.out).glob("journal*.jsonl")), default="")
+    environment = environment_of_driver()
+    plan = WorkerPlan(job, settings.timeout, settings.logs, os.getcwd(), environment, journal, open_worker)
     with connected(settings.address) as started:
         yield from _rows(todo, plan, settings, resources, started)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -17,9 +18,11 @@ from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import outcome_row
 from physic_core.batch.workers import SupervisedWorker, WorkerSettings
-from physic_core.errors import PhysicError
+from physic_core.errors import OutputError, PhysicError
 
 __all__ = ["JsonActor", "PhotoWorker", "WorkerPlan", "decode_item", "encode_item", "environment_of_driver"]
+
+VISIBLE_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class WorkerPlan:
         logs: folder for what the workers print; None for none.
         folder: current folder of the workers, where it exists.
         environment: variables of the workers.
+        shared_file: a file that the driver sees in the output folder; "" for none. A node that does not see it would
+            write its results where nobody finds them.
         open_worker: replaces the pipeline of the job.
     """
 
@@ -40,6 +45,7 @@ class WorkerPlan:
     logs: Path | None = None
     folder: str = ""
     environment: Mapping[str, str] = field(default_factory=dict)
+    shared_file: str = ""
     open_worker: Callable[[], Callable[[PhotoItem], dict[str, Any]]] | None = None
 
 
@@ -54,10 +60,16 @@ class PhotoWorker:
     Ray alone would repeat such a photo for ever, on one actor after the other.
 
     Raises:
+        OutputError: this node does not see the output folder of the driver.
         PhysicError: the backends cannot be loaded.
     """
 
     def __init__(self, plan: WorkerPlan) -> None:
+        if plan.shared_file and not _is_visible(plan.shared_file):
+            raise OutputError(
+                f"the computer {os.uname().nodename} does not see {plan.shared_file}: "
+                "the output folder must be on storage that all nodes mount at this path"
+            )
         os.environ.update(plan.environment)
         if plan.folder:
             with suppress(OSError):  # another node need not have it
@@ -114,6 +126,16 @@ def encode_item(item: PhotoItem) -> str:
 def decode_item(text: str) -> PhotoItem:
     """Return the photo of :func:`encode_item`."""
     return PhotoItem(*json.loads(text))
+
+
+def _is_visible(file: str) -> bool:
+    """Return whether a file exists; a network file system may show it some seconds late."""
+    end = time.monotonic() + VISIBLE_S
+    while not os.path.exists(file):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.2)
+    return True
 
 
 def _node() -> str:

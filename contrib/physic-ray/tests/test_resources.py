@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import os
+from pathlib import Path
+
 import pytest
 
 import physic_ray
 from physic_core.batch.executors import ExecutorSettings
+from physic_core.batch.process import BatchJob
+from physic_core.batch.saving import Saving
+from physic_core.configuration.model import load_config
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.errors import ConfigError
 from physic_ray.executor import ray_executor
 from physic_ray.resources import Resources
-from physic_ray.worker import decode_item, encode_item
+from physic_ray.worker import JsonActor, WorkerPlan, decode_item, encode_item
 
 
 def test_the_plugin_registers_the_executor_that_the_core_knows_by_name():
@@ -49,6 +56,19 @@ def test_workers_that_fit_on_the_nodes():
     assert Resources().for_device("cpu").count_slots(nodes) == 13 + 4
     assert Resources(0.5, 0.25, 0.0).count_slots(nodes) == 4
     assert Resources(memory_gb=500.0).count_slots(nodes) == 0
+
+
+def test_a_node_without_the_output_folder_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr("physic_ray.worker.VISIBLE_S", 0.0)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
+    actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))
+    monkeypatch.setattr("physic_ray.worker._node", lambda: "10.0.0.7")
+    assert json.loads(actor({"item": '["a", "/a.jpg", {}]'})["row"]) == {
+        "refused": "OutputError",
+        "message": f"the computer {os.uname().nodename} does not see {tmp_path / 'journal.jsonl'}: "
+        "the output folder must be on storage that all nodes mount at this path",
+        "node": "10.0.0.7",
+    }
 
 
 def test_every_name_of_a_photo_reaches_the_worker():
