@@ -15,13 +15,13 @@ from physic_core.adapters.detections import clip_boxes, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 from physic_core.interfaces import Options, Segmenter
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
-from physic_transformers.sam_masks import best_rows, people_from_sam, union_of_masks
+from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
 from physic_transformers.sizes import size_from_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
 
 __all__ = ["GroundedSam2", "GroundedSam2Options", "TextDetections", "decode_text_boxes", "format_prompt"]
 
@@ -70,33 +70,47 @@ class TextDetections:
 
 
 class GroundedSam2(PretrainedBackend, Segmenter):
-    """Segmenter: GroundingDINO and SAM 2.1, with the prompts and thresholds of the paper's release."""
+    """Segmenter: GroundingDINO and SAM 2.1, with the prompts and thresholds of the paper's release.
+
+    Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then left out.
+    """
 
     Options: ClassVar[type[Options]] = GroundedSam2Options
     options: GroundedSam2Options
+    takes_prompt: ClassVar[bool] = True
     specs: ClassVar[tuple[ModelSpec, ...]] = (
         ModelSpec("detector", "GroundingDinoForObjectDetection", ("grounding-dino",), needs_tokenizer=True),
         # The published SAM 2 repositories hold the model for videos, of which this is a spec.
         ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video")),
     )
 
-    def infer(self, image: UInt8Array) -> People:
+    def infer(self, image: UInt8Array, prompt: PeoplePrompt | None = None) -> People:
         """Segment the people of an image (H, W, 3), best score first, and the floor.
+
+        With a prompt, exactly the chosen people are segmented, in the order of the prompts.
 
         Raises:
             InputError: it is no photo.
+            NoPersonError: no pixel of a person is found for a prompt.
             BackendError: ``load`` was not called.
         """
 
         options, size = self.options, (image.shape[0], image.shape[1])
         pixels = _detector_pixels(image)
-        boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
         places: FloatArray = np.zeros((0, 4))
         if options.floor_words:
             places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
-        logits = self._masks(image, np.concatenate([boxes, places]))
-        floor = union_of_masks(logits[len(boxes) :], size) if options.floor_words else None
-        return people_from_sam(logits[: len(boxes)], boxes, scores, floor, size, same=options.same_person)
+        if prompt is None:
+            boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
+            points: FloatArray = np.zeros((0, 2))
+        else:
+            boxes, points = np.array(prompt.boxes).reshape(-1, 4), np.array(prompt.points).reshape(-1, 2)
+        logits = self._masks(image, np.concatenate([boxes, places]), points)
+        people = len(points) + len(boxes)
+        floor = union_of_masks(logits[people:], size) if options.floor_words else None
+        if prompt is not None:
+            return people_of_prompt(logits[:people], prompt, floor, size)
+        return people_from_sam(logits[:people], boxes, scores, floor, size, same=options.same_person)
 
     def _boxes(
         self, pixels: FloatArray, words: str, threshold: float, size: tuple[int, int]
@@ -119,27 +133,33 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         rows = [i for i in np.flatnonzero(inside) if found.tokens[i]][: options.max_people]
         return boxes[rows], found.scores[rows]
 
-    def _masks(self, image: UInt8Array, boxes: FloatArray) -> FloatArray:
-        """Predict the mask logits (N, h, w) of boxes."""
+    def _masks(self, image: UInt8Array, boxes: FloatArray, points: FloatArray) -> FloatArray:
+        """Predict the mask logits (N, h, w) of points (P, 2) px and then of boxes (N - P, 4) px."""
 
         network = self.network("masks")
         side = int(network.config.prompt_encoder_config.image_size)
         grid = 4 * side // int(network.config.prompt_encoder_config.patch_size)
-        if not len(boxes):
+        if not len(boxes) and not len(points):
             return np.zeros((0, grid, grid), np.float32)
         pixels = normalized_nchw(resize_image(image, side, side, "bilinear-antialias"), IMAGENET_MEAN, IMAGENET_STD)
         embeddings = network.run("get_image_embeddings", pixel_values=pixels)
         height, width = image.shape[:2]
-        prompts = (boxes * (side / np.array([width, height, width, height]))).astype(np.float32)
-        masks = [
-            self._decoded(network, embeddings, prompts[i : i + _BOXES_PER_CALL])
-            for i in range(0, len(prompts), _BOXES_PER_CALL)
-        ]
+        scale = side / np.array([width, height])
+        masks = []
+        if len(points):
+            marks = {"input_points": points[None, :, None] * scale, "input_labels": np.ones((1, len(points), 1))}
+            masks.append(self._decoded(network, embeddings, **marks))
+        prompts = boxes * np.tile(scale, 2)
+        for i in range(0, len(prompts), _BOXES_PER_CALL):
+            masks.append(self._decoded(network, embeddings, input_boxes=prompts[None, i : i + _BOXES_PER_CALL]))
         return np.concatenate(masks)
 
-    def _decoded(self, network: Any, embeddings: Any, prompts: FloatArray) -> FloatArray:
-        """Run the mask decoder on boxes."""
-        out = network.run(input_boxes=prompts[None], image_embeddings=embeddings, multimask_output=False)
+    def _decoded(self, network: Any, embeddings: Any, **prompts: FloatArray) -> FloatArray:
+        """Run the mask decoder on points or boxes, px of the network's picture."""
+        given = {
+            name: value.astype(np.int64 if name == "input_labels" else np.float32) for name, value in prompts.items()
+        }
+        out = network.run(**given, image_embeddings=embeddings, multimask_output=False)
         return to_numpy(out.pred_masks)[0, :, 0]
 
 

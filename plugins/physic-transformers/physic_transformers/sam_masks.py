@@ -8,13 +8,16 @@ import numpy as np
 
 from physic_core.adapters.people import mask_nms, people_from_masks
 from physic_core.adapters.pictures import resize_map
+from physic_core.errors import NoPersonError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import BoolArray, FloatArray, People
+    from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt
 
-__all__ = ["best_rows", "people_from_sam", "union_of_masks"]
+__all__ = ["best_rows", "people_from_sam", "people_of_prompt", "union_of_masks"]
+
+_GIVEN = 1e9  # logit of a mask of the user's, which takes pixels of all others
 
 
 def best_rows(scores: FloatArray, threshold: float, most: int) -> NDArray[np.intp]:
@@ -48,6 +51,31 @@ def people_from_sam(
     rows = mask_nms(logits > 0, scores, same) if len(logits) else np.zeros(0, np.intp)
     masks = (resize_map(logits[i], *size) for i in rows)
     return people_from_masks(masks, boxes[rows], scores[rows], floor, size=size)
+
+
+def people_of_prompt(
+    logits: FloatArray, prompt: PeoplePrompt, floor: BoolArray | None, size: tuple[int, int]
+) -> People:
+    """Build exactly the people whom the user chose, in the order of the prompts.
+
+    Args:
+        logits: (P, h, w) over the whole photo, of the P points and boxes of the prompt.
+        prompt: whose masks are kept as they are.
+        floor: (H, W) or None.
+        size: H and W of the photo.
+
+    Raises:
+        NoPersonError: no pixel of a person is left.
+    """
+    for i, one in enumerate(logits):
+        if not (one > 0).any():
+            raise NoPersonError(f"no person was found at {prompt.describe(i)}: mark the person with a mask")
+    masks = [resize_map(one, *size) for one in logits]
+    masks += [np.where(mask, _GIVEN, -1.0) for mask in (() if prompt.masks is None else prompt.masks)]
+    people = people_from_masks(masks, None, np.ones(len(masks)), floor, size=size)
+    if len(people) != len(prompt):
+        raise NoPersonError("a chosen person is hidden by the others: leave one out, or give a mask of each person")
+    return people
 
 
 def union_of_masks(logits: FloatArray, size: tuple[int, int]) -> BoolArray:

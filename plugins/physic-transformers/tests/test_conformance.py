@@ -16,6 +16,8 @@ import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.adapters.devices import check_device
+from physic_core.errors import NoPersonError
+from physic_core.types import PeoplePrompt
 from physic_testing import build_world, check_backend
 from physic_testing.worlds import labels
 from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
@@ -250,6 +252,10 @@ class ToldSam2(Told):
             return "embeddings"
         assert inputs["image_embeddings"] == "embeddings"
         assert inputs["multimask_output"] is False
+        if "input_points" in inputs:
+            assert inputs["input_points"].shape == (1, inputs["input_labels"].size, 1, 2)
+            marked = np.stack([self._marked(x, y) for x, y in inputs["input_points"][0, :, 0]])
+            return SimpleNamespace(pred_masks=torch.from_numpy(marked[None]))
         prompts = inputs["input_boxes"]
         assert prompts.dtype == np.float32
         assert prompts.shape == (1, prompts.shape[1], 4)
@@ -263,6 +269,12 @@ class ToldSam2(Told):
         gap = np.abs(edges - box).max(1)
         assert gap.min() < 8, "no such thing in the photo"
         return soft(known[int(gap.argmin())], 256, 256)[None]
+
+    def _marked(self, x: float, y: float) -> np.ndarray:
+        """(1, 256, 256) logits of the person at a pixel of 1024 x 1024; negative where nobody is."""
+        height, width = self.size
+        on = [mask for mask in self.masks() if mask[int(y * height / 1024), int(x * width / 1024)]]
+        return soft(on[0], 256, 256)[None] if on else np.full((1, 256, 256), -9.0)
 
 
 class ToldSam3(Told):
@@ -375,3 +387,22 @@ def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
     bounds += [report.accuracy[name] <= most for name, most in WRONG.items() if name in report.accuracy]
     assert bounds
     assert all(bounds), report.accuracy
+
+
+def test_points_and_boxes_are_prompts_of_sam_2() -> None:
+    world = build_world("sit_side_by_side", 3, (640, 480))
+    backend = TellingGroundedSam2()
+    backend.load()
+    rows, columns = world.masks[1].nonzero()
+    middle = len(rows) // 2
+    point = (float(columns[middle]), float(rows[middle]))
+    chosen = PeoplePrompt(points=(point,), boxes=(tuple(world.boxes[0].tolist()),))
+    people = backend.infer(world.image, chosen)
+    assert people.floor is not None
+    for mask, true in zip(people.masks, world.masks[[1, 0]], strict=True):
+        assert (mask & true).sum() / (mask | true).sum() > 0.97
+    given = PeoplePrompt(points=(point,), masks=world.masks[:1])
+    assert (backend.infer(world.image, given).masks[1] == world.masks[0]).all()
+    nobody = np.argwhere(~world.masks.any(0))[0]
+    with pytest.raises(NoPersonError, match="no person was found at point 1"):
+        backend.infer(world.image, PeoplePrompt(points=((float(nobody[1]), float(nobody[0])),)))
