@@ -71,9 +71,11 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     """Estimates, solution and settings of one person where all is well, but for the changes."""
     known = {"told": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
-    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"} | changes
-    assert len(known) == 18, sorted(known)
+    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"}
+    known |= {"shoulders": True} | changes
+    assert len(known) == 19, sorted(known)
     observed = np.ones((1, 55), bool)
+    observed[0, [16, 17]] = known["shoulders"]
     observed[0, [4, 7]] = known["legs"]
     joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
     maps = {"scene": known["scene_camera"], "original": None}
@@ -158,6 +160,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"told": {"support_gap_m": 0.2}, "legs": False}, ("legs_seen",)),
         ({"told": {"seen_share": 0.23}}, ("visible",)),
         ({"told": {"seen_share": 0.75}}, ()),
+        ({"shoulders": False}, ("shoulders_seen",)),
         ({"told": {"depth_order_share": 0.2}}, ("depth_order",)),
         ({"told": {"mask_covered_share": 0.78}}, ("mask_covered",)),
         ({"told": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),

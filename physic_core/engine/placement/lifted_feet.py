@@ -23,9 +23,6 @@ __all__ = ["LiftedFeet", "depth_gaps_at_feet", "find_lifted_feet"]
 MIN_FOOT_GAP = 0.1
 """Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
 
-MIN_MEAN_GAP = 0.065
-"""Least mean gap of both feet of a person in the air whose hands hold something."""
-
 _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
@@ -54,8 +51,9 @@ class LiftedFeet:
 def find_lifted_feet(gap: Tensor, held: Tensor) -> LiftedFeet:
     """Find the feet in the air from gaps of depth.
 
-    A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean
-    gap is too large for a foot on the ground: the depth of one foot is less certain than that of both.
+    A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean of
+    both gaps is that of a lifted foot: the depth of one foot is less certain than that of both. Who lifts a weight
+    holds something, too, with a mean gap of 0.07.
 
     Args:
         gap: (B, 2) from :func:`depth_gaps_at_feet`.
@@ -64,7 +62,7 @@ def find_lifted_feet(gap: Tensor, held: Tensor) -> LiftedFeet:
     known = torch.isfinite(gap)
     lifted = known & (gap > MIN_FOOT_GAP)
     mean = torch.where(known, gap, 0.0).sum(1) / known.sum(1).clamp(min=1)
-    airborne = (lifted.sum(1) == known.sum(1)) & known.any(1) | (held & (mean > MIN_MEAN_GAP))
+    airborne = (lifted.sum(1) == known.sum(1)) & known.any(1) | (held & (mean > MIN_FOOT_GAP))
     return LiftedFeet(lifted | airborne[:, None], airborne, gap)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_person"]
 
-_KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
+_KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
 _NO_FLOOR = "no floor was found"
 _ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
 _NO_BODY = "there is no body, or nothing of it to measure"
@@ -91,6 +91,13 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
         measured(report, "seen_share"),
         "most of the body is hidden or outside the photo: what is not seen is a guess",
         unmeasured=_NO_BODY,
+    )
+    observed = estimates.bodies.observed
+    yield check_value(
+        "shoulders_seen",
+        None if observed is None else float(observed[person][_SHOULDERS].sum()),
+        "neither shoulder is visible: the pose of trunk and arms is a guess",
+        unmeasured="the body estimator does not report which joints are visible",
     )
     legs = _visible_legs(estimates, person)
     yield check_value(

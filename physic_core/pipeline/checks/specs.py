@@ -131,6 +131,8 @@ _ALL = (
     _person(
         "visible", "at least", 0.4, _SHARE, "of the camera-facing surface that is visible in the photo", "doubtful"
     ),
+    # The pose of a trunk whose shoulders are outside of the photo is a guess, however well the legs fit.
+    _person("shoulders_seen", "at least", 1, "count", "visible shoulders", "doubtful"),
     _person("legs_seen", "at least", 2, "count", "legs with a visible knee or ankle", "doubtful"),
     # Photos 0.03 at most; a tenth is an entire limb.
     _person("penetration", "at most", 0.1, _SHARE, "of the visible surface over 3 cm inside scene or floor"),
