@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BodyParameters, Intrinsics, Skeleton, SurfaceLabels
+    from physic_core.types import BodyParameters, Intrinsics, Skeleton
 
 __all__ = ["run_engine"]
 
@@ -85,8 +85,9 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
         feet = None
-        if settings.placement.detect_lifted_feet and estimates.people.surfaces is not None:
-            feet = _lifted_feet(estimates, estimates.people.surfaces, scene, photo, bodies, model)
+        labelled = estimates.people.surfaces is not None and scene.floor_normal is not None
+        if settings.placement.detect_lifted_feet and labelled:
+            feet = _lifted_feet(estimates, scene, photo, bodies, model)
         detections = _detections(estimates, photo, bodies, feet)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
@@ -316,13 +317,12 @@ def _bodies_of_scene_size(
 
 
 def _lifted_feet(
-    estimates: Estimates,
-    surfaces: SurfaceLabels,
-    scene: SceneState,
-    photo: _AlignedPhoto,
-    bodies: _EstimatedBodies,
-    model: BodyModel,
+    estimates: Estimates, scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
 ) -> LiftedFeet:
+    """Find the feet in the air of a photo with a floor and labels of its surfaces."""
+    surfaces, up = estimates.people.surfaces, scene.floor_normal
+    assert surfaces is not None
+    assert up is not None
     gap = depth_gaps_at_feet(
         bodies.skeleton,
         bodies.keypoints.cpu(),
@@ -332,8 +332,7 @@ def _lifted_feet(
         torch.where(scene.valid, scene.depth, torch.nan),
         tensor(surfaces.mask(*_RAISED_SURFACES)),
     )
-    up = gap.new_tensor([0.0, -1.0, 0.0]) if scene.floor_normal is None else scene.floor_normal
-    return find_lifted_feet(gap, _hands_may_hold(estimates, bodies, model, up).cpu())
+    return find_lifted_feet(gap, _hands_may_hold(estimates, bodies, model, up).cpu(), float(scene.floor_offset))
 
 
 def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, model: BodyModel, up: Tensor) -> Tensor:

@@ -20,9 +20,9 @@ def above(height, camera=1.5):
     return math.log(camera / (camera - height))
 
 
-def found(left, right, held=NOBODY):
+def found(left, right, held=NOBODY, camera=1.5):
     """Lifted feet and whether the person is in the air."""
-    feet = find_lifted_feet(torch.tensor([[left, right]]), held)
+    feet = find_lifted_feet(torch.tensor([[left, right]]), held, camera)
     return feet.lifted[0].tolist(), bool(feet.airborne)
 
 
@@ -51,7 +51,13 @@ def test_who_lifts_a_weight_with_a_heel_up_stands():
 
 def test_nothing_is_known_of_unseen_feet():
     assert found(math.nan, math.nan, SOMEBODY) == ([False, False], False)
-    assert found(math.nan, above(0.4)) == ([True, True], True)
+    assert found(math.nan, above(0.4)) == ([False, True], False)
+    assert found(math.nan, above(0.4), SOMEBODY) == ([True, True], True)
+
+
+def test_ankles_before_a_low_camera_are_not_lifted():
+    assert found(0.17, 0.14, camera=0.42) == ([False, False], False)
+    assert found(above(0.3, 0.42), 0.0, camera=0.42) == ([True, False], False)
 
 
 def gap_of(stage, raised=None):
@@ -78,7 +84,7 @@ def test_gaps_of_a_scene_in_metres(make_stage):
         stage = make_stage([({}, (0.0, 0.0, 3.0))], stands_at=1.3 - raised)
         stage = replace(stage, problem=replace(stage.problem, scene_depth=floor_depth(stage.problem)))
         gap = gap_of(stage)
-        feet = find_lifted_feet(gap, NOBODY)
+        feet = find_lifted_feet(gap, NOBODY, 1.3)
         print(f"{raised:.1f} m over the floor: gaps {gap.tolist()}")
         assert feet.airborne.tolist() == [raised > 0]
         if raised:

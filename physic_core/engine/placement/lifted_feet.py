@@ -23,6 +23,10 @@ __all__ = ["LiftedFeet", "depth_gaps_at_feet", "find_lifted_feet"]
 MIN_FOOT_GAP = 0.1
 """Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
 
+MIN_FOOT_HEIGHT_M = 0.12
+"""Least height of a lifted foot over the floor, metres. Heels and ankles are higher than soles, and the gaps of a low
+camera are large."""
+
 _MIN_CONFIDENCE = 0.3  # of the keypoints of a foot
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
@@ -48,22 +52,27 @@ class LiftedFeet:
     gap: Tensor
 
 
-def find_lifted_feet(gap: Tensor, held: Tensor) -> LiftedFeet:
+def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> LiftedFeet:
     """Find the feet in the air from gaps of depth.
 
     A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean of
-    both gaps is that of a lifted foot: the depth of one foot is less certain than that of both. Who lifts a weight
+    the known gaps is that of a lifted foot: the depth of one foot is less certain than that of both. Who lifts a weight
     holds something, too, with a mean gap of 0.07.
 
     Args:
         gap: (B, 2) from :func:`depth_gaps_at_feet`.
         held: (B,) bool, people whose hands may hold something.
+        camera_height_m: of the camera over the floor.
     """
     known = torch.isfinite(gap)
-    lifted = known & (gap > MIN_FOOT_GAP)
+    lifted = known & _is_lifted(gap, camera_height_m)
     mean = torch.where(known, gap, 0.0).sum(1) / known.sum(1).clamp(min=1)
-    airborne = (lifted.sum(1) == known.sum(1)) & known.any(1) | (held & (mean > MIN_FOOT_GAP))
+    airborne = lifted.all(1) | (held & _is_lifted(mean, camera_height_m))
     return LiftedFeet(lifted | airborne[:, None], airborne, gap)
+
+
+def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
+    return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > MIN_FOOT_HEIGHT_M)
 
 
 def depth_gaps_at_feet(
