@@ -69,6 +69,21 @@ def readers() -> None:
 
 
 @evaluate.command()
+@click.argument("project", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--frames", required=True, metavar="N,N,...", help="Numbers of the frames to evaluate.")
+def pose2sim(project: Path, out: Path, frames: str) -> None:
+    """Convert a Pose2Sim PROJECT to a folder for `physic evaluate calibrated`."""
+    from physic_evaluate.pose2sim import convert_project
+
+    numbers = [int(part) for part in frames.split(",") if part.strip().isdecimal()]
+    if not numbers:
+        raise click.UsageError(f"--frames is numbers with commas between them, such as 10,60,110 (got '{frames}')")
+    for path in convert_project(project, out, numbers):
+        click.echo(f"wrote {path}")
+
+
+@evaluate.command()
 @click.argument("name", metavar="DATASET", type=click.Choice(list(DATA_SETS)))
 @click.argument("root", required=False, type=click.Path(path_type=Path))
 def show(name: str, root: Path | None) -> None:
@@ -107,6 +122,11 @@ _COMMON = (
         metavar="NAME=FRAME",
         multiple=True,
         help="Frame of reference of a method's files, instead of the reader's.",
+    ),
+    click.Option(
+        ["--from-release"],
+        type=click.Path(path_type=Path, exists=True, file_okay=False),
+        help="Folder of physic-eval-release: score its start and end, and this engine run from its start.",
     ),
     click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
     click.Option(
@@ -174,6 +194,7 @@ class _Given:
     out: Path
     results: tuple[str, ...]
     results_frame: tuple[str, ...]
+    from_release: Path | None
     preset: str | None
     overrides: tuple[str, ...]
     device: str
@@ -191,7 +212,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     contact_cm = _thresholds(given.contact_cm)
     if not given.root.is_dir():
         raise InputError(f"there is no folder {given.root}")
-    missing = chosen.check(given.root, options, pictures=given.preset is not None or not given.results)
+    missing = chosen.check(given.root, options, pictures=_reconstructs(given))
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
         raise InputError(
@@ -218,7 +239,9 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for note in found.notes:
         click.echo(note, err=True)
     methods = _methods(given, bodies)
-    if given.preset is not None or not methods:
+    if given.from_release is not None:
+        methods += _release_methods(chosen.name, found.frames, given, bodies)
+    if _reconstructs(given):
         methods.insert(0, _own_method(found.frames, given, bodies))
     rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
     evaluation = evaluate_methods(
@@ -235,6 +258,43 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for file in files:
         if file.parent == given.out:
             click.echo(f"wrote {file}")
+
+
+def _reconstructs(given: _Given) -> bool:
+    """Whether the pictures are reconstructed."""
+    return given.preset is not None or not (given.results or given.from_release)
+
+
+def _release_methods(name: str, frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles) -> list[Method]:
+    """Return start and end of the published results, and this engine run from their start."""
+    from physic_core.files.atomic import atomic_write, check_writable
+    from physic_evaluate.readers import open_reader
+    from physic_evaluate.readers.physic_release import release_file
+    from physic_evaluate.release_engine import optimise_release
+    from physic_evaluate.run import Method
+
+    assert given.from_release is not None
+    import numpy as np
+
+    folder, failures = check_writable(given.out / "engine"), {}
+    for i, frame in enumerate(frames, 1):
+        target = folder / f"{frame.id.replace('/', '__')}.npz"
+        file = release_file(given.from_release, frame)
+        if file is None or target.exists():
+            continue
+        try:
+            arrays = optimise_release(file, bodies)
+        except InputError as error:
+            failures[frame.id] = str(error)
+            continue
+        with atomic_write(folder) as temporary, temporary(target.name).open("wb") as stream:
+            np.savez(stream, **arrays)
+        click.echo(f"[{i}/{len(frames)}] engine on {frame.id}", err=True)
+    ours = Method("engine from init", open_reader("plain", folder, bodies), failures=failures)
+    init = Method("release init", open_reader("physic-release-init", given.from_release, bodies))
+    if name == "physic-release":
+        return [init, ours]
+    return [init, Method("release final", open_reader("physic-release", given.from_release, bodies)), ours]
 
 
 def _own_method(frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles) -> Method:

@@ -29,7 +29,10 @@ INSIDE_REACH_M = 0.15
 MAX_EDGE_M = 0.25
 """Longer edges are split, so that a triangle's centre tells where it lies."""
 
-_FIRST, _MOST = 8, 256
+EXACT_WITHIN_M = 0.16
+"""Largest distance that a rule of contact asks for, and a margin."""
+
+_FIRST, _MOST = 8, 512
 _TIE = 1e-9
 
 
@@ -74,25 +77,41 @@ class SceneIndex:
         return cls(corners, across / area[:, None], radius, KDTree(centres))
 
     def signed_distance(self, points: Array, reach: float = 1.0) -> Array:
-        """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf beyond ``reach``."""
+        """Return the signed distance (N,) m of points (N, 3), negative behind the surface; inf beyond ``reach``.
+
+        It is exact up to EXACT_WITHIN_M. Farther points get the distance to the sheet of the surface that has the
+        nearest triangle centre, which is longer than the distance by less than a triangle's radius.
+        """
         points = np.asarray(points, np.float64)
         answer = np.full(len(points), np.inf)
-        left, count = np.flatnonzero(np.isfinite(points).all(-1)), _FIRST
-        while len(left):
-            count = min(count, len(self.corners))
-            centre, rows = self.tree.query(points[left], k=count)
-            centre, rows = centre.reshape(len(left), count), rows.reshape(len(left), count)
-            answer[left] = self._nearest(points[left], rows)
+        count = min(_FIRST, len(self.corners))
+        rows = np.flatnonzero(np.isfinite(points).all(-1))
+        centre, near = self.tree.query(points[rows], k=count)
+        centre, near = centre.reshape(len(rows), count), near.reshape(len(rows), count)
+        within = centre[:, 0] <= reach + self.radius
+        rows, centre, near = rows[within], centre[within], near[within]
+        if not len(rows):
+            return answer
+        found, foot = self._nearest(points[rows], near)
+        # The triangles around the foot of the perpendicular: the nearest of the same sheet.
+        around = self.tree.query(foot, k=count)[1].reshape(len(rows), count)
+        again, _ = self._nearest(points[rows], around)
+        answer[rows] = np.where(np.abs(again) < np.abs(found), again, found)
+        left = rows[np.abs(answer[rows]) <= EXACT_WITHIN_M]
+        while len(left) and count < min(len(self.corners), _MOST):
+            count = min(4 * count, len(self.corners))
+            centre, near = self.tree.query(points[left], k=count)
+            answer[left], _ = self._nearest(points[left], near.reshape(len(left), count))
             # A triangle whose centre is farther than this cannot be nearer than the nearest so far.
-            limit = np.minimum(np.abs(answer[left]), reach) + self.radius
-            left = left[centre[:, -1] < limit] if count < min(len(self.corners), _MOST) else left[:0]
-            count *= 4
+            left = left[centre.reshape(len(left), count)[:, -1] < np.abs(answer[left]) + self.radius]
         return np.where(np.abs(answer) <= reach, answer, np.inf)
 
-    def _nearest(self, points: Array, rows: NDArray[np.int64]) -> Array:
+    def _nearest(self, points: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return the signed distance (n,) to the nearest of some triangles (n, k), and the nearest points (n, 3)."""
         corners = self.corners[rows]
         shares = closest_barycentric(corners, points[:, None])
-        way = points[:, None] - (shares[..., None] * corners).sum(-2)
+        on = (shares[..., None] * corners).sum(-2)
+        way = points[:, None] - on
         distance = np.linalg.norm(way, axis=-1)
         height = (way * self.normals[rows]).sum(-1)
         # At an edge, the triangle that the point lies most in front of or behind decides which side it is on.
@@ -100,7 +119,7 @@ class SceneIndex:
         best = np.where(nearest, np.abs(height), -1.0).argmax(1)
         row = np.arange(len(points))
         found: Array = np.copysign(distance[row, best], np.where(height[row, best] < 0, -1.0, 1.0))
-        return found
+        return found, on[row, best]
 
 
 @dataclass(frozen=True, eq=False)

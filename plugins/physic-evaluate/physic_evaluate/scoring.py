@@ -16,7 +16,7 @@ from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import LIMB_JOINTS
 from physic_evaluate.projection import box_iou, box_of_points, person_points, project
-from physic_evaluate.scene_surface import RayCaster, SceneIndex, contact_by_rule
+from physic_evaluate.scene_surface import EXACT_WITHIN_M, RayCaster, SceneIndex, contact_by_rule
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -365,7 +365,7 @@ def _caster(scene: Surface) -> RayCaster:
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:
     assert frame.camera is not None
     assert person.vertices is not None
-    return _index_of(scene).signed_distance(frame.camera.in_world(person.vertices))
+    return _index_of(scene).signed_distance(frame.camera.in_world(person.vertices), EXACT_WITHIN_M)
 
 
 def _graph(rules: ScoringRules, topology: str) -> Any:

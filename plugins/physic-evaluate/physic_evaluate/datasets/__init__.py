@@ -15,6 +15,7 @@ DATA_SETS = {
     "rich": "RICH: bodies, contact and scans before several cameras",
     "damon": "DAMON: annotated contact of vertices on photos from the internet",
     "emdb": "EMDB: bodies before a moving camera, frame by frame",
+    "physic-release": "the published results of the paper's authors, as a reference for this engine",
     "calibrated": "your own photos with known cameras: truth.json, or cameras.json for several views",
 }
 """Name -> summary; each is a module of this package, with "_" for "-"."""

@@ -1,0 +1,113 @@
+"""Run this engine from the start of the published results, on their scene points: engine against engine.
+
+The release holds no picture, masks, keypoints or depth of people. So the terms of reprojection and of human depth have
+no data and are off; contact, penetration and the regularisation towards the start remain, as if people were hidden by
+nothing but their own bodies. The preset is "default".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_evaluate.readers.base import archive_arrays
+from physic_evaluate.readers.physic_release import point_contact, release_parameters
+
+if TYPE_CHECKING:
+    from physic_core.engine.joint.problem import JointProblem
+    from physic_evaluate.bodies import BodyFiles
+
+__all__ = ["optimise_release", "release_problem"]
+
+
+def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) -> JointProblem:
+    """Return the joint problem of a file of the release.
+
+    Raises:
+        InputError: an array is missing.
+    """
+    import torch
+
+    from physic_core.engine.joint.problem import JointProblem
+    from physic_core.types import SKELETONS
+
+    for name in ("K", "scene_points", "scene_normals"):
+        if name not in arrays:
+            raise InputError(f"{path} lacks '{name}', which the engine needs; it has: {', '.join(sorted(arrays))}")
+    model = bodies.model("smplx")
+    if model is None:
+        raise InputError("the release holds parameters of SMPL-X: give --smplx FILE or FOLDER")
+    people = release_parameters(arrays, "init", path)
+    count, skeleton = len(people), SKELETONS["coco17"]
+    order = (
+        ("global_orient", 1),
+        ("body_pose", 21),
+        ("jaw_pose", 1),
+        ("leye_pose", 1),
+        ("reye_pose", 1),
+        ("left_hand_pose", 15),
+        ("right_hand_pose", 15),
+    )
+    rest = {name: np.tile(np.eye(3), (joints, 1, 1)) for name, joints in order}
+    rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in order]) for p in people])
+    contact = np.zeros((count, model.num_vertices))
+    if "contact_deco" in arrays:
+        given = np.asarray(arrays["contact_deco"], np.float64).reshape(-1, model.num_vertices)
+        contact[:] = given if len(given) == count else given[:1]
+
+    # Nothing is known to hide people: all of the picture is theirs, and only their own bodies hide their vertices.
+    width, height = (max(round(2 * side), 1) for side in np.asarray(arrays["K"], np.float64).reshape(3, 3)[:2, 2])
+
+    def tensor(values: Any) -> torch.Tensor:
+        return torch.tensor(np.asarray(values, np.float64))
+
+    betas = np.stack([np.concatenate([p["betas"], np.zeros(model.num_betas)])[: model.num_betas] for p in people])
+    return JointProblem(
+        model=model.to(dtype=torch.float64),
+        rotations0=tensor(rotations),
+        betas0=tensor(betas),
+        expression0=torch.zeros(count, model.num_expression, dtype=torch.float64),
+        transl0=tensor(np.stack([p["transl"] for p in people])),
+        keypoints=torch.full((count, len(skeleton), 2), float("nan"), dtype=torch.float64),
+        keypoint_confidence=torch.zeros(count, len(skeleton), dtype=torch.float64),
+        skeleton=skeleton,
+        K=tensor(np.asarray(arrays["K"]).reshape(3, 3)),
+        masks=torch.ones(count, height, width, dtype=torch.bool),
+        scene_points=tensor(np.asarray(arrays["scene_points"]).reshape(-1, 3)),
+        scene_normals=tensor(np.asarray(arrays["scene_normals"]).reshape(-1, 3)),
+        contact_probability=tensor(contact),
+        observed=torch.zeros(count, 55, dtype=torch.bool),
+    )
+
+
+def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
+    """Return the arrays of the plain reader: vertices, joints and contact of the optimised people, and K.
+
+    Args:
+        file: of the release.
+        bodies: the user's body models.
+
+    Raises:
+        InputError: the file is damaged or lacks an array.
+    """
+    from physic_core.engine.joint.solve import optimize
+    from physic_core.engine.presets import PRESETS
+
+    arrays = archive_arrays(file)
+    problem = release_problem(arrays, file, bodies)
+    result = optimize(problem, PRESETS["default"].joint.without("depth"))
+    vertices = result.vertices.detach().cpu().numpy()
+    points = result.scene_scale * np.asarray(arrays["scene_points"], np.float64).reshape(-1, 3)
+    normals = np.asarray(arrays["scene_normals"], np.float64).reshape(-1, 3)
+    return {
+        "vertices": vertices,
+        "joints": result.joints.detach().cpu().numpy(),
+        "contact": np.stack([point_contact(own, points, normals) for own in vertices]),
+        "K": np.asarray(arrays["K"], np.float64).reshape(3, 3),
+        "scene_points": points,
+        "failures": np.array(result.failures),
+    }

@@ -1,0 +1,118 @@
+"""The published results as a reference, and Pose2Sim projects as calibrated photos."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from physic_core.errors import InputError
+from physic_evaluate import release_engine
+from physic_evaluate.pose2sim import convert_project, read_trc
+from physic_evaluate.readers.base import archive_arrays
+
+from .miniatures import Files, K, figures, rotation, run
+from .test_readers import frame_of, true_body, write_release
+
+
+def test_the_published_start_is_as_far_from_the_published_end_as_it_was_put(
+    files: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    write_release(tmp_path / "release", files, frame_of())
+
+    def optimise(file: Path, bodies: Any) -> dict[str, Any]:
+        problem = release_engine.release_problem(archive_arrays(file), file, bodies)
+        problem.check()
+        np.testing.assert_allclose(problem.transl0[0], [0.1, 0.35, 3.8])
+        assert problem.contact_probability.sum() == 7
+        vertices, joints = (part[None] + [0, 0.02, 0] for part in true_body(files))
+        return {"vertices": vertices, "joints": joints, "contact": np.zeros((1, 10475), bool), "K": K}
+
+    monkeypatch.setattr(release_engine, "optimise_release", optimise)
+    arguments = ("--from-release", str(tmp_path / "release"), "--no-geodesic", *files.arguments())
+    done = run("physic-release", str(tmp_path / "release"), "-o", str(tmp_path / "out"), *arguments)
+    assert done.exit_code == 0, done.output
+    found = figures(tmp_path / "out", "release init")
+    assert (found["me_mpjpe"], found["me_pve"], found["ca_mpjpe"]) == pytest.approx((300, 300, 0), abs=0.05)
+    assert figures(tmp_path / "out", "engine from init")["me_pve"] == pytest.approx(20, abs=0.05)
+    assert "the reference is the published end, a result: no measured truth" in (tmp_path / "out/table.txt").read_text()
+
+
+def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(files: Files, tmp_path: Path):
+    write_release(tmp_path, files, frame_of())
+    (file,) = tmp_path.rglob("*.npz")
+    arrays, vertices = dict(np.load(file)), true_body(files)[0]
+    floor = vertices[:, 1].max() - 0.03
+    grid = np.stack(np.meshgrid(np.linspace(-0.8, 0.8, 50), np.linspace(2.8, 4.4, 50)), -1).reshape(-1, 2)
+    arrays["scene_points"] = np.column_stack([grid[:, 0], np.full(len(grid), floor), grid[:, 1]])
+    arrays["scene_normals"] = np.tile([0.0, -1, 0], (len(grid), 1))
+    arrays["init_cam_trans"] = arrays["final_cam_trans"]
+    soles = vertices[:, 1] > floor
+    arrays["contact_deco"] = soles.astype(np.float32)
+    np.savez(file, **arrays)
+    found = release_engine.optimise_release(file, files.bodies)
+    assert found["failures"].tolist() == [""]
+    after = float(found["scene_points"][:, 1].mean())  # the scene has a scale of its own
+    before = np.abs(vertices[soles, 1] - floor).mean()
+    assert np.abs(found["vertices"][0, soles, 1] - after).mean() < before
+
+
+def test_a_file_of_the_release_with_other_names_says_which_it_has(files: Files, tmp_path: Path):
+    path = tmp_path / "a.npz"
+    np.savez(path, K=K, scene_points=np.zeros((1, 3)), scene_normals=np.zeros((1, 3)), start_betas=np.zeros(10))
+    with pytest.raises(InputError, match="lacks init_betas, init_global_orient, init_body_pose, init_cam_trans"):
+        release_engine.release_problem(archive_arrays(path), path, files.bodies)
+
+
+TRC = """PathFileType\t4\t(X/Y/Z)\tdemo.trc
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames
+30\t30\t2\t2\t{unit}\t30\t0\t2
+Frame#\tTime\tRHip\t\t\tLKnee\t\t
+\t\tX1\tY1\tZ1\tX2\tY2\tZ2
+0\t0.0\t{a}
+1\t0.033\t{a}
+"""
+
+
+def project(folder: Path, unit: str = "m", factor: float = 1.0) -> Path:
+    """One camera 3 m before the origin, z up in the world; markers are y up."""
+    for part in ("calibration", "pose-3d", "videos"):
+        (folder / part).mkdir(parents=True)
+    R = rotation("x", 90)
+    rotvec = cv2.Rodrigues(R)[0].ravel().tolist()
+    (folder / "calibration" / "Calib_scene.toml").write_text(
+        f'[cam_1]\nname = "cam1"\nsize = [64.0, 48.0]\nmatrix = {K.tolist()}\ndistortions = [0.1, 0.0, 0.0, 0.0]\n'
+        f"rotation = {rotvec}\ntranslation = [0.0, 1.0, 3.0]\nfisheye = false\n[metadata]\nadjusted = false\n"
+    )
+    places = "\t".join(str(factor * v) for v in (0.1, 0.9, 0.2, -0.1, 0.5, 0.3))
+    (folder / "pose-3d" / "demo.trc").write_text(TRC.format(unit=unit, a=places))
+    film = cv2.VideoWriter(str(folder / "videos" / "cam1.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 48))
+    for _ in range(2):
+        film.write(np.zeros((48, 64, 3), np.uint8))
+    film.release()
+    return folder
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("mm", 1000.0)])
+def test_a_pose2sim_project_becomes_calibrated_photos(tmp_path: Path, unit: str, factor: float):
+    convert_project(project(tmp_path / "project", unit, factor), tmp_path / "out", [1])
+    cameras = json.loads((tmp_path / "out" / "cameras.json").read_text())
+    np.testing.assert_allclose(cameras["cameras"]["cam1"]["R"], rotation("x", 90), atol=1e-6)
+    assert cameras["up"] == [0, 0, 1]
+    joints = json.loads((tmp_path / "out" / "joints.json").read_text())
+    # y up (x, y, z) is z up (z, x, y): the height of 0.9 m is the last.
+    assert joints["1"][0]["right_hip"] == pytest.approx([0.2, 0.1, 0.9])
+    assert (tmp_path / "out" / "cam1_1.png").is_file()
+    assert run("show", "calibrated", str(tmp_path / "out")).output.endswith(f"Nothing is missing in {tmp_path}/out.\n")
+
+
+def test_a_trc_file_that_is_cut_off_is_refused(tmp_path: Path):
+    folder = project(tmp_path / "project")
+    file = folder / "pose-3d" / "demo.trc"
+    file.write_text(file.read_text()[:60])
+    with pytest.raises(InputError, match=r"demo.trc is no complete .trc file"):
+        read_trc(file)
