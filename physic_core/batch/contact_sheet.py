@@ -150,7 +150,9 @@ for (const card of cards) {
     box.append(part("p", people + (card.grade ? ", grade: " + card.grade : "")));
   }
   if (card.checks.length) box.append(part("p", "failed: " + card.checks.join(", "), "bad"));
-  if (card.error) box.append(part("p", card.error + ": " + card.message.replace(card.path + ": ", ""), "bad"));
+  const start = card.path + ": ";  // of many messages; the path stands above
+  const message = card.message.startsWith(start) ? card.message.slice(start.length) : card.message;
+  if (card.error) box.append(part("p", card.error + ": " + message, "bad"));
   main.append(box);
 }
 function show() {
