@@ -52,6 +52,8 @@ html_title = f"PhySIC {release}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+# Summaries are fetched, which browsers refuse for pages that are opened as files.
+html_show_search_summary = False
 html_show_sphinx = False
 copybutton_exclude = ".linenos, .gp, .go, .c1"
 
