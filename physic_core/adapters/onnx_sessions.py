@@ -98,6 +98,8 @@ def open_session(path: Path, threads: int, device: str, provider: str = "auto", 
     fallback = [] if chosen.name == "CPU" else ["CPUExecutionProvider"]
     _register_shared_arena()
     options.add_session_config_entry("session.use_env_allocators", "1")
+    # Threads that wait for work in a loop take processor time from others, and finish later themselves.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         session = ort.InferenceSession(str(path), options, providers=[*settings, *fallback])
     except Exception as cause:  # onnxruntime's own exceptions share no public base class
