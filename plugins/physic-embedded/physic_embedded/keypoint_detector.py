@@ -14,6 +14,7 @@ from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.people import detect_people
 
 if TYPE_CHECKING:
@@ -80,7 +81,8 @@ class EmbeddedKeypoints(KeypointDetector):
         looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
         lost = np.array([fit < MIN_MASK_FIT for _, fit in looks], bool)
-        return replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
+        found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
+        return doubt_cut_heads(found, people.masks)
 
     def _look(self, picture: ImagePyramid, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
         """Return the pose that fits a person's mask best, and its fit."""

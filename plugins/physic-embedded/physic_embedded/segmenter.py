@@ -17,6 +17,7 @@ from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import encode_image
 from physic_embedded.networks.sessions import PackagedNetworks
 from physic_embedded.segmentation.chosen import Scenery, choose_poses
+from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.people import SearchSettings, UnposedBox, detect_poses, mask_box
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
@@ -192,7 +193,7 @@ class EmbeddedSegmenter(Segmenter):
             boxes=boxes_from_masks(masks).astype(np.float32),
             scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=keypoints_from_poses([person.pose for person in found], *image.shape[:2]),
+            keypoints=doubt_cut_heads(keypoints_from_poses([person.pose for person in found], *image.shape[:2]), masks),
             surfaces=surfaces,
         )
 

@@ -97,14 +97,14 @@ class GroundedSam2(PretrainedBackend, Segmenter):
 
         options, size = self.options, (image.shape[0], image.shape[1])
         pixels = _detector_pixels(image)
-        places: FloatArray = np.zeros((0, 4))
-        if options.floor_words:
-            places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
         if prompt is None:
             boxes, scores = self._boxes(pixels, options.people_words, options.person_score, size)
             points: FloatArray = np.zeros((0, 2))
         else:
             boxes, points = np.array(prompt.boxes).reshape(-1, 4), np.array(prompt.points).reshape(-1, 2)
+        places: FloatArray = np.zeros((0, 4))
+        if options.floor_words:
+            places, _ = self._boxes(pixels, options.floor_words, options.box_threshold, size)
         logits = self._masks(image, np.concatenate([boxes, places]), points)
         people = len(points) + len(boxes)
         floor = union_of_masks(logits[people:], size) if options.floor_words else None

@@ -588,7 +588,7 @@ def test_sam_2_is_shown_red_green_blue_the_right_way_round() -> None:
     network = Looking(prompt_encoder_config=SimpleNamespace(image_size=128, patch_size=16))
     backend = given(GroundedSam2(), masks=network)
     with pytest.raises(Looked):
-        backend._masks(image, np.array([[1.0, 2, 30, 40]]))
+        backend._masks(image, np.array([[1.0, 2, 30, 40]]), np.zeros((0, 2)))
     looks_as_it_should(network.pixels)
 
 

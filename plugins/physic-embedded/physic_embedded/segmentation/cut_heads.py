@@ -1,0 +1,48 @@
+"""Doubt the head of a person whom the border of the image cuts off below the head."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints
+
+__all__ = ["doubt_cut_heads"]
+
+_HEAD, _SHOULDERS, _HIPS = list(range(11)), [11, 12], [23, 24]  # of blazepose33
+
+
+def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
+    """Set the confidence of head and shoulders to 0 for people whose head is outside of the image.
+
+    BlazePose puts a head into each crop, with full confidence. If the head is outside, it lies on the chest, and the
+    trunk that is fitted to it bends forward. Such a head has two signs: it lies on the hips' side of the shoulders, and
+    the border of the image beyond the shoulders cuts the mask at least as wide as the shoulders are apart.
+
+    Args:
+        keypoints: joints of skeleton "blazepose33" of N people.
+        masks: (N, H, W), their pixels.
+    """
+    cut = np.array([_is_cut(p, m) for p, m in zip(keypoints.points, masks, strict=True)], bool)
+    confidence = keypoints.confidence.copy()
+    confidence[np.ix_(cut, _HEAD + _SHOULDERS)] = 0
+    return replace(keypoints, confidence=confidence)
+
+
+def _is_cut(points: FloatArray, mask: BoolArray) -> bool:
+    """Return whether the head of one person, joints (33, 2) px and mask (H, W), is outside of the image."""
+    shoulders, hips = points[_SHOULDERS].astype(float), points[_HIPS].astype(float)
+    up = shoulders.mean(axis=0) - hips.mean(axis=0)
+    on_chest = (points[_HEAD].mean(axis=0) - shoulders.mean(axis=0)) @ up < 0
+    width_px = _border_beyond(up, mask).sum()
+    return bool(on_chest and width_px >= max(np.linalg.norm(shoulders[0] - shoulders[1]), 1.0))
+
+
+def _border_beyond(up: FloatArray, mask: BoolArray) -> BoolArray:
+    """Return the row or column of a mask (H, W) at the border that the direction ``up`` (x, y) points to."""
+    if abs(up[0]) > abs(up[1]):
+        return mask[:, -1] if up[0] > 0 else mask[:, 0]
+    return mask[-1] if up[1] > 0 else mask[0]

@@ -1,0 +1,57 @@
+"""Heads outside of the image are doubted; heads inside keep their confidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_core.types import Keypoints
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
+from physic_embedded.segmentation.cut_heads import doubt_cut_heads
+
+HEIGHT, WIDTH = 400, 600
+UPPER = [*range(13)]  # head and shoulders of blazepose33
+
+
+def person(head_y: float) -> Keypoints:
+    """Return joints of a person whose shoulders, 80 px apart, lie 20 px below the top border."""
+    points = np.full((1, 33, 2), (300.0, 300.0), np.float32)
+    points[0, :11] = (300, head_y)
+    points[0, 11:13] = (340, 20), (260, 20)
+    points[0, 23:25] = (330, 180), (270, 180)
+    return Keypoints(points, np.ones((1, 33), np.float32), BLAZEPOSE_SKELETON)
+
+
+def mask(width_at_border: int, first_row: int = 0) -> np.ndarray:
+    result = np.zeros((1, HEIGHT, WIDTH), bool)
+    result[0, first_row:, 300 - width_at_border // 2 : 300 + width_at_border // 2] = True
+    return result
+
+
+def turned(seen: Keypoints, masks: np.ndarray, quarters: int) -> tuple[Keypoints, np.ndarray]:
+    """Turn the image to the left by quarters."""
+    points = seen.points
+    for _ in range(quarters):
+        width = masks.shape[2]
+        points, masks = np.stack([points[..., 1], width - 1 - points[..., 0]], axis=-1), np.rot90(masks, axes=(1, 2))
+    return Keypoints(points, seen.confidence, seen.skeleton), masks
+
+
+@pytest.mark.parametrize("quarters", range(4))
+def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters: int) -> None:
+    result = doubt_cut_heads(*turned(person(head_y=90), mask(120), quarters))
+    assert np.flatnonzero(result.confidence[0] == 0).tolist() == UPPER
+
+
+@pytest.mark.parametrize(
+    ("head_y", "masks"),
+    [(5, mask(120)), (90, mask(40)), (90, mask(120, first_row=5))],
+    ids=["a head above the shoulders", "a narrow cut", "a bent body inside the image"],
+)
+def test_heads_without_both_signs_keep_their_confidence(head_y: float, masks: np.ndarray) -> None:
+    assert (doubt_cut_heads(person(head_y), masks).confidence == 1).all()
+
+
+def test_nobody_gives_no_joints() -> None:
+    none = Keypoints(np.zeros((0, 33, 2), np.float32), np.zeros((0, 33), np.float32), BLAZEPOSE_SKELETON)
+    assert doubt_cut_heads(none, np.zeros((0, HEIGHT, WIDTH), bool)).confidence.shape == (0, 33)
