@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["evaluate"]
 
+CONTACT_CM = "2,4,5"
+
 
 class _DataSets(click.Group):
     """A group with a command for each data set, which is imported when it is called."""
@@ -143,7 +145,7 @@ _COMMON = (
     click.Option(["--smpl"], type=click.Path(path_type=Path, exists=True), help="SMPL model file, or folder of them."),
     click.Option(
         ["--contact-cm"],
-        default="2,4,5",
+        default=CONTACT_CM,
         show_default=True,
         help="Thresholds of contact by rule, where contact is not annotated; the first is the main one.",
     ),
@@ -230,6 +232,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)
     found = chosen.frames(given.root, options, bodies)
+    total = len(found.frames)
     found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
     if not found.frames:
         raise InputError(
@@ -245,12 +248,14 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         methods.insert(0, _own_method(found.frames, given, bodies))
     rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
     evaluation = evaluate_methods(
-        chosen, found, methods, rules, given.root, given.workers, lambda text: click.echo(text, err=True)
+        chosen, found, methods, rules, given.root, given.workers, lambda text: click.echo(text, err=True), given.out
     )
+    header = _header(chosen, options, given, len(found.frames), total)
     settings = {
         "data_set": chosen.name,
         "options": {k: str(v) for k, v in vars(options).items()},
         "contact_cm": contact_cm,
+        "header": header,
     }
     _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
     files += chosen.write_more(evaluation, given.out, rules.carrier)
@@ -258,6 +263,25 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for file in files:
         if file.parent == given.out:
             click.echo(f"wrote {file}")
+
+
+def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: int) -> str:
+    """Return the line over the tables: the data set, and every option that changes the figures."""
+    changed = [
+        f"--{entry.name.replace('_', '-')} {getattr(options, entry.name)}".removesuffix(" True")
+        for entry in fields(chosen.Options)
+        if getattr(options, entry.name) != entry.default
+    ]
+    if given.limit is not None:
+        changed.append(f"--limit {given.limit} (of {total} frames)")
+    if _thresholds(given.contact_cm) != _thresholds(CONTACT_CM):
+        changed.append(f"--contact-cm {given.contact_cm}")
+    changed += ["--no-geodesic"] * given.no_geodesic
+    if _reconstructs(given):
+        changed += ["--no-camera"] * given.no_camera + [f"--set {text}" for text in given.overrides]
+    changed += [f"--results-frame {text}" for text in given.results_frame]
+    words = f"{chosen.name}, {frames} frame{'s' * (frames != 1)}"
+    return f"{words}, with {', '.join(changed)}" if changed else words
 
 
 def _reconstructs(given: _Given) -> bool:

@@ -40,10 +40,11 @@ def write_evaluation(
     names = [method.name for method in evaluation.methods]
     tables = measure(evaluation.records, names, contact_rules(evaluation, contact_cm))
     notes = summary_of(evaluation)
+    header = settings["header"]
     texts = {
-        "table.txt": text_table(tables) + "\n" + "\n".join(notes) + "\n",
-        "table.md": markdown_table(tables) + "\n" + "\n".join(f"- {note}" for note in notes) + "\n",
-        "table.tex": latex_table(tables) + "".join(f"% {note}\n" for note in notes),
+        "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(notes) + "\n",
+        "table.md": f"{header}\n\n{markdown_table(tables)}\n" + "\n".join(f"- {note}" for note in notes) + "\n",
+        "table.tex": f"% {header}\n{latex_table(tables)}" + "".join(f"% {note}\n" for note in notes),
         "results.json": _document(evaluation, tables, settings, notes),
     }
     with atomic_write(check_writable(out)) as temporary:

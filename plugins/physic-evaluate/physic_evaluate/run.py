@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_evaluate.frame_of_results import check_frame, into_camera
+from physic_evaluate.score_journal import SCORES, append_scores, known_scores, rules_digest, score_digest
 from physic_evaluate.scoring import score_frame
 
 if TYPE_CHECKING:
@@ -77,31 +79,59 @@ class Evaluation:
     left_out: Mapping[str, str]
 
 
+@dataclass(frozen=True)
+class MethodScores:
+    """The records of a method on a frame.
+
+    Attributes:
+        method: name.
+        digest: of everything that they depend on.
+        records: one per annotated person; None if the journal has them.
+    """
+
+    method: str
+    digest: str
+    records: tuple[Record, ...] | None
+
+
 @dataclass(frozen=True, eq=False)
 class FrameScorer:
-    """Scores all methods on one frame; a worker process holds one."""
+    """Scores all methods on one frame; a worker process holds one.
+
+    Attributes:
+        methods: in order.
+        rules: what is measured.
+        known: digests of the records that exist.
+    """
 
     methods: tuple[Method, ...]
     rules: ScoringRules
+    known: frozenset[str] = frozenset()
 
-    def __call__(self, frame: Frame) -> tuple[str, list[Record], str]:
-        """Return the frame's id, its records, and why it has none."""
+    def __call__(self, frame: Frame) -> tuple[str, list[MethodScores], str]:
+        """Return the frame's id, the scores of each method, and why it has none."""
         try:
             truth = frame.truth()
         except InputError as error:
             return frame.id, [], str(error)
-        records: list[Record] = []
+        rules = rules_digest(self.rules)
+        scores: list[MethodScores] = []
         for method in self.methods:
             prediction, reason = None, method.failures.get(frame.id, "no result")
             try:
                 prediction = method.result(frame)
             except InputError as error:
                 reason = str(error)
-            own = score_frame(frame, truth, prediction, method.name, self.rules, "" if prediction else reason)
+            reason = "" if prediction else reason
+            digest = score_digest(rules, frame, truth, prediction, method.name, reason)
+            if digest in self.known:
+                scores.append(MethodScores(method.name, digest, None))
+                continue
+            own = score_frame(frame, truth, prediction, method.name, self.rules, reason)
             if frame.group and prediction is not None and frame.camera is not None:
                 own = [record | _world_hips(record, frame) for record in own]
-            records += own
-        return frame.id, records, ""
+            scores.append(MethodScores(method.name, digest, tuple(own)))
+        return frame.id, scores, ""
 
 
 def evaluate_methods(
@@ -112,6 +142,7 @@ def evaluate_methods(
     root: Path,
     workers: int,
     report: Callable[[str], None] = lambda text: None,
+    out: Path | None = None,
 ) -> Evaluation:
     """Score methods on the frames of a data set.
 
@@ -123,8 +154,10 @@ def evaluate_methods(
         root: of the data set.
         workers: processes.
         report: called with one line at a time.
+        out: folder whose journal has the scores of earlier calls, and gets new ones; None is without.
 
     Raises:
+        OutputError: another evaluation is writing this folder.
         InputError: the results of a method are not in the frame of reference that is assumed.
     """
     if data_set.needs_results(found):
@@ -133,19 +166,47 @@ def evaluate_methods(
     checks = {method.name: _check(found.frames, method) for method in methods}
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")
-    scorer = FrameScorer(tuple(methods), rules)
-    records: dict[str, list[Record]] = {}
-    left_out = dict(found.left_out)
-    for name, own, problem in _scored(found.frames, scorer, workers):
-        records[name] = own
-        if problem:
-            left_out[name] = problem
+    records, left_out = _all_scores(found, methods, rules, workers, out, report)
     ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
     kept = tuple(frame for frame in found.frames if frame.id not in left_out)
     return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
 
 
-def _scored(frames: Sequence[Frame], scorer: FrameScorer, workers: int) -> Iterable[tuple[str, list[Record], str]]:
+def _all_scores(
+    found: FrameSet,
+    methods: Sequence[Method],
+    rules: ScoringRules,
+    workers: int,
+    out: Path | None,
+    report: Callable[[str], None],
+) -> tuple[dict[str, list[Record]], dict[str, str]]:
+    """Return frame id -> records, and frame id -> why it is left out; new scores are appended to the journal."""
+    from physic_core.batch.journal import Journal
+    from physic_core.files.atomic import check_writable
+
+    known = {} if out is None else known_scores(out)
+    scorer = FrameScorer(tuple(methods), rules, frozenset(known))
+    records: dict[str, list[Record]] = {}
+    left_out, old = dict(found.left_out), 0
+    with nullcontext() if out is None else Journal(check_writable(out / SCORES) / "journal.jsonl") as journal:
+        for name, scores, problem in _scored(found.frames, scorer, workers):
+            if problem:
+                left_out[name] = problem
+            for score in scores:
+                if score.records is None:
+                    old += 1
+                elif journal is not None:
+                    append_scores(journal, name, score.method, score.digest, score.records)
+                own = known[score.digest] if score.records is None else score.records
+                records.setdefault(name, []).extend(own)
+    if old:
+        report(f"{old} of {len(methods) * len(found.frames)} scores are unchanged, from {SCORES}/journal.jsonl")
+    return records, left_out
+
+
+def _scored(
+    frames: Sequence[Frame], scorer: FrameScorer, workers: int
+) -> Iterable[tuple[str, list[MethodScores], str]]:
     if workers < 2 or len(frames) <= IN_PROCESS:
         yield from map(scorer, frames)
         return

@@ -111,11 +111,7 @@ def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_pat
     assert figures(out, "two")["found"] == pytest.approx(2 / 3)
     missing = [r for r in document["records"] if not r["found"]]
     assert [(r["frame"], r["reason"]) for r in missing] == [("p2", "no result")]
-    assert (out / "table.tex").read_text().startswith(
-        "\\begin{tabular}{lrr}\n\\toprule\n"
-        "Method & PA-MPJPE, mm $\\downarrow$ & MPJPE, mm $\\downarrow$ \\\\\n\\midrule\n"
-        "one & 0.0 & \\textbf{20.0} \\\\\ntwo & 0.0 & 50.0 \\\\\n"
-    ) or "\\textbf{20.0}" in (out / "table.tex").read_text()
+    assert "& \\textbf{20.0} \\\\\n" in (out / "table.tex").read_text()
     assert "MPJPE, mm" in (out / "table.md").read_text()
     assert (out / "plots.png").is_file()
     assert len(list((out / "worst" / "two").glob("*.jpg"))) == 3
