@@ -1,11 +1,12 @@
 """Figures with bootstrap intervals over sequences, and paired differences between methods.
 
-People of one sequence are not independent, so that sequences are drawn; frames are, where there is one sequence alone.
+People of one sequence are not independent, so that sequences are drawn. Where there is one sequence alone, moments are
+drawn: all views of a moment, or a frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -70,11 +71,14 @@ def difference(first: Sequence[Record], second: Sequence[Record], column: Column
     return Figure(value, low, high, count, len(one))
 
 
-def _group_key(records: Sequence[Record]) -> str:
-    return "sequence" if len({r["sequence"] for r in records}) > 1 else "frame"
+def _group_key(records: Sequence[Record]) -> Callable[[Record], str]:
+    """Return the function that names the independent group of a record."""
+    if len({r["sequence"] for r in records}) > 1:
+        return lambda record: str(record["sequence"])
+    return lambda record: str(record.get("group") or record["frame"])
 
 
-def _group_sums(records: Sequence[Record], column: Column, key: str) -> tuple[Array, int]:
+def _group_sums(records: Sequence[Record], column: Column, key: Callable[[Record], str]) -> tuple[Array, int]:
     """Return the sums (G, k) of the groups in the order of their names, and the number of records with a value."""
     groups: dict[str, Array] = {}
     count = 0
@@ -82,7 +86,8 @@ def _group_sums(records: Sequence[Record], column: Column, key: str) -> tuple[Ar
         sums = column.sums(record)
         if sums is not None:
             count += 1
-            groups[record[key]] = groups.get(record[key], 0.0) + np.array(sums)
+            name = key(record)
+            groups[name] = groups.get(name, 0.0) + np.array(sums)
     return np.array([groups[name] for name in sorted(groups)]), count
 
 

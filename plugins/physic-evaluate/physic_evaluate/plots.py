@@ -1,4 +1,4 @@
-"""Plots: error over distance, occlusion and action; precision and recall over the threshold of true contact."""
+"""Plots: error over distance, occlusion, truncation and action; precision and recall over the contact threshold."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_plots"]
 
 DISTANCES_M = (0.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, math.inf)
-OCCLUSIONS = (0.0, 0.1, 0.3, 0.6, 1.01)
+SHARES = (0.0, 0.1, 0.3, 0.6, 1.01)
 COLORS = ("#1f5a8c", "#c2703d", "#4b8b57", "#8a4f9e", "#8a8a8a", "#b8434e")
 
 
@@ -59,17 +59,23 @@ def _panels(records: Sequence[Record], tables: Tables) -> list[Callable[[Any], N
     if any(key in r for r in records):
         near = _binned(records, "distance_m", DISTANCES_M, lambda a, b: f"{a:g}+" if b == math.inf else f"{a:g}-{b:g}")
         panels.append(lambda axis: _bars(axis, near, tables, key, "distance from the camera, m", title))
-        hidden = _binned(
-            records, "occlusion", OCCLUSIONS, lambda a, b: f"{100 * a:.0f}-{min(100 * b, 100):.0f} %"
-        ) or _labelled(records, "occlusion")
+        hidden = _binned(records, "occlusion", SHARES, _percent) or _labelled(records, "occlusion")
         if hidden:
-            panels.append(lambda axis: _bars(axis, hidden, tables, key, "share of the body that is hidden", title))
+            words = "share of the body in the picture that the scene hides"
+            panels.append(lambda axis: _bars(axis, hidden, tables, key, words, title))
+        cut = _binned(records, "truncation", SHARES, _percent)
+        if any(r.get("truncation") for r in records):
+            panels.append(lambda axis: _bars(axis, cut, tables, key, "share of the body outside the picture", title))
         actions = _labelled(records, "action") or _labelled(records, "posture")
         if actions:
             panels.append(lambda axis: _bars(axis, actions, tables, key, "action", title))
     if any(f"{cm:g} cm" in r["contact"] for r in records for cm in CURVE_CM):
         panels.append(lambda axis: _curve(axis, records, tables))
     return panels
+
+
+def _percent(low: float, high: float) -> str:
+    return f"{100 * low:.0f}-{min(100 * high, 100):.0f} %"
 
 
 def _binned(

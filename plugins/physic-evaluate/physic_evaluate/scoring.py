@@ -21,6 +21,7 @@ from physic_evaluate.scene_surface import EXACT_WITHIN_M, RayCaster, SceneIndex,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_evaluate.cameras import Camera
     from physic_evaluate.carry import Carrier
     from physic_evaluate.contract import Frame, PredictedPerson, Prediction, Surface, TruePerson, Truth
 
@@ -105,7 +106,8 @@ def score_frame(
         record = base_record(frame, method, person, reason or "nobody at this place")
         true_maps = true_contacts(frame, truth, person, rules)
         record["distance_m"] = _distance(person)
-        record["occlusion"] = hidden_share(frame, truth.scene, person)
+        record["truncation"] = truncated_share(frame, person)
+        record["occlusion"] = occluded_share(frame, truth.scene, person)
         if row in matched and prediction is not None:
             found, reasons = prediction.people[matched[row]], _Reasons()
             record |= {"found": True, "reason": "", "grade": found.grade}
@@ -320,19 +322,39 @@ def _distance(person: TruePerson) -> float:
     return float(np.nanmedian(points[:, 2])) if len(points) and np.isfinite(points[:, 2]).any() else float("nan")
 
 
-def hidden_share(frame: Frame, scene: Surface | None, person: TruePerson) -> float | None:
-    """Return the share of some vertices that the scene hides from the camera, or that are outside the picture."""
+def truncated_share(frame: Frame, person: TruePerson) -> float | None:
+    """Return the share of a person's vertices, or joints without a mesh, that are outside the picture."""
+    points = person_points(person)
+    points = points[np.isfinite(points).all(-1)]
+    if frame.camera is None or not len(points):
+        return None
+    return float(1 - _in_picture(frame.camera, points).mean())
+
+
+def occluded_share(frame: Frame, scene: Surface | None, person: TruePerson) -> float | None:
+    """Return the share of the vertices in the picture that the scene hides from the camera; None if none is in it.
+
+    Vertices that the body itself or another person hides are not counted.
+    """
     if scene is None or not len(scene.faces) or frame.camera is None or person.vertices is None:
         return None
     camera = frame.camera
     points = person.vertices[:: max(len(person.vertices) // HIDDEN_SAMPLES, 1)]
-    pixels = project(points, camera.K)
-    with np.errstate(invalid="ignore"):
-        outside = ~((pixels >= 0) & (pixels < [camera.width, camera.height])).all(-1)
+    points = points[_in_picture(camera, points)]
+    if not len(points):
+        return None
     way = camera.in_world(points) - camera.centre
     length = np.linalg.norm(way, axis=1)
     first = _caster(scene).first_hit(np.tile(camera.centre, (len(way), 1)), way / length[:, None])
-    return float((outside | (first < length - HIDDEN_BEHIND_M)).mean())
+    return float((first < length - HIDDEN_BEHIND_M).mean())
+
+
+def _in_picture(camera: Camera, points: Array) -> Bools:
+    """Return which points (n, 3) in front of the camera fall into its picture, (n,)."""
+    pixels = project(points, camera.K)
+    with np.errstate(invalid="ignore"):
+        inside: Bools = ((pixels >= -0.5) & (pixels < np.array([camera.width, camera.height]) - 0.5)).all(-1)
+    return inside & (points[:, 2] > 0)
 
 
 def _rows(joints: Array | None, names: Sequence[str], wanted: Sequence[str]) -> Array:
