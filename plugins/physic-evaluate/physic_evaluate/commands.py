@@ -231,6 +231,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
 
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)
+    methods = _methods(given, bodies)
     found = chosen.frames(given.root, options, bodies)
     total = len(found.frames)
     found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
@@ -241,7 +242,6 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     click.echo(f"{len(found.frames)} frames", err=True)
     for note in found.notes:
         click.echo(note, err=True)
-    methods = _methods(given, bodies)
     if given.from_release is not None:
         methods += _release_methods(chosen.name, found.frames, given, bodies)
     if _reconstructs(given):
@@ -353,6 +353,8 @@ def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
         name, separator, rest = text.partition("=")
         name, rest = (name, rest) if separator else ("", text)
         kind, separator, folder = rest.partition(":")
+        if separator and kind not in READERS and not Path(rest).is_dir():
+            raise click.UsageError(f"no reader is named '{kind}': choose one of {', '.join(READERS)}")
         kind, folder = (kind, folder) if separator and kind in READERS else ("physic", rest)
         reader = open_reader(kind, Path(folder), bodies)
         name = name or (Path(folder).resolve().name if kind in ("physic", "plain") else kind)

@@ -62,6 +62,9 @@ def topology_of(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], pat
 
 def require_metres(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], path: Path) -> None:
     """Raise InputError for a body that is not of a person's size."""
+    if not np.isfinite(vertices).all():
+        bad = int((~np.isfinite(vertices).all(-1)).sum())
+        raise InputError(f"{bad} of the {len(vertices)} vertices of the body in {path} are not finite")
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if not 0.2 < size < MAX_BODY_M:
         unit = " (millimetres?)" if 200 < size < 1000 * MAX_BODY_M else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from physic_evaluate.run import Evaluation
 
 __all__ = ["contact_rules", "summary_of", "write_evaluation"]
+
+
+NAMED = 5
+"""Frames without a result that the notes name."""
 
 
 def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list[str]:
@@ -39,7 +43,7 @@ def write_evaluation(
 
     names = [method.name for method in evaluation.methods]
     tables = measure(evaluation.records, names, contact_rules(evaluation, contact_cm))
-    notes = summary_of(evaluation)
+    notes = summary_of(evaluation) + _unequal_counts(tables)
     header = settings["header"]
     texts = {
         "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(notes) + "\n",
@@ -71,12 +75,41 @@ def summary_of(evaluation: Evaluation) -> list[str]:
                 notes.append(f"{method.name}: approximation: {what} carried from {way} over the T-poses")
         for reason in sorted({text for r in own for text in r.get("unmeasured", ())}):
             notes.append(f"{method.name}: not measured: {reason}")
+        notes += _missing_results(method.name, own)
         lost = [r for r in own if not r["found"]]
         if lost:
             notes.append(f"{method.name}: {len(lost)} of {len(own)} people have no body; contact counts them as missed")
     if evaluation.left_out:
         notes.append(f"{len(evaluation.left_out)} frames are left out; results.json has the reasons")
     return notes
+
+
+def _missing_results(name: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a sentence that counts and names the frames without a result, by reason."""
+    frames = len({r["frame"] for r in records})
+    lost: dict[str, list[str]] = {}
+    for record in records:
+        own = lost.setdefault(record["reason"], [])
+        if not record["has_result"] and record["frame"] not in own:
+            own.append(record["frame"])
+    count = sum(map(len, lost.values()))
+    if not count:
+        return []
+    named = [f"{frame} ({reason})" for reason, own in lost.items() for frame in own]
+    more = f", and {len(named) - NAMED} more in results.json" if len(named) > NAMED else ""
+    return [f"{name}: {count} of {frames} frames have no result: {', '.join(named[:NAMED])}{more}"]
+
+
+def _unequal_counts(tables: Tables) -> list[str]:
+    """Return a warning where a column's figures are over different numbers of people."""
+    for column in tables.columns:
+        counts = {name: tables.figures[name][column.key].count for name in tables.methods}
+        if len(set(counts.values())) > 1:
+            words = ", ".join(f"{count} of {name}" for name, count in counts.items())
+            return [
+                f"not over the same people: {column.label} is over {words}; compare these methods by the differences"
+            ]
+    return []
 
 
 def _document(evaluation: Evaluation, tables: Tables, settings: Mapping[str, Any], notes: list[str]) -> str:

@@ -114,6 +114,8 @@ class FrameScorer:
             truth = frame.truth()
         except InputError as error:
             return frame.id, [], str(error)
+        except (LookupError, TypeError, ValueError) as error:
+            return frame.id, [], f"its truth has another content than expected ({type(error).__name__}: {error})"
         rules = rules_digest(self.rules)
         scores: list[MethodScores] = []
         for method in self.methods:
@@ -158,8 +160,11 @@ def evaluate_methods(
 
     Raises:
         OutputError: another evaluation is writing this folder.
-        InputError: the results of a method are not in the frame of reference that is assumed.
+        InputError: a method has no result of any frame, its results are not in the frame of reference that is assumed,
+            or no frame has a truth that can be read.
     """
+    for method in methods:
+        _require_results(found.frames, method)
     if data_set.needs_results(found):
         results = {frame.id: _result_or_none(methods[0], frame) for frame in found.frames}
         found = data_set.complete(found, results, methods[0].name, root)
@@ -167,6 +172,8 @@ def evaluate_methods(
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")
     records, left_out = _all_scores(found, methods, rules, workers, out, report)
+    if not records:
+        raise InputError(f"no frame of {root} can be evaluated: {next(iter(left_out.values()))}")
     ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
     kept = tuple(frame for frame in found.frames if frame.id not in left_out)
     return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
@@ -223,6 +230,29 @@ def _same(scorer: FrameScorer) -> FrameScorer:
     return scorer
 
 
+def _require_results(frames: Sequence[Frame], method: Method) -> None:
+    """Refuse a folder without a result of any frame.
+
+    Raises:
+        InputError: with the files that the reader expects, or why the first result cannot be read.
+    """
+    reason = ""
+    for frame in frames:
+        try:
+            if method.result(frame) is not None:
+                return
+        except InputError as error:
+            reason = reason or str(error)
+    reason = reason or next((method.failures[frame.id] for frame in frames if frame.id in method.failures), "")
+    folder = method.reader.folder
+    if reason:
+        raise InputError(f"no result of {method.name} in {folder} can be used; the first: {reason}")
+    raise InputError(
+        f"{folder} has no result of {method.name} for any of the {len(frames)} frames, such as {frames[0].id}. The "
+        f"reader '{method.reader.name}' expects {method.reader.layout}; `physic evaluate readers` lists all readers"
+    )
+
+
 def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
     samples = []
     raw = replace(method, assumed="camera")
@@ -231,7 +261,7 @@ def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
             prediction = raw.result(frame)
             if prediction is not None:
                 samples.append((frame, frame.truth(), prediction))
-        except InputError:
+        except (InputError, LookupError, TypeError, ValueError):
             continue  # becomes a record without a result, with this reason
         if len(samples) == CHECKED_FRAMES:
             break

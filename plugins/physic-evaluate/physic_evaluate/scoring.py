@@ -106,6 +106,7 @@ def score_frame(
         record = base_record(frame, method, person, reason or "nobody at this place")
         true_maps = true_contacts(frame, truth, person, rules)
         record["distance_m"] = _distance(person)
+        record["has_result"] = prediction is not None
         record["truncation"] = truncated_share(frame, person)
         record["occlusion"] = occluded_share(frame, truth.scene, person)
         if row in matched and prediction is not None:
@@ -199,11 +200,14 @@ def pose_errors(found: PredictedPerson, person: TruePerson, rules: ScoringRules,
 def common_joints(found: PredictedPerson, person: TruePerson) -> tuple[str, ...]:
     """Return the joints to compare: 22 of the body if both have them, else those of the 12 limb joints that both have.
 
+    Joints of the result that are not finite count as not estimated.
     Necks, heads and spines of measured joints are defined otherwise than those of body models.
     """
     if found.joints is None or person.joints is None:
         return ()
-    both = set(found.joint_names) & set(person.joint_names)
+    estimated = np.isfinite(found.joints).all(-1)
+    names = {name for name, known in zip(found.joint_names, estimated, strict=True) if known}
+    both = names & set(person.joint_names)
     if set(BODY_NAMES) <= both:
         return BODY_NAMES
     return tuple(name for name in LIMB_JOINTS if name in both)
@@ -353,8 +357,8 @@ def _in_picture(camera: Camera, points: Array) -> Bools:
     """Return which points (n, 3) in front of the camera fall into its picture, (n,)."""
     pixels = project(points, camera.K)
     with np.errstate(invalid="ignore"):
-        inside: Bools = ((pixels >= -0.5) & (pixels < np.array([camera.width, camera.height]) - 0.5)).all(-1)
-    return inside & (points[:, 2] > 0)
+        inside = ((pixels >= -0.5) & (pixels < np.array([camera.width, camera.height]) - 0.5)).all(-1)
+    return np.asarray(inside & (points[:, 2] > 0))
 
 
 def _rows(joints: Array | None, names: Sequence[str], wanted: Sequence[str]) -> Array:

@@ -30,6 +30,7 @@ class Tables:
         figures: method -> column key -> figure.
         differences: method -> column key -> its figure minus the first method's; without the first.
         contact: name of the first contact truth, or "".
+        common: method -> number of frames of which it and the first method have results, and of all frames.
     """
 
     methods: tuple[str, ...]
@@ -37,6 +38,7 @@ class Tables:
     figures: Mapping[str, Mapping[str, Figure]]
     differences: Mapping[str, Mapping[str, Figure]]
     contact: str
+    common: Mapping[str, tuple[int, int]]
 
 
 def measure(records: Sequence[Record], methods: Sequence[str], rules: Sequence[str]) -> Tables:
@@ -51,17 +53,22 @@ def measure(records: Sequence[Record], methods: Sequence[str], rules: Sequence[s
     columns = columns_for(rules)
     figures = {name: {c.key: figure(own[name], c) for c in columns} for name in methods}
     kept = tuple(c for c in columns if any(figures[name][c.key].count for name in methods))
-    first = own[methods[0]]
-    apart = {name: {c.key: difference(first, own[name], c) for c in kept} for name in methods[1:]}
+    with_result = {name: {r["frame"] for r in own[name] if r["has_result"]} for name in methods}
+    apart, common = {}, {}
+    for name in methods[1:]:
+        both = with_result[methods[0]] & with_result[name]
+        first, second = ([r for r in own[k] if r["frame"] in both] for k in (methods[0], name))
+        apart[name] = {c.key: difference(first, second, c) for c in kept}
+        common[name] = (len(both), len({r["frame"] for r in own[name]}))
     present = [rule for rule in rules if any(rule in r["contact"] for r in records)]
-    return Tables(tuple(methods), kept, figures, apart, present[0] if present else "")
+    return Tables(tuple(methods), kept, figures, apart, present[0] if present else "", common)
 
 
 def text_table(tables: Tables) -> str:
     """Return the figures with intervals for a terminal, then the differences."""
     parts = [_aligned(_figure_rows(tables))]
     if tables.differences:
-        parts.append(f"Difference from {tables.methods[0]}, on the people that both measure")
+        parts.append(f"Difference from {tables.methods[0]}, on people whom both measure, in frames that both have")
         parts.append(_aligned(_difference_rows(tables)))
     return "\n\n".join(parts) + "\n"
 
@@ -70,7 +77,7 @@ def markdown_table(tables: Tables) -> str:
     """Return the same as Markdown."""
     parts = [_markdown(_figure_rows(tables))]
     if tables.differences:
-        parts.append(f"Difference from {tables.methods[0]}, on the people that both measure:")
+        parts.append(f"Difference from {tables.methods[0]}, on people whom both measure, in frames that both have:")
         parts.append(_markdown(_difference_rows(tables)))
     return "\n\n".join(parts) + "\n"
 
@@ -112,6 +119,7 @@ def _figure_rows(tables: Tables) -> list[list[str]]:
 def _difference_rows(tables: Tables) -> list[list[str]]:
     names = list(tables.differences)
     rows = [["", *names, "people"]]
+    rows.append(["frames in common", *("{} of {}".format(*tables.common[name]) for name in names), ""])
     for column in tables.columns:
         own = [tables.differences[name][column.key] for name in names]
         if any(f.count for f in own):

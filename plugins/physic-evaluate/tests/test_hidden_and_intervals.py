@@ -47,6 +47,7 @@ def records(sequences: int, moments: int, views: int) -> list[dict]:
             "group": f"{s}/{m}" if views > 1 else "",
             "person": "0",
             "found": True,
+            "has_result": True,
             "labels": {},
             "contact": {},
             "distance_m": 3.0,

@@ -145,7 +145,8 @@ class Prox(DataSet):
             frames.append(
                 Frame(name, recording, load, camera, Picture(picture, mirrored=True) if picture.is_file() else None)
             )
-        return FrameSet(tuple(frames), tuple(notes))
+        left_out = {} if options.frames else _without_mesh(root)
+        return FrameSet(tuple(frames), tuple(notes), left_out)
 
 
 def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str, str]:
@@ -158,12 +159,12 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
         InputError: none fits, or two fit alike.
     """
     found: dict[tuple[str, bool], list[float]] = {}
-    count = 0
+    count, reason = 0, ""
     for name in names[:: max(len(names) // 10, 1)][:10]:
-        keypoints = _keypoints(root, name)
         try:
-            vertices = _mesh(root, name).vertices
-        except InputError:
+            keypoints, vertices = _keypoints(root, name), _mesh(root, name).vertices
+        except InputError as error:
+            reason = reason or f" ({error})"
             continue  # the frame is left out with this reason when it is scored
         if keypoints is None or box_of_points(keypoints) is None:
             continue
@@ -176,7 +177,7 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
                 iou = 0.0 if own is None or box is None else box_iou(own, box)
                 found.setdefault((kind, mirrored), []).append(iou)
     if not count:
-        raise InputError(f"no frame of {root} has both a mesh and keypoints: give --mesh-frame")
+        raise InputError(f"no frame of {root} has both a mesh and keypoints{reason}: give --mesh-frame")
     overlap = {kind: max(median(found[kind, False]), median(found[kind, True])) for kind in MESH_FRAMES}
     ranked = sorted(overlap, key=lambda kind: -overlap[kind])
     numbers = ", ".join(f"{kind} {overlap[kind]:.2f}" for kind in MESH_FRAMES)
@@ -266,6 +267,15 @@ def _all(root: Path) -> list[str]:
     )
 
 
+def _without_mesh(root: Path) -> dict[str, str]:
+    """Return the frames that have a folder of parameters or meshes, but no mesh, with the reason."""
+    folders = sorted((root / "fittings" / "mosh").glob("*/*/*/"))
+    names = [f"{path.parts[-3]}/{path.parts[-1]}" for path in folders if path.parts[-2] in ("meshes", "results")]
+    return {
+        name: f"there is no mesh {_mesh_file(root, name)}" for name in names if not _mesh_file(root, name).is_file()
+    }
+
+
 def _listed(file: Path) -> list[str]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
@@ -334,6 +344,8 @@ def _to_camera(root: Path, points: Array, kind: str) -> Array:
 
 def _camera(root: Path) -> Camera:
     record = _json(root / "calibration" / "Color.json")
+    if not isinstance(record, dict) or np.shape(record.get("camera_mtx", ())) != (3, 3):
+        raise InputError(f"{root / 'calibration' / 'Color.json'} lacks 'camera_mtx' of 3 x 3 numbers")
     lens = [float(v) for v in np.ravel(record.get("k", [0.0] * 5))][:5]
     k1, k2, p1, p2, k3 = [*lens, *[0.0] * (5 - len(lens))]
     to_camera = np.asarray(np.linalg.inv(_transform(root / "cam2world" / "vicon.json")), np.float64)
@@ -342,17 +354,16 @@ def _camera(root: Path) -> Camera:
 
 
 def _size(root: Path) -> tuple[int, int]:
-    picture = next(root.glob("recordings/*/Color/*.jpg"), None)
-    if picture is None:
-        return SIZE
+    """Return the size of the first picture that can be read, px; that of PROX's camera without one."""
     from PIL import Image
 
-    try:
-        with Image.open(picture) as file:
-            width, height = file.size
-    except OSError:
-        return SIZE
-    return width, height
+    for picture in root.glob("recordings/*/Color/*.jpg"):
+        try:
+            with Image.open(picture) as file:
+                return file.size
+        except OSError:
+            continue
+    return SIZE
 
 
 @lru_cache(maxsize=8)

@@ -56,9 +56,40 @@ class ResultReader(ABC):
         """
 
     def result(self, frame: Frame) -> Prediction | None:
-        """Return the result of a frame, or None if there is none."""
+        """Return the result of a frame, or None if there is none.
+
+        Raises:
+            InputError: it is damaged, or its arrays do not fit together.
+        """
         path = self.locate(frame)
-        return None if path is None else self.read(path, frame)
+        if path is None:
+            return None
+        try:
+            found = self.read(path, frame)
+        except (LookupError, TypeError, ValueError) as error:
+            what = f"{type(error).__name__}: {error}"
+            raise InputError(
+                f"{path} does not have the content that the reader '{self.name}' expects ({what})"
+            ) from error
+        return _checked(found, path)
+
+
+def _checked(found: Prediction, path: Path) -> Prediction:
+    """Refuse what would make figures NaN; joints may be NaN where a method has none."""
+    if found.K is not None and not np.isfinite(found.K).all():
+        raise InputError(f"{path}: the camera K has values that are not finite")
+    for row, person in enumerate(found.people):
+        for what, points in (("vertices", person.vertices), ("joints", person.joints)):
+            if points is not None and (points.ndim != 2 or points.shape[1] != 3):
+                raise InputError(f"{path}: the {what} of person {row} must have the shape (n, 3), got {points.shape}")
+        if person.joints is not None and len(person.joints) != len(person.joint_names):
+            raise InputError(
+                f"{path}: person {row} has {len(person.joints)} joints, but {len(person.joint_names)} names of joints"
+            )
+        if person.vertices is not None and not np.isfinite(person.vertices).all():
+            bad = int((~np.isfinite(person.vertices).all(1)).sum())
+            raise InputError(f"{path}: {bad} of the {len(person.vertices)} vertices of person {row} are not finite")
+    return found
 
 
 def file_names(frame: Frame) -> Iterator[str]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["READER", "Plain"]
 
+_PER_PERSON = ("vertices", "joints", "body_pose", "global_orient", "betas", "transl", "contact", "keypoints", "boxes")
 _PARAMETERS = ("global_orient", "body_pose", "betas", "transl")
 
 
@@ -62,6 +63,8 @@ class Plain(ResultReader):
 
     def _person(self, arrays: Mapping[str, Any], row: int, path: Path) -> PredictedPerson:
         contact = arrays["contact"][row] if "contact" in arrays else None
+        if contact is not None and not np.isfinite(contact).all():
+            raise InputError(f"{path}: the contact of person {row} has values that are not finite")
         joints: Array | None = None
         names: tuple[str, ...] = ()
         if "joints" in arrays:
@@ -99,7 +102,13 @@ def _is_parameter(name: str) -> bool:
 def _count(arrays: Mapping[str, Any], path: Path) -> int:
     for name in ("vertices", "joints", "body_pose", "contact"):
         if name in arrays:
-            return len(arrays[name])
+            count = len(arrays[name])
+            other = next((n for n in _PER_PERSON if n in arrays and len(np.atleast_1d(arrays[n])) != count), None)
+            if other is not None:
+                raise InputError(
+                    f"{path}: '{name}' is of {count} people and '{other}' of {len(np.atleast_1d(arrays[other]))}"
+                )
+            return count
     raise InputError(
         f"{path} has none of vertices, joints, body_pose and contact (it has "
         f"{', '.join(sorted(arrays)) or 'nothing'}): see `physic evaluate readers`"
