@@ -54,9 +54,15 @@ def rotvec_to_rotmat(rotvecs: Array) -> Array:
 
 
 def rotmat_to_rotvec(rotations: Array) -> Array:
-    """Convert rotation matrices (..., 3, 3) to vectors (..., 3) in radians, of length at most pi."""
-    vectors: Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_rotvec().reshape(rotations.shape[:-1])
-    return vectors
+    """Convert rotation matrices (..., 3, 3) to vectors (..., 3) in radians, of length at most pi.
+
+    Matrices that are not finite give NaN.
+    """
+    matrices = rotations.reshape(-1, 3, 3)
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    vectors = np.full((len(matrices), 3), np.nan)
+    vectors[finite] = Rotation.from_matrix(matrices[finite]).as_rotvec()
+    return vectors.reshape(rotations.shape[:-1])
 
 
 def slerp(first: Array, second: Array, share: Array | float) -> Array:

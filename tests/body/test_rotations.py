@@ -100,3 +100,12 @@ def test_aligned_is_along_and_beside(along: np.ndarray, beside: np.ndarray) -> N
     np.testing.assert_allclose(frame[:, 0], unit(along), atol=1e-12)
     assert frame[:, 1] @ beside > 0
     np.testing.assert_allclose(rotate(frame, np.array([1.0, 0, 0])), unit(along), atol=1e-12)
+
+
+def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors() -> None:
+    rotvecs = np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 1.0]])
+    rotations = rotvec_to_rotmat(rotvecs)
+    rotations[0, 1, 2] = np.nan
+    found = rotmat_to_rotvec(rotations)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1], rotvecs[1], atol=1e-12)
