@@ -205,7 +205,7 @@ def common_joints(found: PredictedPerson, person: TruePerson) -> tuple[str, ...]
     """
     if found.joints is None or person.joints is None:
         return ()
-    estimated = np.isfinite(found.joints).all(-1)
+    estimated = np.asarray(np.isfinite(found.joints).all(axis=-1))
     names = {name for name, known in zip(found.joint_names, estimated, strict=True) if known}
     both = names & set(person.joint_names)
     if set(BODY_NAMES) <= both:

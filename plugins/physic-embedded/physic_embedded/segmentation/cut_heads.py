@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["doubt_cut_heads"]
 
-_HEAD, _SHOULDERS, _HIPS = list(range(11)), [11, 12], [23, 24]  # of blazepose33
+_HEAD, _SHOULDERS, _HIPS = slice(0, 11), slice(11, 13), slice(23, 25)  # of blazepose33
 
 
 def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
@@ -28,7 +28,7 @@ def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     """
     cut = np.array([_is_cut(p, m) for p, m in zip(keypoints.points, masks, strict=True)], bool)
     confidence = keypoints.confidence.copy()
-    confidence[np.ix_(cut, _HEAD + _SHOULDERS)] = 0
+    confidence[cut, _HEAD] = confidence[cut, _SHOULDERS] = 0
     return replace(keypoints, confidence=confidence)
 
 
@@ -44,5 +44,7 @@ def _is_cut(points: FloatArray, mask: BoolArray) -> bool:
 def _border_beyond(up: FloatArray, mask: BoolArray) -> BoolArray:
     """Return the row or column of a mask (H, W) at the border that the direction ``up`` (x, y) points to."""
     if abs(up[0]) > abs(up[1]):
-        return mask[:, -1] if up[0] > 0 else mask[:, 0]
-    return mask[-1] if up[1] > 0 else mask[0]
+        border: BoolArray = mask[:, -1] if up[0] > 0 else mask[:, 0]
+    else:
+        border = mask[-1] if up[1] > 0 else mask[0]
+    return border
