@@ -101,9 +101,10 @@ def _missing_results(name: str, records: Sequence[Mapping[str, Any]]) -> list[st
 
 
 def _unequal_counts(tables: Tables) -> list[str]:
-    """Return a warning where a column's figures are over different numbers of people."""
+    """Return a warning for the first column whose figures are over different numbers of people."""
     for column in tables.columns:
-        counts = {name: tables.figures[name][column.key].count for name in tables.methods}
+        own = {name: tables.figures[name][column.key].count for name in tables.methods}
+        counts = {name: count for name, count in own.items() if count}
         if len(set(counts.values())) > 1:
             words = ", ".join(f"{count} of {name}" for name, count in counts.items())
             return [
