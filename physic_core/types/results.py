@@ -240,7 +240,7 @@ class Reconstruction(ShortRepr):
             ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was left out.
 
         Raises:
-            InputError: the format is unknown, the result lacks what it needs, or a library is missing.
+            InputError: the format is unknown, the result does not have what it needs, or a library is missing.
             OutputError: a file exists already, or cannot be written.
         """
         from physic_core import export_reconstruction

@@ -60,7 +60,7 @@ def export_reconstruction(
         overwrite: whether to replace files.
 
     Raises:
-        InputError: the format is unknown, the result lacks what it needs, or a library is missing.
+        InputError: the format is unknown, the result does not have what it needs, or a library is missing.
         OutputError: a file exists already, or cannot be written.
         BodyModelError: the body model file cannot be used.
     """

@@ -74,7 +74,7 @@ class BodyFiles:
         """Return the file of a family ("smplx", "smpl") and gender.
 
         Raises:
-            InputError: none was given, or the folder lacks it.
+            InputError: none was given, or the folder does not hold it.
         """
         given = self.smplx if family == "smplx" else self.smpl
         if given is None:
@@ -85,7 +85,7 @@ class BodyFiles:
         for name in names:
             if (given / name).is_file():
                 return given / name
-        raise InputError(f"{given} lacks {' and '.join(names)}: a body of gender '{gender}' needs one of them")
+        raise InputError(f"{given} has no {' and '.join(names)}: a body of gender '{gender}' needs one of them")
 
     def has(self, family: str) -> bool:
         """Return whether a file of a family was given."""
@@ -216,7 +216,7 @@ def _hand(path: str, side: str) -> tuple[Array, Array]:
             return file[f"hands_mean{side}"].astype(np.float64), file[f"hands_components{side}"].astype(np.float64)
     except (OSError, KeyError, ValueError) as error:
         raise InputError(
-            f"{path} lacks hands_mean{side} and hands_components{side}, which the hands of these parameters need: give "
+            f"{path} has no hands_mean{side} and hands_components{side}, which these hands need: give "
             "the official SMPL-X file"
         ) from error
 

@@ -89,7 +89,7 @@ def pose2sim(project: Path, out: Path, frames: str) -> None:
 @click.argument("name", metavar="DATASET", type=click.Choice(list(DATA_SETS)))
 @click.argument("root", required=False, type=click.Path(path_type=Path))
 def show(name: str, root: Path | None) -> None:
-    """Show what a data set needs: what to get where, under which terms, and the folders; and what ROOT lacks."""
+    """Show what a data set needs: what to get where, under which terms, the folders, and what is missing in ROOT."""
     chosen = data_set(name)
     about = chosen.describe()
     click.echo(f"{name}: {about.title}\n\nWhat to get:")

@@ -66,7 +66,7 @@ def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[
     import numpy as np
 
     if name not in values:
-        raise InputError(f"{path} lacks '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
+        raise InputError(f"{path} has no '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
     found: NDArray[np.float64]
     try:
         found = np.asarray(values[name], np.float64)

@@ -37,7 +37,7 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
 
     for name in ("K", "scene_points", "scene_normals"):
         if name not in arrays:
-            raise InputError(f"{path} lacks '{name}', which the engine needs; it has: {', '.join(sorted(arrays))}")
+            raise InputError(f"{path} has no '{name}', which the engine needs; it has: {', '.join(sorted(arrays))}")
     model = bodies.model("smplx")
     if model is None:
         raise InputError("the release holds parameters of SMPL-X: give --smplx FILE or FOLDER")
@@ -92,7 +92,7 @@ def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
         bodies: the user's body models.
 
     Raises:
-        InputError: the file is damaged or lacks an array.
+        InputError: the file is damaged or misses an array.
     """
     from physic_core.engine.joint.solve import optimize
     from physic_core.engine.presets import PRESETS

@@ -140,7 +140,7 @@ def test_everything_that_is_missing_is_named_at_once(root: Path, tmp_path: Path)
     (root / "p1.png").unlink()
     done = run("calibrated", str(root), "-o", str(tmp_path / "out"))
     text = done.output
-    assert f"{root / 'truth.json'}, photo 1: lacks 'K'" in text
+    assert f"{root / 'truth.json'}, photo 1: there is no 'K'" in text
     assert f"{root / 'p1.png'}: the photo is not there" in text
     assert not (tmp_path / "out").exists()
 

@@ -173,7 +173,7 @@ def test_a_set_that_is_half_unpacked(files: Files, tmp_path: Path):
     with pytest.raises(InputError, match=r"has both a mesh and keypoints \(.* is damaged or cut off"):
         DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
     (mini.root / "calibration" / "Color.json").write_text("{}")
-    with pytest.raises(InputError, match=r"Color\.json lacks 'camera_mtx' of 3 x 3 numbers"):
+    with pytest.raises(InputError, match=r"Color\.json has no 'camera_mtx' of 3 x 3 numbers"):
         DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
 
 

@@ -64,7 +64,7 @@ def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(fil
 def test_a_file_of_the_release_with_other_names_says_which_it_has(files: Files, tmp_path: Path):
     path = tmp_path / "a.npz"
     np.savez(path, K=K, scene_points=np.zeros((1, 3)), scene_normals=np.zeros((1, 3)), start_betas=np.zeros(10))
-    with pytest.raises(InputError, match="lacks init_betas, init_global_orient, init_body_pose, init_cam_trans"):
+    with pytest.raises(InputError, match="has no init_betas, init_global_orient, init_body_pose, init_cam_trans"):
         release_engine.release_problem(archive_arrays(path), path, files.bodies)
 
 

@@ -94,7 +94,7 @@ class Calibrated(DataSet):
             return [f"{root}: has neither truth.json nor cameras.json"]
         cameras = _json(root / "cameras.json").get("cameras", {})
         missing = [
-            f"{root / 'cameras.json'}: camera '{name}' lacks {key}"
+            f"{root / 'cameras.json'}: camera '{name}' has no {key}"
             for name, record in cameras.items()
             for key in ("width", "height", "dist", "R", "t_m")
             if key not in record
@@ -221,9 +221,9 @@ def _record_problems(root: Path, i: int, record: Any) -> list[str]:
     where = f"{root / 'truth.json'}, photo {i + 1}"
     if not isinstance(record, dict):
         return [f"{where}: must be an object, got a {type(record).__name__}"]
-    problems = [f"{where}: lacks '{key}'" for key in ("image", "width", "height", "K") if key not in record]
+    problems = [f"{where}: there is no '{key}'" for key in ("image", "width", "height", "K") if key not in record]
     if "joints" not in record and "people" not in record:
-        problems.append(f"{where}: lacks 'joints' or 'people'")
+        problems.append(f"{where}: there is no 'joints' or 'people'")
     if "K" in record and np.shape(record["K"]) != (3, 3):
         problems.append(f"{where}: 'K' must be 3 x 3, got {np.shape(record['K'])}")
     if "image" in record and not (root / record["image"]).is_file():

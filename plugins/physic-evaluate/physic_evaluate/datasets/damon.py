@@ -190,7 +190,7 @@ def _array(file: Path, name: str) -> Any:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             return arrays[name]
     except KeyError as error:
-        raise InputError(f"{file} lacks '{name}'") from error
+        raise InputError(f"{file} has no '{name}'") from error
     except ValueError as error:
         if "pickle" not in str(error):
             raise InputError(f"{file} cannot be read: {error}") from error

@@ -152,7 +152,7 @@ def _truth(file: Path, number: int, bodies: BodyFiles) -> Truth:
     values = cached_pickle(file, file.stat().st_mtime_ns)
     smpl = values.get("smpl")
     if not isinstance(smpl, dict):
-        raise InputError(f"{file} lacks 'smpl'")
+        raise InputError(f"{file} has no 'smpl'")
     gender = values.get("gender", "neutral")
     parameters = {
         "global_orient": number_array(smpl, "poses_root", file, (-1, 3))[number],
@@ -176,11 +176,11 @@ def _truth(file: Path, number: int, bodies: BodyFiles) -> Truth:
 def _camera(values: dict[str, Any], number: int, file: Path) -> Camera:
     record = values.get("camera")
     if not isinstance(record, dict):
-        raise InputError(f"{file} lacks 'camera'")
+        raise InputError(f"{file} has no 'camera'")
     moved = number_array(record, "extrinsics", file, (-1, 4, 4))[number]
     size = [int(np.asarray(record.get(name, 0))) for name in ("width", "height")]
     if not all(size):
-        raise InputError(f"{file}: the camera lacks width and height")
+        raise InputError(f"{file}: the camera has no width and height")
     return Camera(number_array(record, "intrinsics", file, (3, 3)), size[0], size[1], moved[:3, :3], moved[:3, 3])
 
 

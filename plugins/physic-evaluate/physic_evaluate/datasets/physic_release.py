@@ -89,7 +89,7 @@ class PhysicReleaseSet(DataSet):
             try:
                 K = np.asarray(archive_arrays(file).get("K"), np.float64).reshape(3, 3)
             except (InputError, ValueError, TypeError) as error:
-                left_out[name] = str(error) if isinstance(error, InputError) else f"{file} lacks 'K'"
+                left_out[name] = str(error) if isinstance(error, InputError) else f"{file} has no 'K'"
                 continue
             camera = Camera(K, max(round(2 * K[0, 2]), 1), max(round(2 * K[1, 2]), 1))
             frames.append(Frame(name, name.rpartition("/")[0] or name, partial(_truth, file, bodies), camera))

@@ -345,7 +345,7 @@ def _to_camera(root: Path, points: Array, kind: str) -> Array:
 def _camera(root: Path) -> Camera:
     record = _json(root / "calibration" / "Color.json")
     if not isinstance(record, dict) or np.shape(record.get("camera_mtx", ())) != (3, 3):
-        raise InputError(f"{root / 'calibration' / 'Color.json'} lacks 'camera_mtx' of 3 x 3 numbers")
+        raise InputError(f"{root / 'calibration' / 'Color.json'} has no 'camera_mtx' of 3 x 3 numbers")
     lens = [float(v) for v in np.ravel(record.get("k", [0.0] * 5))][:5]
     k1, k2, p1, p2, k3 = [*lens, *[0.0] * (5 - len(lens))]
     to_camera = np.asarray(np.linalg.inv(_transform(root / "cam2world" / "vicon.json")), np.float64)

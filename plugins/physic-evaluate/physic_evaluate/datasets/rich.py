@@ -157,7 +157,7 @@ def _truth(root: Path, sequence: str, number: str, camera: Camera, options: Rich
     for file in sorted((root / "bodies" / options.split / sequence / number).glob("*.pkl")):
         gender = genders.get(str(int(file.stem)) if file.stem.isdecimal() else file.stem)
         if gender is None:
-            raise InputError(f"{root / 'resource' / 'gender.json'} lacks the subject {file.stem}")
+            raise InputError(f"{root / 'resource' / 'gender.json'} has no subject {file.stem}")
         parameters = pickled_arrays(file)
         body = bodies.smplx_body(parameters, gender)
         contact, mesh = _contact(root, file, sequence, number, options)
@@ -233,7 +233,7 @@ def _matrix(file: Path, name: str, shape: tuple[int, int] | None) -> Array:
     except ElementTree.ParseError as error:
         raise InputError(f"{file} is not valid XML: it is damaged or cut off") from error
     if node is None or not node.text:
-        raise InputError(f"{file} lacks {name}/data")
+        raise InputError(f"{file} has no {name}/data")
     values = np.array([float(part) for part in node.text.split()])
     if shape is not None and values.size != shape[0] * shape[1]:
         raise InputError(f"{file}: {name} must have {shape[0]} x {shape[1]} numbers, got {values.size}")

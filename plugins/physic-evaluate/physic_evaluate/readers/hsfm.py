@@ -45,7 +45,7 @@ class Hsfm(ResultReader):
         values = pickled_arrays(path)
         for name in (CAMERAS, PEOPLE):
             if not isinstance(values.get(name), dict) or not values[name]:
-                raise InputError(f"{path} lacks '{name}'; it has: {', '.join(sorted(values)) or 'nothing'}")
+                raise InputError(f"{path} has no '{name}'; it has: {', '.join(sorted(values)) or 'nothing'}")
         camera = _camera(values[CAMERAS], frame, path)
         to_camera = np.linalg.inv(number_array(camera, "cam2world", path, (4, 4)))
         people = tuple(self._person(p, to_camera, path) for p in values[PEOPLE].values())

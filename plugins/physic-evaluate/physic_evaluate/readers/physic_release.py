@@ -112,7 +112,7 @@ def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> li
         lacking.append(f"{' or '.join(TRANSLATION[:2])}")
     if lacking:
         raise InputError(
-            f"{path} lacks {', '.join(f'{prefix}_{name}' for name in lacking)}; it has: {', '.join(sorted(arrays))}"
+            f"{path} has no {', '.join(f'{prefix}_{name}' for name in lacking)}; it has: {', '.join(sorted(arrays))}"
         )
     translations = np.asarray(transl, np.float64).reshape(-1, 3)
     count = len(translations)

@@ -61,7 +61,7 @@ def person_of_parameters(values: dict[str, Any], path: Path, bodies: BodyFiles, 
     """
     if "body_pose" not in values:
         code = " (a VPoser code, which it has, is not decoded)" if "pose_embedding" in values else ""
-        raise InputError(f"{path} lacks 'body_pose'{code}; it has: {', '.join(sorted(values))}")
+        raise InputError(f"{path} has no 'body_pose'{code}; it has: {', '.join(sorted(values))}")
     own = {name: _row(value, row) for name, value in values.items() if _is_parameter(name)}
     gender = values.get("gender", "neutral")
     return person_of_body(bodies.smplx_body(own, gender if isinstance(gender, str) else "neutral"))
