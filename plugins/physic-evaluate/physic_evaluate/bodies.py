@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SMPL_NAMES", "BodyFiles", "PosedBody", "rotations_of"]
+__all__ = ["POSE_JOINTS", "SMPL_NAMES", "BodyFiles", "PosedBody", "rotations_of"]
 
 SMPL_NAMES = (*JOINT_NAMES[:22], "left_hand", "right_hand")
 """Joints of SMPL."""
 
 _SUFFIXES = (".npz", ".pkl")
-_POSES = (
+POSE_JOINTS = (
     ("global_orient", 1),
     ("body_pose", 21),
     ("jaw_pose", 1),
@@ -37,6 +37,7 @@ _POSES = (
     ("left_hand_pose", 15),
     ("right_hand_pose", 15),
 )
+"""Rotation parameters of SMPL-X, in the order of its joints, with the number of joints of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,7 @@ class BodyFiles:
         path = self.file("smplx", gender)
         model = _model(str(path))
         joined = np.concatenate(
-            [_pose(parameters, name, count, path) for name, count in _POSES],
+            [_pose(parameters, name, count, path) for name, count in POSE_JOINTS],
         )[None]
         betas, expression = (
             _fitted(parameters.get(name), count) for name, count in (("betas", 10), ("expression", 10))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_evaluate.bodies import POSE_JOINTS
 from physic_evaluate.readers.base import archive_arrays
 from physic_evaluate.readers.physic_release import point_contact, release_parameters
 
@@ -43,17 +44,8 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
         raise InputError("the release holds parameters of SMPL-X: give --smplx FILE or FOLDER")
     people = release_parameters(arrays, "init", path)
     count, skeleton = len(people), SKELETONS["coco17"]
-    order = (
-        ("global_orient", 1),
-        ("body_pose", 21),
-        ("jaw_pose", 1),
-        ("leye_pose", 1),
-        ("reye_pose", 1),
-        ("left_hand_pose", 15),
-        ("right_hand_pose", 15),
-    )
-    rest = {name: np.tile(np.eye(3), (joints, 1, 1)) for name, joints in order}
-    rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in order]) for p in people])
+    rest = {name: np.tile(np.eye(3), (joints, 1, 1)) for name, joints in POSE_JOINTS}
+    rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in POSE_JOINTS]) for p in people])
     contact = np.zeros((count, model.num_vertices))
     if "contact_deco" in arrays:
         given = np.asarray(arrays["contact_deco"], np.float64).reshape(-1, model.num_vertices)
