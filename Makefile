@@ -3,6 +3,7 @@
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
+# make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tests/attacks/fuzz.py)
 # make docs                     the documentation as a site, in docs/_build/html/index.html
 # make lint | clean             the first part alone | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
@@ -10,13 +11,14 @@
 PYTHON ?= python3
 PHOTO ?= examples/basketball.png
 JOBS ?= 2
+MINUTES ?= 60
 VENV := .venv
 BIN := $(VENV)/bin
 DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/pyproject.toml)
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels docs lint clean
+.PHONY: demo quick test test-ray kernels fuzz docs lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -50,6 +52,9 @@ test-ray: $(VENV)/test.stamp
 kernels: $(VENV)/test.stamp
 	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 \
 		$(BIN)/pytest -m kernels tests plugins
+
+fuzz: $(VENV)/test.stamp
+	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
 
 # Without a network: warnings are errors, links within the site are followed, addresses of other sites are only listed.
 docs: $(VENV)/test.stamp

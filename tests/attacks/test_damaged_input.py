@@ -1,0 +1,58 @@
+"""Damaged and hostile input: every reader refuses it with its own error, or reads what was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fuzzing.target import Target
+from fuzzing.targets import all_targets
+
+BLOCK = 100
+
+
+def blocks() -> list:
+    return [
+        pytest.param(target, start, min(BLOCK, target.cases - start), id=f"{target.name}-{start}")
+        for target in all_targets()
+        for start in range(0, target.cases, BLOCK)
+    ]
+
+
+@pytest.fixture(scope="module")
+def seed_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("seeds")
+
+
+@pytest.mark.parametrize("target", all_targets(), ids=lambda target: target.name)
+def test_seeds_pass(target: Target, tmp_path: Path):
+    seeds = target.make_seeds(tmp_path / "seeds")
+    assert seeds
+    for i, seed in enumerate(seeds):
+        (tmp_path / str(i)).mkdir()
+        target.attack(seed, tmp_path / str(i))
+
+
+@pytest.mark.parametrize(("target", "start", "count"), blocks())
+def test_mutated_seeds(target: Target, start: int, count: int, tmp_path: Path):
+    for case, data in target.mutated(tmp_path / "seeds", start, count):
+        folder = tmp_path / str(case)
+        folder.mkdir()
+        try:
+            target.attack(data, folder)
+        except Exception as error:
+            error.add_note(f"python tests/attacks/fuzz.py {target.name} --case {case}")
+            raise
+
+
+@pytest.mark.parametrize(
+    ("target", "file"),
+    [
+        pytest.param(target, file, id=f"{target.name}-{file.name}")
+        for target in all_targets()
+        for file in target.corpus()
+    ],
+)
+def test_what_failed_once(target: Target, file: Path, tmp_path: Path):
+    target.attack(file.read_bytes(), tmp_path)
