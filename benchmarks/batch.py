@@ -4,10 +4,12 @@
 
 PHOTOS is a folder. Its photos are repeated with flips and crops up to ``--count``, and ``--broken`` files are added
 that are no photos. Ways: ``run`` starts ``physic run`` for each photo, ``pipeline`` keeps one ``Pipeline`` loaded in
-one process, ``batch-N`` is ``physic batch --workers N``. None uses the cache. ``run`` has the threads and writes the
+one process, ``batch-N`` is ``physic batch --workers N``, ``ray-N`` the same on Ray (``contrib/physic-ray``) with N
+actors on a cluster that it starts here. None uses the cache. ``run`` has the threads and writes the
 pictures that it always does; the others have one thread per process and write ``--save numbers``.
 
 Processor time is that of all processes together and says what a photo costs; the clock says so only on an idle machine.
+Ray starts its actors apart from this process: their processor time is not measured.
 Memory is that of one process after 10 photos, and at most; of workers the peak.
 """
 
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import resource
 import subprocess
@@ -121,12 +124,14 @@ def measure_way(way: str, photos: Path, out: Path, preset: str) -> Cost:
         cost = measure(lambda: start(sys.executable, "-P", "-c", LOADED, str(photos), str(out), preset))
         memory = json.loads((out / "memory.json").read_text())
         return Cost(cost.clock, cost.processor, memory[min(9, len(memory) - 1)], max(memory))
-    workers = way.removeprefix("batch-")
+    executor, _, workers = way.partition("-")
     words = ("batch", str(photos), "-o", str(out), "--workers", workers, "--preset", preset, "--table", "csv")
+    words += ("--executor", "ray") if executor == "ray" else ()
     cost = measure(lambda: start(*physic, *words, "--no-thumbnails"))
     rows = [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
-    memory = [row["peak_mb"] for row in rows if row["peak_mb"]]
-    return Cost(cost.clock, cost.processor, memory[min(9, len(memory) - 1)], max(memory))
+    memory = [row["peak_mb"] for row in rows if row["peak_mb"]] or [math.nan]
+    processor = math.nan if executor == "ray" else cost.processor
+    return Cost(cost.clock, processor, memory[min(9, len(memory) - 1)], max(memory))
 
 
 def main() -> None:

@@ -7,10 +7,12 @@ from dataclasses import fields, is_dataclass, replace
 
 import pytest
 import torch
+from torch.overrides import TorchFunctionMode
 
 from physic_core.engine.contact import contact_map
 from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.optimiser import _lbfgs_block, _OptimiserMemory
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
@@ -65,6 +67,31 @@ def test_an_evaluation_stays_on_one_device(two, name):
     assert all(value.device.type == "meta" for value in found.values())
     gradients = torch.autograd.grad(total_energy(found), there.state.parameters(), allow_unused=True)
     assert all(g.device.type == "meta" for g in gradients if g is not None)
+
+
+class HostReads(TorchFunctionMode):
+    """Counts the reads of tensors that make the processor wait for another device."""
+
+    READS = ("tolist", "item", "numpy", "cpu", "__array__", "__bool__", "__float__", "__int__", "__index__", "nonzero")
+
+    def __init__(self):
+        super().__init__()
+        self.count = 0
+
+    def __torch_function__(self, function, types, args=(), kwargs=None):
+        self.count += getattr(function, "__name__", "") in self.READS
+        return function(*args, **(kwargs or {}))
+
+
+@pytest.mark.parametrize("steps", [1, 9])
+def test_the_host_waits_once_an_evaluation_and_twice_a_step(two, steps):
+    """For energy and checksum; for the slope of a step and the curvature of its pair. The first step needs a norm."""
+    energy = JointEnergy(two.problem, DEFAULT)
+    settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
+    with HostReads() as reads:
+        block = _lbfgs_block(energy, settings, steps, _OptimiserMemory())
+    assert block.steps == steps
+    assert reads.count == block.evaluations + 2 * block.steps + 1
 
 
 def as_double(problem, device):
