@@ -1,4 +1,8 @@
-"""Attack readers for as long as you like: ``python tests/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
+"""Attack readers and runs for as long as you like: ``python tests/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
+
+Without TARGET, half of the time is for all targets, which are readers, and half for the other scripts of this folder,
+such as ``extremes.py``. Each script takes ``--minutes`` and ``--keep FOLDER``, writes what failed into the folder, and
+exits with 1 if something did.
 
 Each target gets its share of the time, in a process of its own with 8 GB of address space at most. With ``atheris``
 installed, coverage guides the mutations; without it they are random, seeded by ``--seed``. An input that fails is
@@ -23,6 +27,8 @@ from fuzzing.target import Target
 from fuzzing.targets import all_targets
 
 ADDRESS_SPACE = 8 << 30
+SCRIPTS = sorted(path for path in Path(__file__).parent.glob("[!_]*.py") if not path.match("test_*.py"))
+SCRIPTS = [path for path in SCRIPTS if path.stem not in ("conftest", "fuzz")]
 
 
 def attack_once(target: Target, data: bytes, keep: Path) -> bool:
@@ -74,7 +80,7 @@ def attack_guided(target: Target, seconds: float, keep: Path) -> None:
 
 
 def main() -> int:
-    """Run the targets one after another; return 1 if an input failed."""
+    """Run targets and scripts one after another; return 1 if something failed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="*", metavar="TARGET")
     parser.add_argument("--minutes", type=float, default=10)
@@ -105,16 +111,24 @@ def main() -> int:
     except ImportError:
         print("atheris is not installed: mutations are random", flush=True)
         given.random = True
+    scripts = [] if given.targets else SCRIPTS
+    minutes = given.minutes / 2 if scripts else given.minutes
     bad = []
     for target in chosen:
-        words = [target.name, "--one", str(60 * given.minutes / len(chosen)), "--seed", str(given.seed)]
+        words = [target.name, "--one", str(60 * minutes / len(chosen)), "--seed", str(given.seed)]
         words += ["--keep", str(given.keep)] + (["--random"] if given.random else [])
         ended = subprocess.run([sys.executable, __file__, *words], check=False).returncode
         kept = list((given.keep / target.name).glob("*.txt"))
         if ended or kept:
             bad.append(target.name)
         print(f"{target.name}: {len(kept)} inputs failed, the process ended with {ended}", flush=True)
-    print("failed: " + ", ".join(bad) if bad else "no input failed", flush=True)
+    for script in scripts:
+        words = ["--minutes", str(minutes / len(scripts)), "--keep", str(given.keep / script.stem)]
+        ended = subprocess.run([sys.executable, str(script), *words], check=False).returncode
+        if ended:
+            bad.append(script.stem)
+        print(f"{script.stem}: the process ended with {ended}", flush=True)
+    print("failed: " + ", ".join(bad) if bad else "nothing failed", flush=True)
     return 1 if bad else 0
 
 
