@@ -1,10 +1,14 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
+from collections.abc import Callable
+from functools import partial, partialmethod
 from importlib.metadata import EntryPoint, distributions
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -27,6 +31,29 @@ def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PHYSIC_DEBUG", raising=False)
     for name in [name for name in os.environ if name.startswith("PHYSIC__")]:
         monkeypatch.delenv(name)
+
+
+@pytest.fixture(autouse=True)
+def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail a test that connects to another machine, or looks up its name, in this process."""
+
+    def refuse_others(host: Any) -> None:
+        if not (host in (None, "", b"", "localhost", b"localhost", "::", "::1", "0.0.0.0") or str(host)[:4] == "127."):
+            pytest.fail(f"the test uses the network: {host!r}")
+
+    def connect(own: socket.socket, address: Any, original: Callable[..., Any]) -> Any:
+        if own.family in (socket.AF_INET, socket.AF_INET6):
+            refuse_others(address[0])
+        return original(own, address)
+
+    def look_up(host: Any, *arguments: Any, original: Callable[..., Any], **options: Any) -> Any:
+        refuse_others(host)
+        return original(host, *arguments, **options)
+
+    for name in ("connect", "connect_ex"):
+        monkeypatch.setattr(socket.socket, name, partialmethod(connect, original=getattr(socket.socket, name)))
+    for name in ("getaddrinfo", "gethostbyname"):
+        monkeypatch.setattr(socket, name, partial(look_up, original=getattr(socket, name)))
 
 
 @pytest.fixture
