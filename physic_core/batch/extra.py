@@ -1,4 +1,4 @@
-"""Import of pyarrow, which is installed with ``physic-core[batch]``."""
+"""Import of pyarrow, an optional dependency."""
 
 from __future__ import annotations
 
@@ -19,6 +19,4 @@ def import_pyarrow(purpose: str) -> Any:
     try:
         return importlib.import_module("pyarrow.parquet")
     except ImportError as error:
-        raise ConfigError(
-            f"{purpose} needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)"
-        ) from error
+        raise ConfigError(f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from physic_core.batch.extra import import_pyarrow
 from physic_core.batch.journal import COLUMNS, last_rows
 from physic_core.files.atomic import atomic_write
 
-__all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "write_table"]
+__all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "default_table_kind", "write_table"]
 
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "bytes", "modified")
@@ -24,6 +25,11 @@ def check_table_kind(kind: str) -> None:
     """Raise ConfigError if tables of this kind cannot be written on this machine."""
     if kind == "parquet":
         import_pyarrow("summary.parquet")
+
+
+def default_table_kind() -> str:
+    """Return "parquet" where pyarrow is installed, else "csv"."""
+    return "csv" if find_spec("pyarrow") is None else "parquet"
 
 
 def all_columns() -> tuple[str, ...]:

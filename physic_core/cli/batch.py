@@ -28,7 +28,9 @@ _LEVELS = ("full", "numbers", "people", "summary")
 @click.option("--glb", is_flag=True, help="Also write the GLB files of each photo.")
 @click.option("--report", is_flag=True, help="Also write report.html of each photo, a page in 3D for a browser.")
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails, and no contact sheet.")
-@click.option("--table", type=click.Choice(("parquet", "csv")), default="parquet", show_default=True, help="Summary.")
+@click.option(
+    "--table", type=click.Choice(("parquet", "csv")), help="Summary.  [default: parquet with pyarrow, else csv]"
+)
 @click.option(
     "--timeout", type=click.FloatRange(0), default=600, show_default=True, help="Seconds of one photo; 0: none."
 )
@@ -46,7 +48,7 @@ def batch(
     photos: tuple[str, ...],
     out: Path,
     workers: int | None,
-    table: str,
+    table: str | None,
     timeout: float,
     retry: str | None,
     shard: str | None,
@@ -61,8 +63,9 @@ def batch(
     """
     from physic_core.batch.photos import find_photos, in_shard, parse_shard
     from physic_core.batch.run import plan_batch, run_batch
-    from physic_core.batch.table import check_table_kind, write_table
+    from physic_core.batch.table import check_table_kind, default_table_kind, write_table
 
+    table = table or default_table_kind()
     check_table_kind(table)
     name, logs = "journal.jsonl", out.absolute() / "logs"
     if shard is not None:

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from physic_core.batch import table
 from physic_core.batch.journal import COLUMNS
 from physic_core.cli import main
 from physic_testing.worlds import build_world
@@ -68,11 +69,17 @@ def test_what_ends_a_batch_before_its_first_photo(
 def test_without_pyarrow_the_command_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    done = physic(".", "-o", "out")
+    done = physic(".", "-o", "out", "--table", "parquet")
     assert (done.exit_code, done.stderr) == (
         2,
-        "Error: summary.parquet needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)\n",
+        "Error: summary.parquet needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)\n",
     )
+
+
+@pytest.mark.parametrize(("installed", "kind"), [(True, "parquet"), (False, "csv")])
+def test_the_table_is_a_csv_file_without_pyarrow(installed: bool, kind: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(table, "find_spec", lambda name: object() if installed else None)
+    assert table.default_table_kind() == kind
 
 
 def test_the_page_lists_every_column_of_the_journal(repository: Path):

@@ -170,9 +170,7 @@ def test_without_pyarrow_a_parquet_table_is_refused(batch: Path, monkeypatch: py
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
     with pytest.raises(ConfigError) as error:
         write_table(batch, "parquet")
-    assert str(error.value) == (
-        "summary.parquet needs pyarrow: pip install 'physic-core[batch]', or use a CSV file (--table csv)"
-    )
+    assert str(error.value) == ("summary.parquet needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)")
 
 
 def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
