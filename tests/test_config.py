@@ -396,6 +396,100 @@ def test_a_pipe_is_no_config(tmp_path: Path, name: str, cure: str) -> None:
     assert f"cannot read the config {tmp_path / name}: it is not a regular file; {cure}" in done.stderr
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no devices here")
+@pytest.mark.parametrize("name", ["/dev/zero", "/dev/stdin"])
+def test_a_device_is_no_config(name: str, tmp_path: Path):
+    (tmp_path / "a.toml").symlink_to(name)
+    assert refusal(tmp_path / "a.toml").startswith(f"cannot read the config {tmp_path / 'a.toml'}: ")
+
+
+DEEP = "it is nested too deeply"
+DIGITS = "an integer has thousands of digits"
+BITS = "should have at most 64 bits (got an integer of 20,000)"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a = " + "[" * 3000, f"config.toml is not valid TOML: {DEEP}"),
+        ("run.threads = " + "9" * 5000, f"config.toml is not valid TOML: {DIGITS}"),
+        ("run.threads = 0x" + "f" * 5000, f"config.toml: 1 error\nrun.threads   {BITS}"),
+        ("photo.x = " + "[" * 20 + "]" * 20, "config.toml: 1 error\nphoto.x   is nested more than 16 deep"),
+        (f"{'a.' * 400}b = 1", f"config.toml: 1 error\n{'a.' * 16}a   is nested more than 16 deep"),
+        ('photo.masks = "a\\u0000"', "config.toml: photo.masks: a path has no null character (got 'a\\x00')"),
+        (
+            'inpainter.backend = "a\\u0000"',
+            "config.toml: 1 error\ninpainter.backend   should have no null character (got 'a\\x00')",
+        ),
+        (
+            f'inpainter.backend = "{"a" * 10_001}"',
+            "config.toml: 1 error\ninpainter.backend   should have at most 10,000 characters (got 10,001)",
+        ),
+        (f"photo.person = [{'0,' * 100_000}]", "config.toml: 1 error\nphoto.person   has more than 100,000 values"),
+        (
+            'extends = "~nobody-of-this-name/a.toml"',
+            "config.toml extends '~nobody-of-this-name/a.toml': no config file at ~nobody-of-this-name/a.toml: check "
+            "the path",
+        ),
+        (
+            f'extends = "{"a" * 300}.toml"',
+            f"config.toml extends '{'a' * 129} ... {'a' * 61}.toml': cannot read the config {'a' * 129} ... "
+            f"{'a' * 61}.toml: File name too long; name a TOML file",
+        ),
+        ('photo."\\u001b[2J" = 1', "config.toml: 1 error\nphoto.\\x1b[2J   unknown key"),
+    ],
+    ids=lambda value: value[:20],
+)
+def test_hostile_values_are_one_short_error(write, text: str, expected: str):
+    assert refusal(write(text)) == expected
+
+
+def test_hostile_variables_and_overrides_are_one_short_error():
+    assert refusal(environment={"PHYSIC__É": "1"}) == (
+        "the variable PHYSIC__É names no setting: write PHYSIC__INPAINTER__BACKEND=telea"
+    )
+    assert refusal(overrides=["é=1"]) == "--set needs KEY=VALUE such as inpainter.backend=telea (got 'é=1')"
+    assert refusal(overrides=["run.threads=1\nrun.cache=false"]) == (
+        "--set run.threads=1\nrun.cache=false: one value is expected, without a line break"
+    )
+    message = refusal(overrides=["run.threads=" + "9" * 5000])
+    assert message.startswith("--set: 1 error\nrun.threads   ")
+    assert len(message) < 300
+
+
+def test_hostile_tables_of_python_are_one_short_error():
+    table: dict[Any, Any] = {}
+    table["photo"] = table
+    with pytest.raises(
+        ConfigError, match=r"\Aconfig: 1 error\n(photo\.)+ph \.\.\. oto(\.photo)+   is nested more than 16 deep\Z"
+    ):
+        as_config(table)
+    with pytest.raises(ConfigError, match=r"\Aconfig: 1 error\n3   is no valid name of a setting\Z"):
+        as_config({3: {}})
+    with pytest.raises(ConfigError, match=r"\Aa config should be a preset, .* a mapping or a Config \(got 3\)\Z"):
+        as_config(3)  # type: ignore[arg-type]
+
+
+def test_a_message_of_many_errors_counts_those_that_have_no_room(write):
+    message = refusal(write("".join(f"unknown_setting_{i} = 1\n" for i in range(1000))))
+    assert message.startswith("config.toml: 1000 errors\nunknown_setting_0     unknown key\n")
+    shown = message.count("unknown key")
+    assert message.endswith(f"\nand {1000 - shown} more errors")
+    assert 3800 < len(message) < 4096
+
+
+def test_a_chain_of_many_files_is_refused(write):
+    for i in range(20):
+        write(f'extends = "{i + 1}.toml"\n', f"{i}.toml")
+    assert refusal("0.toml").endswith("more than 16 files extend each other; the last is 16.toml")
+
+
+def test_infinities_are_kept(write):
+    config = load_config(write("[engine.scene]\nfar_m = inf\n[inpainter.options]\na = -inf\n"))
+    assert config.as_dict()["engine"]["scene"] == {"far_m": float("inf")}
+    assert config.as_dict()["inpainter"]["options"] == {"a": float("-inf")}
+
+
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])
 def test_an_override_without_a_key_and_a_value_is_refused(text: str):
     assert refusal(overrides=[text]) == f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')"

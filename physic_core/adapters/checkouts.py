@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import sys
 import threading
 from collections.abc import Iterator, Mapping
@@ -62,7 +63,7 @@ class Checkout:
         option: str = "checkout",
         needs: tuple[str, ...] = (),
     ) -> None:
-        self.folder = Path(folder).expanduser() if folder else None
+        self.folder = Path(os.path.expanduser(folder)) if folder else None
         self.name, self.package, self.homepage, self.option, self.needs = name, package, homepage, option, needs
         self._modules: dict[str, ModuleType] = {}
         self._own: dict[str, Path | None] | None = None

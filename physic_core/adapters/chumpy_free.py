@@ -7,6 +7,7 @@ in it. So such code gets a copy that contains only NumPy arrays.
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 import tempfile
 from collections.abc import Iterator
@@ -44,7 +45,7 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
     from physic_core.cache.folders import models_folder
     from physic_core.cache.lru_folder import MODEL_SUFFIX
 
-    source, layout = Path(path).expanduser(), MANO if family == "mano" else SMPL
+    source, layout = Path(os.path.expanduser(path)), MANO if family == "mano" else SMPL
     digest = _digest(source, layout)
     name = f"{_safe_name(source.stem)}-{digest[:24]}{MODEL_SUFFIX}"
     folder = models_folder()

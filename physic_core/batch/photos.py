@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from physic_core.batch.extra import import_pyarrow
+from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import ConfigError, InputError
 
 __all__ = ["PhotoItem", "default_id", "find_photos", "in_shard", "parse_shard", "photo_folder", "table_item"]
@@ -63,14 +64,17 @@ def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
             raise InputError(_same_id(same, item))
     if not found:
         reason = f"; {left_out:,} in the output folder are left out: choose another one" if left_out else ""
-        raise InputError(f"no photos in {', '.join(inputs)}{reason}")
+        raise InputError(f"no photos in {_show(', '.join(inputs))}{reason}")
     return list(found.values())
 
 
 def _same_id(first: PhotoItem, second: PhotoItem) -> str:
     if first.path == second.path:
-        return f"{first.path} is listed twice with different settings: give each row an id of its own"
-    return f"two photos have the id '{first.id}', {first.path} and {second.path}: ids of a batch must be unique"
+        return f"{_show(first.path)} is listed twice with different settings: give each row an id of its own"
+    return (
+        f"two photos have the id {quoted(first.id)}, {_show(first.path)} and {_show(second.path)}: ids of a batch must "
+        "be unique"
+    )
 
 
 def default_id(path: str) -> str:
@@ -96,7 +100,7 @@ def parse_shard(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d+)/(\d+)", text)
     shard, count = (int(part) for part in match.groups()) if match else (0, 0)
     if not 1 <= shard <= count:
-        raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got '{text}')")
+        raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got {quoted(text)})")
     return shard, count
 
 
@@ -107,17 +111,20 @@ def in_shard(item_id: str, shard: int, count: int) -> bool:
 
 def _items(text: str) -> Iterator[PhotoItem]:
     path = Path(text)
-    if path.is_dir():
+    # Unlike methods of Path, functions of os.path return False for a name that no file can have.
+    if os.path.isdir(text):
         files = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
         yield from map(_item, sorted(file for file in files if _is_photo(file)))
-    elif path.suffix.lower() in TABLE_SUFFIXES and path.exists():
+    elif path.suffix.lower() in TABLE_SUFFIXES and os.path.exists(text):
+        if not os.path.isfile(text):  # reading a pipe would block
+            raise InputError(f"cannot read {_show(text)}: it is not a regular file; name a CSV or Parquet table")
         yield from _table_items(path)
-    elif path.exists():
+    elif os.path.exists(text):
         yield _item(path)
     elif matches := sorted(glob.glob(text, recursive=True)):
         yield from (_item(file) for file in map(Path, matches) if not file.is_dir())
     else:
-        raise InputError(f"no photos at {text}: name files, folders, patterns, or a CSV or Parquet table")
+        raise InputError(f"no photos at {_show(text)}: name files, folders, patterns, or a CSV or Parquet table")
 
 
 def _is_photo(file: Path) -> bool:
@@ -132,7 +139,7 @@ def _item(file: Path) -> PhotoItem:
 def _table_items(table: Path) -> Iterator[PhotoItem]:
     for number, row in enumerate(_rows(table), start=1):
         if unknown := sorted(set(row) - set(_COLUMNS)):
-            raise InputError(f"{table}: unknown column '{unknown[0]}'; a table may have {', '.join(_COLUMNS)}")
+            raise InputError(f"{table}: unknown column {quoted(unknown[0])}; a table may have {', '.join(_COLUMNS)}")
         try:
             yield table_item(row, table.parent)
         except ValueError as error:
@@ -151,7 +158,7 @@ def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> P
     if not path:
         raise ValueError("the column 'path' is missing or empty")
     if not isinstance(path, str) or "\0" in path:
-        raise ValueError(f"a path is text without null characters (got {path!r})")
+        raise ValueError(f"a path is text without null characters (got {quoted(path)})")
     if "://" not in path:
         path = os.path.abspath(os.path.join(folder, path))
     return PhotoItem(_text(row.get("id")) or default_id(path), path, _settings(row))
@@ -175,8 +182,12 @@ def _rows(table: Path) -> Iterator[dict[str, Any]]:
                 yield row
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
-    except csv.Error as error:
+    except (OSError, csv.Error) as error:
         raise InputError(f"cannot read {table}: {error}") from error
+
+
+def _show(text: str) -> str:
+    return printable(shorten(text, 300))
 
 
 def _text(value: Any) -> str:
@@ -190,13 +201,13 @@ def _settings(row: Mapping[str, Any]) -> dict[str, Any]:
     if camera:
         numbers = _numbers(camera)
         if len(numbers) not in (1, 4):
-            raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got '{camera}')")
+            raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got {quoted(camera)})")
         settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
     stature = _text(row.get("stature"))
     if stature:
         settings["stature"] = _numbers(stature)
         if not settings["stature"]:
-            raise ValueError(f"statures are numbers in m, from left to right (got '{stature}')")
+            raise ValueError(f"statures are numbers in m, from left to right (got {quoted(stature)})")
     return settings
 
 

@@ -10,6 +10,7 @@ folder, or to "off".
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -222,7 +223,7 @@ def _files(options: Any) -> Iterator[list[Any]]:
             yield from _files(value)
     elif isinstance(options, str):
         with suppress(OSError, ValueError):  # a text that cannot be a path
-            path = Path(options).expanduser()
+            path = Path(os.path.expanduser(options))
             if path.is_file():
                 status = path.stat()
                 yield [str(path.absolute()), status.st_size, status.st_mtime_ns]

@@ -25,9 +25,11 @@ class _Main(ExtensibleGroup):
             click.echo("Aborted!", err=True)
             ctx.exit(INTERRUPTED)
         except PhysicError as error:
+            from physic_core.configuration.quoting import printable
             from physic_core.discovery.error_text import traceback_text
 
-            click.echo(f"{traceback_text(error)}Error: {error}", err=True)
+            # Names of files and plugins in a message may contain escape sequences, which a terminal would obey.
+            click.echo(f"{traceback_text(error)}Error: {printable(str(error))}", err=True)
             ctx.exit(exit_code(error))
 
 

@@ -19,4 +19,6 @@ def toml_value(value: Any) -> str:
         return f"[{', '.join(map(toml_value, value))}]"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
-    return json.dumps(value, ensure_ascii=False)
+    text = json.dumps(value, ensure_ascii=False)
+    # A path that is not UTF-8 has surrogates, which TOML cannot express and a terminal cannot print.
+    return text.encode(errors="backslashreplace").decode()

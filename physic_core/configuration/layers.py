@@ -6,16 +6,17 @@ is stored: errors and ``physic config show`` use it to name the file, variable o
 
 from __future__ import annotations
 
-import json
 import os
 import re
-import tomllib
+import stat
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from physic_core.configuration.problems import did_you_mean
+from physic_core.configuration.problems import config_error, did_you_mean
+from physic_core.configuration.quoting import printable, quoted, shorten
+from physic_core.configuration.values import InvalidTextError, check_values, parse_json, parse_toml
 from physic_core.discovery.local_modules import with_folder
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError
@@ -46,6 +47,9 @@ _PATHS = (("body_model", "path"), ("photo", "masks"))
 _MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}
 """Maximum size of a config file, bytes. A file with every setting has 40,000, a result with 40 people 200,000."""
 
+_MAX_EXTENDS = 16
+"""Maximum number of files that extend each other."""
+
 
 def preset_names() -> tuple[str, ...]:
     """Return the sorted names of the presets in this package."""
@@ -67,7 +71,7 @@ def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
     Raises:
         ConfigError: a file or preset cannot be read.
     """
-    return _read_preset(base) if file is None else _read_file(Path(file), base)
+    return _read_preset(base) if file is None else _read_file(_path(os.fspath(file)), base)
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
@@ -79,9 +83,10 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
     layers: list[Layer] = []
     for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE_PREFIX) and value.strip()):
         path = name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".")
-        if not re.fullmatch(r"\w+(\.\w+)*", path) or path.startswith("_") or "._" in path:
-            raise ConfigError(f"the variable {name} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
-        layers.append((name, _assignment(path, environment[name], f"the variable {name}={environment[name]}")))
+        if not re.fullmatch(r"[a-z0-9]\w*(\.[a-z0-9]\w*)*", path, re.ASCII):
+            raise ConfigError(f"the variable {_show(name)} names no setting: write PHYSIC__INPAINTER__BACKEND=telea")
+        value = environment[name]
+        layers.append((name, _assignment(path, value, f"the variable {_show(name)}={_show(value)}")))
     return layers
 
 
@@ -99,10 +104,15 @@ def merge_layers(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str
 
     Returns:
         The merged tables, and a dictionary from dotted path to the label of the layer that set the value.
+
+    Raises:
+        ConfigError: a layer has values that are too large, or of a kind that TOML does not have.
     """
     merged: dict[str, Any] = {}
     sources: dict[str, str] = {}
     for label, table in layers:
+        if problems := check_values(table):
+            raise config_error(problems, lambda _, label=label: label, label)  # type: ignore[misc]
         _merge(merged, table, label, sources)
     return merged, sources
 
@@ -125,37 +135,43 @@ def _presets() -> Any:
 def _read_preset(name: str) -> list[Layer]:
     if name not in preset_names():
         names = preset_names()
-        raise ConfigError(f"no preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
-    table = tomllib.loads((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
+        raise ConfigError(f"no preset named '{_show(name)}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+    table = parse_toml((_presets() / f"{name}.toml").read_text(encoding="utf-8"))
     base = table.pop("extends", None)
     return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
 
 
-def _read_file(path: Path, base: str, seen: tuple[Path, ...] = ()) -> list[Layer]:
+def _read_file(path: Path, base: str, seen: tuple[str, ...] = ()) -> list[Layer]:
     """Read the layers of a file, preceded by those of the file that it extends."""
-    if path.resolve() in seen:
-        chain = " -> ".join(str(p) for p in (*seen, path.resolve()))
-        raise ConfigError(f"{path} extends itself: {chain}")
+    seen = (*seen, os.path.realpath(path))
+    if seen[-1] in seen[:-1]:
+        raise ConfigError(f"{_show(path)} extends itself: {_show(' -> '.join(seen), 1000)}")
+    if len(seen) > _MAX_EXTENDS:
+        raise ConfigError(f"more than {_MAX_EXTENDS} files extend each other; the last is {_show(path)}")
     if path.suffix == ".json":
         return [(str(path), _add_folder(_read_result(path), path.parent))]
     table = _add_folder(_read_toml(path), path.parent)
     base = table.pop("extends", base)
     if not isinstance(base, str):
-        raise ConfigError(f"{path}: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
+        raise ConfigError(
+            f"{_show(path)}: 1 error\nextends   should be the name of a preset or a path (got {quoted(base)})"
+        )
     for name, key in _PATHS:
         own = table.get(name)
         if isinstance(own, dict) and isinstance(own.get(key), str):
-            own[key] = str(path.parent / Path(own[key]).expanduser())
+            own[key] = str(path.parent / _path(own[key], f"{_show(path)}: {name}.{key}"))
+    if not is_path(base):
+        try:
+            return [*_read_preset(base), (str(path), table)]
+        except ConfigError as error:
+            raise ConfigError(f"{_show(path)} extends '{_show(base)}': {error}") from error
+    extended = path.parent / _path(base, f"{_show(path)}: extends")
     try:
         # An extended file builds on the preset "embedded", independently of the preset given for this one.
-        extended = (
-            _read_file(path.parent / Path(base).expanduser(), "embedded", (*seen, path.resolve()))
-            if is_path(base)
-            else _read_preset(base)
-        )
+        return [*_read_file(extended, "embedded", seen), (str(path), table)]
     except ConfigError as error:
-        raise ConfigError(f"{path} extends '{base}': {error}") from error
-    return [*extended, (str(path), table)]
+        message = f"{_show(path)} extends '{_show(base)}': {error}"
+        raise ConfigError(shorten(message, 3000)) from error
 
 
 def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -168,54 +184,83 @@ def _add_folder(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(_read_text(path, "name a TOML file"))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+        return parse_toml(_read_text(path, "name a TOML file"))
+    except InvalidTextError as error:
+        raise ConfigError(f"{_show(path)} is not valid TOML: {_show(error, 500)}") from error
 
 
 def _read_result(path: Path) -> dict[str, Any]:
     """Read the configuration that is stored in a ``reconstruction.json``."""
     try:
-        document = json.loads(_read_text(path, "name the reconstruction.json of a run"))
-    except ValueError as error:
-        raise ConfigError(f"{path} is not valid JSON: {error}") from error
+        document = parse_json(_read_text(path, "name the reconstruction.json of a run"))
+    except InvalidTextError as error:
+        raise ConfigError(f"{_show(path)} is not valid JSON: {_show(error, 500)}") from error
     table = document.get("config") if isinstance(document, dict) else None
     if not isinstance(table, dict) or not table:
-        raise ConfigError(f"{path} holds no configuration: name the reconstruction.json of a run, or a TOML file")
+        raise ConfigError(
+            f"{_show(path)} holds no configuration: name the reconstruction.json of a run, or a TOML file"
+        )
+    if problems := check_values(table):  # from_json is recursive
+        raise config_error(problems, lambda _: str(path), str(path))
     numbers: dict[str, Any] = from_json(table)
     return numbers
 
 
 def _read_text(path: Path, advice: str) -> str:
-    if path.exists() and not path.is_file() and not path.is_dir():  # reading a pipe would block
-        raise ConfigError(f"cannot read the config {path}: it is not a regular file; {advice}")
+    title = f"cannot read the config {_show(path)}"
     limit = _MAX_BYTES.get(path.suffix, _MAX_BYTES[".toml"])
     try:
-        if (size := path.stat().st_size) > limit and path.is_file():
-            raise ConfigError(f"cannot read the config {path}: it has {size:,} bytes, more than {limit:,}; {advice}")
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):  # reading a pipe would block
+            raise ConfigError(f"{title}: it is not a regular file; {advice}")
+        if status.st_size > limit and stat.S_ISREG(status.st_mode):
+            raise ConfigError(f"{title}: it has {status.st_size:,} bytes, more than {limit:,}; {advice}")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise ConfigError(f"no config file at {path}: check the path") from None
+        raise ConfigError(f"no config file at {_show(path)}: check the path") from None
     except OSError as error:
-        raise ConfigError(f"cannot read the config {path}: {error.strerror}; {advice}") from error
+        raise ConfigError(f"{title}: {error.strerror}; {advice}") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"cannot read the config {path}: {error}; save it as UTF-8") from error
+        raise ConfigError(f"{title}: {error}; save it as UTF-8") from error
 
 
 def _parse_override(text: str) -> dict[str, Any]:
     key, equals, value = text.partition("=")
-    if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key):
-        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{text}')")
-    return _assignment(key, value, f"--set {text}")
+    if not equals or not re.fullmatch(r"\s*[\w-]+(\.[\w-]+)*\s*", key, re.ASCII):
+        raise ConfigError(f"--set needs KEY=VALUE such as inpainter.backend=telea (got '{_show(text)}')")
+    return _assignment(key.strip(), value, f"--set {_show(text)}")
 
 
-def _assignment(key: str, value: str, label: str) -> dict[str, Any]:
+def _assignment(path: str, value: str, label: str) -> dict[str, Any]:
+    """Return the nested tables of one value at a dotted path; the value is TOML, or a text without quotes."""
     try:
-        return tomllib.loads(f"{key} = {value}")
-    except tomllib.TOMLDecodeError as error:
-        if re.fullmatch(r"[\w./~:+-]+", value.strip()):
-            return tomllib.loads(f"{key} = '{value.strip()}'")
-        raise ConfigError(f"{label}: the value is not valid TOML ({error}); texts need quotes") from error
+        parsed = parse_toml(f"value = {value}")
+    except InvalidTextError as error:
+        if not re.fullmatch(r"[\w./~:+-]+", value.strip()):
+            message = f"the value is not valid TOML ({_show(error, 500)})"
+            raise ConfigError(f"{label}: {message}; texts need quotes") from error
+        parsed = {"value": value.strip()}
+    if list(parsed) != ["value"]:
+        raise ConfigError(f"{label}: one value is expected, without a line break")
+    table = parsed["value"]
+    for key in reversed(path.split(".")):
+        table = {key: table}
+    return dict(table)
+
+
+def _path(text: str, title: str = "config") -> Path:
+    """Return the path that a text names, with the home folder for ``~``; ``~name`` is kept if it has none.
+
+    Raises:
+        ConfigError: the text has a null character.
+    """
+    if "\0" in text:
+        raise ConfigError(f"{title}: a path has no null character (got {quoted(text)})")
+    return Path(os.path.expanduser(text))  # unlike Path.expanduser, it never raises
+
+
+def _show(text: object, limit: int = 200) -> str:
+    return printable(shorten(str(text), limit))
 
 
 def _merge(base: dict[str, Any], layer: Mapping[str, Any], label: str, sources: dict[str, str], at: str = "") -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_origin, get_type_hints
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -39,6 +40,7 @@ from physic_core.configuration.layers import (
     source_of,
 )
 from physic_core.configuration.problems import CheckResult, Problem, config_error, did_you_mean, problems_from_pydantic
+from physic_core.configuration.quoting import quoted
 from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
@@ -66,11 +68,19 @@ OPTIONAL_INTERFACES = ("hand_estimator", "contact_prior")
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # Without "constants", infinities become None in ``as_dict``.
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
 
 
 class _StrictTable(_Table):
     model_config = ConfigDict(strict=True)
+
+
+def _expand_home(path: str | None) -> str | None:
+    return None if path is None else os.path.expanduser(path)
+
+
+_FilePath = Annotated[str | None, AfterValidator(_expand_home)]
 
 
 class BackendChoice(_Table):
@@ -103,7 +113,7 @@ class PhotoSettings(_Table):
     box: tuple[tuple[float, float, float, float], ...] = Field(
         default=(), description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file"
     )
-    masks: str | None = Field(
+    masks: _FilePath = Field(
         default=None,
         description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
         "2 the second; relative to the config file",
@@ -131,7 +141,9 @@ class PhotoSettings(_Table):
     def _four_numbers(cls, value: Any) -> Any:
         numbers = isinstance(value, (list, tuple)) and all(type(v) in (int, float) and math.isfinite(v) for v in value)
         if value is not None and not (numbers and len(value) == 4 and value[0] > 0 and value[1] > 0):
-            raise ValueError(f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {value!r})")
+            raise ValueError(
+                f"should be four finite numbers fx, fy, cx, cy with fx > 0 and fy > 0 (got {quoted(value)})"
+            )
         return value
 
     @field_validator("person", "box", mode="before")
@@ -143,7 +155,7 @@ class PhotoSettings(_Table):
         for row in rows:
             numbers = row if isinstance(row, (list, tuple)) else ()
             if len(numbers) != count or not all(type(v) in (int, float) and math.isfinite(v) for v in numbers):
-                raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {value!r})")
+                raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {quoted(value)})")
         return value
 
     @field_validator("stature", mode="before")
@@ -178,7 +190,7 @@ class PhotoSettings(_Table):
         if self.distortion is not None and self.intrinsics is None:
             raise ValueError("has distortion without intrinsics: give both, of the same calibration")
         if self.distortion is not None and not all(map(math.isfinite, self.distortion)):
-            raise ValueError(f"distortion should be five finite numbers (got {self.distortion!r})")
+            raise ValueError(f"distortion should be five finite numbers (got {quoted(self.distortion)})")
         return self
 
 
@@ -186,14 +198,14 @@ class BodyModelChoice(_Table):
     """The table ``[body_model]``: the embedded body, or an SMPL-X file of the user."""
 
     name: str | None = Field(default=None, description="'embedded'")
-    path: str | None = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
+    path: _FilePath = Field(default=None, description="an official SMPLX_*.npz; relative to the config file")
 
     @model_validator(mode="after")
     def _one_body(self) -> BodyModelChoice:
         if self.name is not None and self.path is not None:
             raise ValueError("has both name and path: give one of them")
         if self.name not in (None, "embedded"):
-            raise ValueError(f"name should be 'embedded' (got '{self.name}'); for a file of your own, set path")
+            raise ValueError(f"name should be 'embedded' (got {quoted(self.name)}); for a file of your own, set path")
         return self
 
     @property
@@ -241,7 +253,7 @@ class RunSettings(_Table):
     @classmethod
     def _known_device(cls, device: str) -> str:
         if not DEVICE_PATTERN.fullmatch(device):
-            raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got '{device}')")
+            raise ValueError(f"should be 'cpu', 'cuda' or 'cuda:N' (got {quoted(device)})")
         return device
 
 
@@ -296,9 +308,9 @@ class Config(_Table):
         """Convert to nested dictionaries, as in a TOML file, without unset values and with absolute paths."""
         tables = self.model_dump(mode="json", exclude_none=True)
         if self.body_model.path is not None:
-            tables["body_model"]["path"] = str(Path(self.body_model.path).expanduser().absolute())
+            tables["body_model"]["path"] = str(Path(self.body_model.path).absolute())
         if self.photo.masks is not None:
-            tables["photo"]["masks"] = str(Path(self.photo.masks).expanduser().absolute())
+            tables["photo"]["masks"] = str(Path(self.photo.masks).absolute())
         return tables
 
 
@@ -352,10 +364,12 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
         return load_config(preset=config)
     if config is None or isinstance(config, (str, os.PathLike)):
         return load_config(config)
+    if not isinstance(config, Mapping):
+        raise ConfigError(f"a config should be a preset, a path, a mapping or a Config (got {quoted(config)})")
     tables = dict(config)
     base = tables.pop("extends", None)
     if not (base is None or isinstance(base, str | os.PathLike)):
-        raise ConfigError(f"config: 1 error\nextends   should be the name of a preset or a path (got {base!r})")
+        raise ConfigError(f"config: 1 error\nextends   should be the name of a preset or a path (got {quoted(base)})")
     if isinstance(base, str) and not is_path(base):
         return load_config(preset=base, flags={"config": tables})
     return load_config(base, flags={"config": tables})

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
+from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import BackendError, ConfigError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ _TYPE_NAMES = {
     "a valid list": "a list",
     "a finite number": "a finite number",
 }
+_MAX_BYTES = 4000
+"""Maximum size of a message, bytes; problems beyond are counted."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +85,25 @@ def config_error(
     for problem in dict.fromkeys(problems):
         label = source(problem.path)
         groups.setdefault(title if label == "default" else label, []).append(problem)
-    blocks = []
+    lines: list[str] = []
+    left_out, room = 0, _MAX_BYTES - len(_clean(footer, 500).encode())
     for label, group in groups.items():
-        width = max(len(f.path) for f in group)
-        lines = [f"{f.path:<{width}}   {f.message}" for f in group]
-        blocks.append("\n".join([f"{label}: {len(group)} error{'s' * (len(group) > 1)}", *lines]))
+        label = _clean(label, 200)
+        shown = [(_clean(f.path, 100), _clean(f.message, 1000)) for f in group]
+        width = max(len(path) for path, _ in shown)
+        block = [f"{path:<{width}}   {message}" for path, message in shown]
+        for i, line in enumerate(block):
+            head = [f"{label}: {len(group)} error{'s' * (len(group) > 1)}"] if i == 0 else []
+            size = len("\n".join([*head, line, ""]).encode())
+            if left_out or size > room:
+                left_out += 1
+            else:
+                room -= size
+                lines += [*head, line]
+    if left_out:
+        lines.append(f"and {left_out:,} more error{'s' * (left_out > 1)}")
     kind = BackendError if all(problem.of_plugin for group in groups.values() for problem in group) else ConfigError
-    return kind("\n".join([*blocks, *([footer] if footer else [])]))
+    return kind("\n".join([*lines, *([_clean(footer, 500)] if footer else [])]))
 
 
 def problems_from_pydantic(
@@ -116,8 +131,14 @@ def problems_from_pydantic(
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the hint ". Did you mean 'x'?" for a misspelt name, or "" if no known name is similar."""
+    if len(name) > 100:  # comparing takes long, and no known name is similar
+        return ""
     close = get_close_matches(name, list(known), n=1)
     return f". Did you mean '{close[0]}'?" if close else ""
+
+
+def _clean(text: str, limit: int) -> str:
+    return printable(shorten(text, limit))
 
 
 def _describe_pydantic_error(found: Any) -> str:
@@ -128,14 +149,14 @@ def _describe_pydantic_error(found: Any) -> str:
     if found["type"] == "value_error":
         return str(found["ctx"]["error"])
     if found["type"] == "model_type":
-        return f"should be a table (got {found['input']!r})"
+        return f"should be a table (got {quoted(found['input'])})"
     text = re.sub(r"^Input should be", "should be", found["msg"])
     for words, sign in _COMPARISON_SIGNS.items():
         text = text.replace(words, sign)
     for words, name in _TYPE_NAMES.items():
         if text.startswith(f"should be {words}"):
             text = f"should be {name}"
-    return f"{text[0].lower()}{text[1:]} (got {found['input']!r})"
+    return f"{text[0].lower()}{text[1:]} (got {quoted(found['input'])})"
 
 
 def _fields_at(model: type[BaseModel], loc: list[str]) -> list[str]:

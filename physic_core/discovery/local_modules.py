@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import re
 import sys
 import threading
@@ -38,7 +39,7 @@ def with_folder(name: str, folder: Path) -> str:
     own, target = split_folder(name)
     if not TARGET.fullmatch(target):
         return name
-    place = (folder / own.expanduser() if own else folder).absolute()
+    place = (folder / os.path.expanduser(own) if own else folder).absolute()
     held = own is not None or _file(place, target.partition(":")[0]) is not None
     return f"{place.as_posix().removesuffix('/')}/{target}" if held else name
 
@@ -72,7 +73,8 @@ def load_module(folder: Path, name: str) -> ModuleType:
 
 def _file(folder: Path, name: str) -> Path | None:
     path = folder.joinpath(*name.split("."))
-    return next((f for f in (path / "__init__.py", path.with_name(f"{path.name}.py")) if f.is_file()), None)
+    # Unlike Path.is_file, os.path.isfile is False also for a name that no file can have.
+    return next((f for f in (path / "__init__.py", path.with_name(f"{path.name}.py")) if os.path.isfile(f)), None)
 
 
 def _installed_spec(top: str) -> ModuleSpec | None:

@@ -22,7 +22,8 @@ Result = TypeVar("Result")
 class Options(BaseModel):
     """Base class of a backend's settings; unknown keys are an error, every field needs a description."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # Without "constants", results would record infinities as None.
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,9 @@ FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 def user_folders() -> tuple[Path, ...]:
     """Return the folders in the environment variable ``PHYSIC_WEIGHTS``."""
     return tuple(
-        Path(text).expanduser() for text in os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep) if text.strip()
+        Path(os.path.expanduser(text))
+        for text in os.environ.get(FOLDERS_VARIABLE, "").split(os.pathsep)
+        if text.strip()
     )
 
 

@@ -203,7 +203,7 @@ def _describe_missing(weights: WeightSet, lacking: list[str]) -> str:
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
     """Return the path that the user gave instead of the name of a weight set, or raise WeightsMissingError."""
-    path = Path(value).expanduser()
+    path = Path(os.path.expanduser(value))
     if not value.strip():
         raise WeightsMissingError(
             "the option weights is empty: set it to a name of `physic weights list`, or to a path"

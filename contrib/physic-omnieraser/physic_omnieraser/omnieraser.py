@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -158,7 +159,7 @@ class OmniEraser(Inpainter):
 
     def _missing_base_model(self) -> tuple[str, ...]:
         """Describe a missing FLUX.1-dev."""
-        base = Path(self.options.base).expanduser()
+        base = Path(os.path.expanduser(self.options.base))
         if base.is_dir():
             return () if (base / "model_index.json").is_file() else (f"{base} is no pipeline of diffusers",)
         try:

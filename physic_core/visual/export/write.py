@@ -76,7 +76,7 @@ def export_reconstruction(
     people, notes = _people(result, person, kind)
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
     request = ExportRequest(
-        result, people, frame, stem, suffix, scene, None if body_model is None else Path(body_model).expanduser()
+        result, people, frame, stem, suffix, scene, None if body_model is None else Path(os.path.expanduser(body_model))
     )
     module, _, function = kind.target.partition(":")
     made: ExportedFiles = getattr(import_module(module), function)(request)

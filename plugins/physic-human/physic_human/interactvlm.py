@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -87,7 +88,7 @@ class InteractVlmResults(ContactPrior):
     def missing(self) -> tuple[str, ...]:
         """Describe missing results."""
         given = self.options.results
-        place = Path(given).expanduser()
+        place = Path(os.path.expanduser(given))
         if not given:
             return (f"results of InteractVLM are not given: {_ADVICE}",)
         if not place.exists():
@@ -100,7 +101,7 @@ class InteractVlmResults(ContactPrior):
         """Return a checksum of the files' contents."""
         if not self.options.results:
             return ""
-        place = Path(self.options.results).expanduser()
+        place = Path(os.path.expanduser(self.options.results))
         files = _result_files(place) if place.is_dir() else [place] if place.is_file() else []
         whole = hashlib.sha256()
         for path in files:
@@ -119,7 +120,7 @@ class InteractVlmResults(ContactPrior):
         lacking = self.missing()
         if lacking:
             raise WeightsMissingError(lacking[0])
-        place = Path(self.options.results).expanduser()
+        place = Path(os.path.expanduser(self.options.results))
         self._rest = load_rest_mesh(self.options.smpl_file)
         self._results = (
             (_ResultFile(place, None, 0.0),)

@@ -7,6 +7,7 @@ CUDA, is never called.
 from __future__ import annotations
 
 import logging
+import os
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -84,7 +85,7 @@ class Nlf(BodyEstimator):
         lacking = list(weights.missing(MANIFEST, self.options.weights))
         if find_spec("torchvision") is None:
             lacking.append(_NO_TORCHVISION)
-        if self.options.smplx_file and not Path(self.options.smplx_file).expanduser().is_file():
+        if self.options.smplx_file and not Path(os.path.expanduser(self.options.smplx_file)).is_file():
             lacking.append(f"there is no file {self.options.smplx_file}: set smplx_file to your SMPLX_NEUTRAL.npz")
         return tuple(lacking)
 
@@ -125,7 +126,7 @@ class Nlf(BodyEstimator):
         if self.options.smplx_file and self.options.body == "smplx":
             from physic_core.body import load_body
 
-            self._body = load_body(Path(self.options.smplx_file).expanduser())
+            self._body = load_body(Path(os.path.expanduser(self.options.smplx_file)))
 
     def close(self) -> None:
         """Release the network."""

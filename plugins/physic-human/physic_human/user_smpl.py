@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ def smpl_missing(path: str) -> tuple[str, ...]:
     """Describe a missing SMPL file."""
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
-    return () if Path(path).expanduser().is_file() else (f"there is no file {path}: {_ADVICE}",)
+    return () if Path(os.path.expanduser(path)).is_file() else (f"there is no file {path}: {_ADVICE}",)
 
 
 def open_smpl(path: str) -> SmplBody:
@@ -42,7 +43,7 @@ def open_smpl(path: str) -> SmplBody:
         raise WeightsMissingError(lacking[0])
     from physic_core.body.smpl_file import load_smpl
 
-    return load_smpl(Path(path).expanduser())
+    return load_smpl(Path(os.path.expanduser(path)))
 
 
 def load_rest_mesh(path: str) -> RestMesh | None:
