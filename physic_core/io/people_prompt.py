@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
 
 from physic_core.errors import InputError
+from physic_core.io.image_file import ImageSource, decode, open_image
 from physic_core.types import PeoplePrompt
 
 if TYPE_CHECKING:
@@ -20,6 +20,10 @@ __all__ = ["check_prompt", "read_masks", "resize_prompt"]
 
 MAX_MASKS = 100
 """Maximum number of people in a mask file. More values are shades of a smoothed edge."""
+
+_MAX_MASK_PIXELS = 64_000_000  # of the file: finding its values takes up to 18 bytes each
+_MAX_BYTES = 1_000_000_000
+"""Maximum size of all masks, which take a byte per pixel."""
 
 _MODES = ("1", "L", "P", "I", "I;16", "I;16B")
 
@@ -33,26 +37,33 @@ def read_masks(path: str | os.PathLike[str]) -> BoolArray:
         (M, H, W) bool.
 
     Raises:
-        InputError: the file cannot be read, has several channels, has no value above 0 or more than ``MAX_MASKS``.
+        InputError: the file cannot be read, is too large, has several channels, has no value above 0 or more than
+            ``MAX_MASKS``.
     """
-    path = Path(path)
+    source = ImageSource(str(Path(path)), path=Path(path), what="masks", formats="an indexed or grey PNG")
     advice = "save an indexed or grey PNG: 0 for background, 1 for the first person, 2 for the second"
-    try:
-        with Image.open(path) as image:
-            if image.mode not in _MODES:
-                raise InputError(f"cannot use the masks {path}: the pixels are {image.mode}, not one number; {advice}")
-            values = np.asarray(image).astype(np.int64)
-    except FileNotFoundError:
-        raise InputError(f"cannot read the masks {path}: there is no such file; check the path") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"cannot read the masks {path}: it is no readable image ({error}); {advice}") from error
+    with open_image(source) as (image, _):
+        if image.mode not in _MODES:
+            raise InputError(f"cannot use the {source}: the pixels are {image.mode}, not one number; {advice}")
+        if image.size[0] * image.size[1] > _MAX_MASK_PIXELS:
+            raise InputError(
+                f"cannot use the {source}: it has more than {_MAX_MASK_PIXELS // 1_000_000} megapixels; give a smaller "
+                "photo with masks of its size"
+            )
+        decode(image, source)
+        values = np.asarray(image)
     people = np.unique(values[values > 0])
     if not len(people):
-        raise InputError(f"cannot use the masks {path}: every pixel is 0, the background; {advice}")
+        raise InputError(f"cannot use the {source}: every pixel is 0, the background; {advice}")
     if len(people) > MAX_MASKS:
         raise InputError(
-            f"cannot use the masks {path}: it has {len(people)} values above 0, more than {MAX_MASKS} people; "
+            f"cannot use the {source}: it has {len(people)} values above 0, more than {MAX_MASKS} people; "
             f"{advice}, without smoothed edges or JPEG compression"
+        )
+    if len(people) * values.size > _MAX_BYTES:
+        raise InputError(
+            f"cannot use the {source}: {len(people)} masks of {values.shape[1]} x {values.shape[0]} px take "
+            f"{len(people) * values.size / 1e9:.1f} GB; give a smaller photo with masks of its size, or fewer people"
         )
     return np.stack([values == value for value in people])
 

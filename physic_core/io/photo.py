@@ -6,40 +6,45 @@ import hashlib
 import io
 import math
 import os
-import stat
-import struct
-import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image
 
 from physic_core.errors import InputError
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
-from physic_core.io.result_folder import file_digest, image_digest
+from physic_core.io.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
+from physic_core.io.result_folder import image_digest
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from typing import BinaryIO
+    from io import BufferedReader, BytesIO
 
     from physic_core.types import Intrinsics, UInt8Array
 
     PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
 
-__all__ = ["MAX_PIXELS", "MIN_SIDE", "Photo", "check_image", "limit_size", "photo_name", "read_photo", "read_source"]
+__all__ = ["MIN_SIDE", "Photo", "check_image", "limit_size", "photo_name", "read_photo", "read_source"]
 
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
 
-MAX_PIXELS = 150_000_000
-"""Maximum number of pixels of a photo; decoding takes up to 12 bytes per pixel."""
-
 _FOCAL_RANGE = (0.1, 100.0)  # of the long side; wider than any lens, narrower than a slip of the unit
 _KEEP_PIXELS = 24_000_000  # larger photos are read at a half, a third, ... of their size
-_REDUCIBLE = ("L", "RGB", "RGBA", "CMYK")
-_PILLOW_DAMAGE = (OSError, SyntaxError, ValueError, EOFError, KeyError, IndexError, TypeError, struct.error)
+_BAND_PIXELS = 4_000_000  # are converted at once: each conversion takes a copy
+_MAX_EXIF_BYTES = 1 << 20  # Pillow takes up to 50 times as much
+_UPRIGHT = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+"""EXIF orientation -> how to turn the stored image upright."""
 
 
 @dataclass(frozen=True)
@@ -61,34 +66,6 @@ class Photo(ShortRepr):
     digest: str = ""
 
 
-@dataclass(frozen=True)
-class _Source:
-    """An encoded photo.
-
-    Attributes:
-        name: for error messages, after "the photo".
-        content: of the file; None if it is read from ``path``.
-        path: of the file; None if ``content`` is given.
-    """
-
-    name: str
-    content: bytes | None = field(default=None, repr=False)
-    path: Path | None = None
-
-    def __str__(self) -> str:
-        return self.name
-
-    def open(self) -> BinaryIO:
-        """Open the file for reading."""
-        if self.path is not None:
-            return self.path.open("rb")
-        return io.BytesIO(self.content or b"")
-
-    def image(self) -> Image.Image:
-        """Open the picture without decoding it."""
-        return Image.open(io.BytesIO(self.content or b"") if self.path is None else self.path)
-
-
 def read_photo(photo: str | os.PathLike[str] | bytes) -> Photo:
     """Read a photo file as upright 8-bit RGB, with EXIF intrinsics and a note for each conversion.
 
@@ -100,16 +77,9 @@ def read_photo(photo: str | os.PathLike[str] | bytes) -> Photo:
     Raises:
         InputError: the file is missing, is not an image, is damaged, or is too small or too large.
     """
-    if isinstance(photo, bytes):
-        source = _Source(f"of {len(photo):,} bytes", photo)
-    else:
-        source = _Source(str(Path(photo)), path=Path(photo))
-        _check_file(Path(photo))
-    with warnings.catch_warnings():
-        # Pillow warns of large pictures and odd EXIF blocks; both are judged here.
-        warnings.simplefilter("ignore")
-        with _open(source) as image:
-            return _read(image, source)
+    source = _source(photo)
+    with open_image(source) as (image, _):
+        return _read(image, source)
 
 
 def read_source(photo: PhotoSource) -> Photo:
@@ -122,15 +92,30 @@ def read_source(photo: PhotoSource) -> Photo:
     Raises:
         InputError: it is of another type, or cannot be used.
     """
-    if isinstance(photo, bytes):
-        found, file = read_photo(photo), f"sha256:{hashlib.sha256(photo).hexdigest()}"
-    elif isinstance(photo, str | os.PathLike):
-        found, file = read_photo(photo), file_digest(photo)
+    if isinstance(photo, bytes | str | os.PathLike):
+        source = _source(photo)
+        with open_image(source) as (image, file):
+            digest = _digest(file)  # of the file that is read, even if another one takes its place
+            found = _read(image, source)
     elif isinstance(photo, Image.Image):
-        found, file = _read_image(photo), ""
+        found, digest = _read_image(photo), ""
     else:
-        found, file = Photo(check_image(photo)), ""
-    return replace(found, digest=" ".join(filter(None, (file, image_digest(found.image)))))
+        found, digest = Photo(check_image(photo)), ""
+    return replace(found, digest=" ".join(filter(None, (digest, image_digest(found.image)))))
+
+
+def _source(photo: str | os.PathLike[str] | bytes) -> ImageSource:
+    if isinstance(photo, bytes):
+        return ImageSource(f"of {len(photo):,} bytes", photo)
+    return ImageSource(str(Path(photo)), path=Path(photo))
+
+
+def _digest(file: BufferedReader | BytesIO) -> str:
+    place = file.tell()
+    file.seek(0)
+    digest = hashlib.file_digest(file, "sha256").hexdigest()
+    file.seek(place)
+    return f"sha256:{digest}"
 
 
 def photo_name(photo: object) -> str:
@@ -141,14 +126,12 @@ def photo_name(photo: object) -> str:
 
 
 def _read_image(image: Image.Image) -> Photo:
-    source = _Source(photo_name(image) or "given as a PIL image")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            copy = image.copy()  # decoding at a smaller size would change the user's image
-        except _PILLOW_DAMAGE as error:
-            raise _damaged(source) from error
-        return _read(copy, source)
+    source = ImageSource(photo_name(image) or "given as a PIL image")
+    if image.size[0] * image.size[1] > MAX_PIXELS:
+        raise source.too_large()
+    with wrap_decoding_errors(source, image.format or ""):
+        copy = image.copy()  # decoding at a smaller size would change the user's image
+    return _read(copy, source)
 
 
 def limit_size(photo: Photo, max_side: int) -> Photo:
@@ -238,133 +221,81 @@ def _shape_advice(shape: tuple[int, ...]) -> str:
     return "give one RGB image"
 
 
-def _check_file(path: Path) -> None:
-    try:
-        status = path.stat()
-    except FileNotFoundError:
-        raise InputError(f"cannot read the photo {path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"cannot read the photo {path}: {error.strerror}; check the path") from error
-    if stat.S_ISDIR(status.st_mode):
-        raise InputError(f"cannot read the photo {path}: it is a folder; name one image file")
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"cannot read the photo {path}: it is not a regular file; name one image file")
-    if status.st_size == 0:
-        raise InputError(f"cannot read the photo {path}: the file is empty (0 bytes); copy it again")
-
-
-def _open(source: _Source) -> Image.Image:
-    try:
-        return source.image()
-    except UnidentifiedImageError:
-        pass
-    except Image.DecompressionBombError:
-        raise _too_large(source) from None
-    except PermissionError as error:
-        raise InputError(f"cannot read the photo {source}: {error.strerror}; check who may read it") from error
-    except _PILLOW_DAMAGE as error:
-        raise _damaged(source) from error
-    if _is_heif(source):
-        return _open_heif(source)
-    raise InputError(
-        f"cannot read the photo {source}: it is not an image, or of an unknown kind; "
-        "give a JPEG, PNG, WebP, AVIF or TIFF"
-    )
-
-
-def _is_heif(source: _Source) -> bool:
-    with source.open() as file:
-        head = file.read(12)
-    return head[4:8] == b"ftyp" and head[8:12] in (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
-
-
-def _open_heif(source: _Source) -> Image.Image:
-    """Open HEIC, the format of many phones, with the optional package ``pillow-heif``."""
-    try:
-        from pillow_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
-    except ImportError:
-        raise InputError(
-            f"cannot read the photo {source}: it is HEIC, which needs one more package; "
-            "run `pip install pillow-heif`, or convert the photo to JPEG"
-        ) from None
-    register_heif_opener()
-    try:
-        return source.image()
-    except Image.DecompressionBombError:
-        raise _too_large(source) from None
-    except _PILLOW_DAMAGE as error:
-        raise _damaged(source) from error
-
-
-def _read(image: Image.Image, source: _Source) -> Photo:
+def _read(image: Image.Image, source: ImageSource) -> Photo:
     stored = image.size
-    if stored[0] * stored[1] > MAX_PIXELS:
-        raise _too_large(source)
     if min(stored) < MIN_SIDE:
         raise InputError(
-            f"cannot use the photo {source}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
+            f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, and each side must have at least "
             f"{MIN_SIDE} px; give a larger photo"
         )
+    if image.mode == "F":
+        raise InputError(f"cannot use the {source}: its pixels are floating point; save it with 8 bits a channel")
     notes = list(_frame_notes(image))
     deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
+    if factor > 1:
+        image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
     try:
-        if factor > 1:
-            image.draft(image.mode, (stored[0] // factor, stored[1] // factor))
-        image.load()
-    except _PILLOW_DAMAGE as error:
-        complete = _decode_without_end_marker(source, image.mode, image.size) if image.format == "JPEG" else None
-        if complete is None:
-            raise _damaged(source) from error
-        image = complete
+        decode(image, source)
+    except InputError:
+        if image.format != "JPEG":
+            raise
+        kept = image.mode, image.size, image.info
+        image.close()  # frees memory
+        image = _decode_without_end_marker(source, *kept)
         notes.append("the file's last bytes are missing; its picture is complete")
-    orientation, tags = _exif(image)
+    orientation, tags, exif_note = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
-    pixels = ImageOps.exif_transpose(image) if orientation != 1 else image
-    if left > 1 and pixels.mode in _REDUCIBLE:
-        pixels, left = pixels.reduce(left), 1  # before the conversions, each of which takes a copy
-    rgb, conversions = _to_rgb(pixels, deep, source)
+    with wrap_decoding_errors(source):
+        rgb, conversions = _to_rgb(image, left, deep, source)
     if orientation != 1:
+        rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright by the EXIF orientation")
     notes += conversions
-    if left > 1:
-        rgb = rgb.reduce(left)
+    height, width = rgb.shape[:2]
     if factor > 1:
-        notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {rgb.size[0]} x {rgb.size[1]} px")
-    intrinsics, note = intrinsics_from_exif(tags, stored, rgb.size[0], rgb.size[1], orientation)
-    if note:
-        notes.append(note)
+        notes.append(f"{stored[0] * stored[1] / 1e6:.0f} megapixels were read at {width} x {height} px")
+    intrinsics, note = intrinsics_from_exif(tags, stored, width, height, orientation)
+    notes += [text for text in (exif_note, note) if text]
     upright = stored[::-1] if swaps_sides(orientation) else stored
-    return Photo(np.array(rgb), intrinsics, tuple(notes), upright if factor > 1 else None)
+    return Photo(rgb, intrinsics, tuple(notes), upright if factor > 1 else None)
 
 
-def _decode_without_end_marker(source: _Source, mode: str, size: tuple[int, int]) -> Image.Image | None:
-    """Decode a JPEG without end marker; None if pixels are missing too.
+def _decode_without_end_marker(
+    source: ImageSource, mode: str, size: tuple[int, int], info: dict[Any, Any]
+) -> Image.Image:
+    """Decode a JPEG without end marker, at a reduced size.
 
     libjpeg invents missing pixels. So the data are completed in three ways: with the end marker, with other bytes
     before it, and with restart markers. If all pixels are present, the three results are equal.
+
+    Raises:
+        InputError: pixels are missing too.
     """
     with source.open() as file:
         data = file.read().rstrip(b"\xff")  # in the picture itself 0 follows each of these
     more = bytes(range(1, 255))
     marks = b"".join(b"\xff" + bytes([0xD0 + i % 8]) + more for i in range(16))
-    decoded: list[Image.Image] = []
-    for tail in (b"", more, marks):
-        try:
-            image = Image.open(io.BytesIO(data + tail + b"\xff\xd9"))
+    digests = set()
+    for tail in (marks, more, b""):
+        with wrap_decoding_errors(source):
+            image = Image.open(io.BytesIO(data + tail + b"\xff\xd9"), formats=["JPEG"])
             image.draft(mode, size)
             image.load()
-        except _PILLOW_DAMAGE:
-            return None
-        decoded.append(image)
-    first, *others = decoded
-    return first if all(np.array_equal(np.asarray(first), np.asarray(other)) for other in others) else None
+            digests.add(image_digest(np.asarray(image)))
+        if len(digests) > 1:
+            raise source.damaged()
+    image.info = info
+    return image
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:
-    frames = getattr(image, "n_frames", 1)
+    try:
+        several = bool(getattr(image, "is_animated", False))
+    except Exception:  # Pillow looks for the second frame, which may be damaged: it is not used
+        several = True
     # The MPO file of a phone has a preview or a depth image after the photo, which is not needed.
-    return (f"only the first of {frames} frames is used",) if frames > 1 and image.format != "MPO" else ()
+    return ("only the first of its frames is used",) if several and image.format != "MPO" else ()
 
 
 def _is_deep(image: Image.Image) -> bool:
@@ -375,55 +306,53 @@ def _is_deep(image: Image.Image) -> bool:
     return any(";16" in str(tile[3]) for tile in tiles)
 
 
-def _exif(image: Image.Image) -> tuple[int, dict[int, Any]]:
+def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
+    """Return the orientation that is left to apply, the tags of the Exif directory, and a note if they are ignored."""
+    size = len(image.info.get("exif") or b"")
+    if size > _MAX_EXIF_BYTES:
+        return 1, {}, f"the EXIF data were ignored: they take {size / 1e6:.0f} MB"
     try:
-        exif = image.getexif()
-        orientation = exif.get(ORIENTATION, 1)
-        tags = dict(exif.get_ifd(EXIF_IFD))
-    except _PILLOW_DAMAGE:
-        return 1, {}  # the pixels are valid: a damaged EXIF block only loses the focal length
-    return (orientation if orientation in range(2, 9) else 1), tags
+        with wrap_decoding_errors(ImageSource("")):
+            exif = image.getexif()
+            orientation = exif.get(ORIENTATION, 1)
+            tags = dict(exif.get_ifd(EXIF_IFD))
+    except InputError:
+        return 1, {}, ""  # the pixels are valid: a damaged EXIF block only loses the focal length
+    return (orientation if orientation in _UPRIGHT else 1), tags, ""
 
 
-def _to_rgb(image: Image.Image, deep: bool, source: _Source) -> tuple[Image.Image, list[str]]:
-    """Convert any Pillow mode to RGB, with a note for each conversion."""
-    notes = ["16 bits a channel were scaled to 8"] if deep else []
-    if image.mode.startswith("I"):
-        image = _grey_from_deep(image, source)
-    elif image.mode == "F":
-        raise InputError(f"cannot use the photo {source}: its pixels are floating point; save it with 8 bits a channel")
-    if image.has_transparency_data or image.mode in ("La", "RGBa"):
-        layers = image.convert("RGBA")
-        if np.asarray(layers)[..., 3].min() < 255:
-            notes.append("transparent parts were laid over mid-grey")
-            layers = Image.alpha_composite(Image.new("RGBA", layers.size, (128, 128, 128, 255)), layers)
-        grey = image.mode in ("LA", "La", "L")
-        image = layers.convert("RGB")
-    else:
-        grey = image.mode in ("1", "L")
-        if image.mode == "CMYK":
-            notes.append("CMYK colours were converted to RGB without a colour profile")
-        if image.mode != "RGB":
-            image = image.convert("RGB")
-    if grey:
-        notes.append("the photo is grey: its one channel stands for red, green and blue")
-    return image, notes
+def _to_rgb(image: Image.Image, factor: int, deep: bool, source: ImageSource) -> tuple[UInt8Array, list[str]]:
+    """Convert any Pillow mode to RGB (H, W, 3), reduced by an integer factor, with a note for each conversion."""
+    width, height = image.size
+    rows = max(1, _BAND_PIXELS // width // factor) * factor
+    rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
+    transparent = False
+    for top in range(0, height, rows):
+        box = (0, top, width, min(height, top + rows))
+        band = image if rows >= height else image.crop(box)
+        if band.mode.startswith("I"):
+            band = _grey_from_deep(band, source)
+        if band.has_transparency_data or band.mode in ("La", "RGBa"):
+            band = band.convert("RGBA")
+            if np.asarray(band.getchannel("A")).min() < 255:
+                transparent = True
+                band = Image.alpha_composite(Image.new("RGBA", band.size, (128, 128, 128, 255)), band)
+        if band.mode != "RGB":
+            band = band.convert("RGB")
+        rgb[top // factor : math.ceil(box[3] / factor)] = np.asarray(band.reduce(factor) if factor > 1 else band)
+    notes = {
+        "16 bits a channel were scaled to 8": deep,
+        "transparent parts were laid over mid-grey": transparent,
+        "CMYK colours were converted to RGB without a colour profile": image.mode == "CMYK",
+        "the photo is grey: its one channel stands for red, green and blue": (
+            image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
+        ),
+    }
+    return rgb, [note for note, holds in notes.items() if holds]
 
 
-def _grey_from_deep(image: Image.Image, source: _Source) -> Image.Image:
+def _grey_from_deep(image: Image.Image, source: ImageSource) -> Image.Image:
     values = np.asarray(image)
     if values.size and (values.min() < 0 or values.max() > 65535):
-        raise InputError(f"cannot use the photo {source}: its pixels have 32 bits; save it with 8 bits a channel")
+        raise InputError(f"cannot use the {source}: its pixels have 32 bits; save it with 8 bits a channel")
     return Image.fromarray(((values.astype(np.uint32) + 128) // 257).astype(np.uint8))
-
-
-def _damaged(source: _Source) -> InputError:
-    return InputError(
-        f"cannot read the photo {source}: its data are damaged or cut off; copy it again from where it came"
-    )
-
-
-def _too_large(source: _Source) -> InputError:
-    return InputError(
-        f"cannot use the photo {source}: it has more than {MAX_PIXELS // 1_000_000} megapixels; give a smaller version"
-    )

@@ -148,25 +148,28 @@ def test_a_jpeg_that_lacks_pixels_is_refused(tmp_path, options):
         )
 
 
+HEIC = b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64)
+
+
 def test_heic_without_its_package(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pillow_heif", None)
+    monkeypatch.setitem(sys.modules, "pi_heif", None)
     path = tmp_path / "IMG_0001.HEIC"
-    path.write_bytes(b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64))
+    path.write_bytes(HEIC)
     assert message_of(path) == (
         f"cannot read the photo {path}: it is HEIC, which needs one more package; "
-        "run `pip install pillow-heif`, or convert the photo to JPEG"
+        "run `pip install 'physic-core[heic]'`, or convert the photo to JPEG"
     )
 
 
-def test_heic_with_its_package_is_handed_to_it(tmp_path, monkeypatch):
-    asked = []
-    module = types.ModuleType("pillow_heif")
-    module.register_heif_opener = lambda: asked.append(True)
-    monkeypatch.setitem(sys.modules, "pillow_heif", module)
+def test_heic_with_its_package_is_given_to_it(tmp_path, monkeypatch):
+    calls = []
+    module = types.ModuleType("pi_heif")
+    module.register_heif_opener = lambda: calls.append(True)
+    monkeypatch.setitem(sys.modules, "pi_heif", module)
     path = tmp_path / "IMG_0001.HEIC"
-    path.write_bytes(b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64))
+    path.write_bytes(HEIC)
     assert message_of(path).endswith("its data are damaged or cut off; copy it again from where it came")
-    assert asked == [True]
+    assert calls == [True]
 
 
 def test_eight_pixels(tmp_path):
@@ -203,12 +206,12 @@ def test_thirty_two_bits(tmp_path):
 
 
 def test_a_photo_that_may_not_be_read(tmp_path, monkeypatch):
-    def refuse(_):  # root may read everything, so that a mode of 0 would not do
+    def refuse(*_):  # root may read everything, so that a mode of 0 would not do
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     path = tmp_path / "mine.png"
     Image.fromarray(corners()).save(path)
-    monkeypatch.setattr(Image, "open", refuse)
+    monkeypatch.setattr(os, "open", refuse)
     assert message_of(path) == f"cannot read the photo {path}: Permission denied; check who may read it"
 
 
@@ -336,7 +339,7 @@ def test_only_the_first_frame_of_an_animation_is_used(tmp_path):
     frames[0].save(path, save_all=True, append_images=frames[1:])
     photo = read_photo(path)
     np.testing.assert_array_equal(photo.image, corners())
-    assert photo.notes == ("only the first of 2 frames is used",)
+    assert photo.notes == ("only the first of its frames is used",)
 
 
 def test_the_extra_picture_of_a_phone_is_no_news(tmp_path):
