@@ -1,0 +1,142 @@
+"""Small image files that take gigabytes or minutes if their header is believed, and what reading them gives."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable
+
+from PIL import Image
+
+SIDE = 12_000
+"""Of an image below the limit of 150 megapixels, px."""
+
+DAMAGED = "its data are damaged or cut off"
+TAKES = "GB of memory, more than 1.3 GB; give a smaller version, or a JPEG"
+
+
+def encoded(kind: str, mode: str = "RGB", **options: object) -> bytearray:
+    file = io.BytesIO()
+    Image.new(mode, (64, 64)).save(file, kind, **options)
+    return bytearray(file.getvalue())
+
+
+def webp() -> bytes:
+    """34 bytes."""
+    picture = b"\x2f" + struct.pack("<I", (SIDE - 1) | (SIDE - 1) << 14) + bytes(9)
+    return b"RIFF" + struct.pack("<I", 12 + len(picture)) + b"WEBPVP8L" + struct.pack("<I", len(picture)) + picture
+
+
+def jpeg2000(*, hidden: bool = False) -> bytes:
+    """One tile of 144 megapixels; ``hidden`` behind a box that resembles a codestream of small tiles."""
+    data = encoded("JPEG2000")
+    sizes = data.index(b"\xff\x4f\xff\x51") + 8
+    header = data.index(b"ihdr") + 4
+    small = bytes(data[sizes - 8 : sizes + 40])
+    data[header : header + 8] = struct.pack(">II", SIDE, SIDE)
+    for at in (sizes, sizes + 16):
+        data[at : at + 8] = struct.pack(">II", SIDE, SIDE)
+    if hidden:
+        at = data.index(b"jp2c") - 4
+        data[at:at] = struct.pack(">I", 8 + len(small)) + b"uuid" + small
+    return bytes(data)
+
+
+def jpeg() -> bytes:
+    """144 megapixels, of which the file has the first 64 x 64."""
+    data = encoded("JPEG")
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = struct.pack(">HH", SIDE, SIDE)
+    return bytes(data[:-2])
+
+
+def jpeg_with(segment: bytes, count: int) -> bytes:
+    data = encoded("JPEG")
+    return bytes(data[:2]) + segment * count + bytes(data[2:])
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def palette_png() -> bytes:
+    """144 megapixels of one transparent colour. The same block of compressed zeros is repeated."""
+    compressor = zlib.compressobj(9)
+    begin, block = (compressor.compress(bytes(SIDE + 1)) + compressor.flush(zlib.Z_FULL_FLUSH) for _ in range(2))
+    header = struct.pack(">IIBBBBB", SIDE, SIDE, 8, 3, 0, 0, 0)
+    colours = chunk(b"PLTE", bytes(768)) + chunk(b"tRNS", bytes(9))
+    picture = chunk(b"IDAT", begin + block * (SIDE - 1) + b"\x03\x00")
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + colours + picture + chunk(b"IEND", b"")
+
+
+def png_with(*chunks: bytes) -> bytes:
+    data = bytes(encoded("PNG"))
+    return data[:33] + b"".join(chunks) + data[33:]
+
+
+def tiff(side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", following: int = 0) -> bytes:
+    """A grey image whose further tags are (tag, type, count, value)."""
+    rows = [(256, 4, 1, side), (257, 4, 1, side), (258, 3, 1, 8), (262, 3, 1, 1), (277, 3, 1, 1), *tags]
+    table = b"".join(struct.pack("<HHLL", *row) for row in sorted(rows))
+    return b"II*\x00" + struct.pack("<LH", 8, len(rows)) + table + struct.pack("<L", following) + after
+
+
+def huge_tile() -> bytes:
+    """A tile of 900 megapixels for an image of 64 x 64 px."""
+    place = 8 + 2 + 12 * 10 + 4
+    data = zlib.compress(bytes(1000))
+    tile = [(322, 4, 1, 30_000), (323, 4, 1, 30_000), (324, 4, 1, place), (325, 4, 1, len(data)), (259, 3, 1, 8)]
+    return tiff(64, tile, data)
+
+
+def many_rationals() -> bytes:
+    """Fractions in the Exif directory, which Pillow makes an object each."""
+    count, place = 3_000_000, 8 + 2 + 12 * 9 + 4
+    strip = [(273, 4, 1, 8), (278, 4, 1, 64), (279, 4, 1, 4096), (34665, 4, 1, place)]
+    folder = struct.pack("<H", 1) + struct.pack("<HHLLL", 33434, 5, count, place + 18, 0)
+    return tiff(64, strip, folder + bytes(8 * count))
+
+
+def many_frames() -> bytes:
+    """A hundred thousand images, of which one is used."""
+    count, size = 100_000, 2 + 12 * 8 + 4
+    strip = [(273, 4, 1, 8), (278, 4, 1, 64), (279, 4, 1, 4096)]
+    first = tiff(64, strip, following=8 + size)
+    frame = first[8:-4]
+    more = b"".join(frame + struct.pack("<L", 8 + size * (i + 2)) for i in range(count))
+    return first + more
+
+
+def many_gif_frames() -> bytes:
+    data = bytes(encoded("GIF"))
+    at = data.index(b"\x2c\x00\x00\x00\x00")
+    return data[:at] + data[at:-1] * 100_000 + data[-1:]
+
+
+BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
+    "webp": (webp, f"takes 2.4 {TAKES}"),
+    "jpeg2000": (jpeg2000, f"takes 3.6 {TAKES}"),
+    "jpeg2000, hidden": (lambda: jpeg2000(hidden=True), f"takes 3.6 {TAKES}"),
+    "jpeg without its end": (jpeg, DAMAGED),
+    "jpeg of segments": (lambda: jpeg_with(b"\xff\xe9\x00\x02", 1_000_000), DAMAGED),
+    "jpeg of fill bytes": (lambda: jpeg_with(b"\xff\xff\x00\xff\xe9\x00\x02", 1_000_000), DAMAGED),
+    "jpeg of exif": (
+        lambda: jpeg_with(b"\xff\xe1\xff\xffExif\x00\x00" + bytes(65527), 150),
+        "the EXIF data were ignored: they take 10 MB",
+    ),
+    "png with a palette": (palette_png, "144 megapixels were read at 4000 x 4000 px"),
+    "png of chunks": (lambda: png_with(chunk(b"teST", b"") * 1_000_000), DAMAGED),
+    "png of texts": (
+        lambda: png_with(*(chunk(b"zTXt", b"%d\x00\x00" % i + zlib.compress(bytes(1 << 20))) for i in range(70))),
+        DAMAGED,
+    ),
+    "png of a profile": (lambda: png_with(chunk(b"iCCP", b"p\x00\x00" + zlib.compress(bytes(10**7)))), DAMAGED),
+    "tiff of a tile": (huge_tile, f"takes 1.8 {TAKES}"),
+    "tiff of fractions": (many_rationals, DAMAGED),
+    "tiff of frames": (many_frames, "only the first of its frames is used"),
+    "gif of frames": (many_gif_frames, "only the first of its frames is used"),
+    "bmp": (lambda: b"BM" + struct.pack("<IIIIiiHHIIiiII", 0, 0, 54, 40, SIDE, SIDE, 1, 24, 0, 0, 0, 0, 0, 0), DAMAGED),
+    "ppm": (lambda: b"P6 %d %d 65535\n" % (SIDE, SIDE) + bytes(9), DAMAGED),
+}
+"""Name -> how to make the file, and what its error or notes contain."""

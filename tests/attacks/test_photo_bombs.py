@@ -1,0 +1,89 @@
+"""Images that promise far more than they have take little memory, and end in a message or a note."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from fuzzing.photo_bombs import BOMBS
+
+PEAK = """
+import contextlib, resource, sys
+from pathlib import Path
+def peak():
+    '''Peak resident memory, bytes. That of getrusage includes the parent's before exec.'''
+    status = Path("/proc/self/status")
+    if status.exists():
+        return 1024 * int(status.read_text().split("VmHWM:")[1].split()[0])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+"""
+
+
+def lines_of(code: str, *arguments: object) -> list[str]:
+    """What a new process prints, which writes nothing to stderr."""
+    command = [sys.executable, "-c", PEAK + code, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout.splitlines()
+
+
+def test_no_image_takes_more_than_one_and_a_half_gigabytes(tmp_path: Path):
+    for i, (make, _) in enumerate(BOMBS.values()):
+        (tmp_path / str(i)).write_bytes(make())
+    code = """
+from physic_core.errors import InputError
+from physic_core.io.photo import read_photo
+for path in sys.argv[1:]:
+    try:
+        print("; ".join(read_photo(path).notes))
+    except InputError as error:
+        print(error)
+print(peak())
+"""
+    *texts, peak = lines_of(code, *(tmp_path / str(i) for i in range(len(BOMBS))))
+    for (name, (_, expected)), text in zip(BOMBS.items(), texts, strict=True):
+        assert expected in text, name
+    assert float(peak) < 1.5e9
+
+
+SIDE = 2000
+KINDS = {
+    "plain.jpeg": ("RGB", {}),
+    "progressive.jpeg": ("CMYK", {"progressive": True, "subsampling": 0}),
+    "plain.png": ("RGBA", {"compress_level": 1}),
+    "plain.webp": ("RGBA", {"lossless": True, "quality": 0, "method": 0}),
+    "plain.jp2": ("RGBA", {}),
+    "tiled.jp2": ("RGB", {"tile_size": (512, 512)}),
+    "turned.tif": ("RGB", {"compression": "tiff_lzw", "tiffinfo": {0x0112: 6}}),
+    "plain.gif": ("P", {}),
+    "plain.bmp": ("RGB", {}),
+}
+
+
+def test_decoding_takes_no_more_memory_than_estimated(tmp_path: Path):
+    x = np.linspace(0, 255, SIDE).astype(np.uint8)[None].repeat(SIDE, 0)
+    picture = Image.fromarray(np.stack([x, x[:, ::-1], x // 2], -1))
+    for name, (mode, options) in KINDS.items():
+        picture.convert(mode).save(tmp_path / name, **options)
+    code = """
+from PIL import Image
+from physic_core.io.image_file import ImageSource, decode, open_image
+from physic_core.io.image_memory import decoding_bytes
+for path in map(Path, sys.argv[1:]):
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+    before = peak()
+    source = ImageSource(path.name, path=path)
+    with open_image(source) as (image, file):
+        estimate = decoding_bytes(image, file)
+        decode(image, source)
+        print(path.name, peak() - before, estimate)
+    del image, file
+"""
+    for line in lines_of(code, *(tmp_path / name for name in KINDS)):
+        name, taken, estimate = line.split()
+        assert float(taken) < 1.1 * float(estimate) + 8e6, name  # a few MB of the decoders' own
