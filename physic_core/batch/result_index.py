@@ -11,9 +11,8 @@ from typing import Any
 from physic_core.batch.contact_sheet import MAX_PHOTOS, contact_sheet, result_link, write_contact_sheet
 from physic_core.errors import InputError, OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.npz import read_arrays
-from physic_core.io.document import decode_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
+from physic_core.io.results import read_document, read_image
 
 __all__ = ["find_results", "write_index"]
 
@@ -60,9 +59,9 @@ def _card(folder: Path, result: Path) -> dict[str, Any]:
     card: dict[str, Any] = {"name": name, "path": str(result), "link": result_link(folder, name), "thumbnail": ""}
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
-        document = decode_document((result / DOCUMENT_FILE).read_bytes(), str(result / DOCUMENT_FILE))
+        document = read_document(result)
         thumbnail = _thumbnail(result)
-    except (OSError, PhysicError) as error:
+    except PhysicError as error:
         return card | {"state": "failed", "error": "InputError", "message": str(error)}
     numbers = {"grade": str(document.get("grade") or ""), "checks": _failed(document)}
     return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": thumbnail}
@@ -81,17 +80,11 @@ def _thumbnail(result: Path) -> str:
     """
     import io
 
-    import numpy as np
     from PIL import Image
 
-    path = result / ARRAYS_FILE
-    if not path.exists():
+    if not (result / ARRAYS_FILE).exists():
         return ""
-    try:
-        with path.open("rb") as stream:
-            image = Image.fromarray(np.asarray(read_arrays(stream, ["image"])["image"]))
-    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
-        raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
+    image = Image.fromarray(read_image(result))
     image.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=72)

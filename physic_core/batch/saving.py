@@ -93,22 +93,24 @@ def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
     from physic_core.files.atomic import atomic_write, check_writable
     from physic_core.files.npz import write_arrays
     from physic_core.io.arrays import npz_checksum, to_arrays
-    from physic_core.io.compact import COMPACT_PERSON_ARRAYS, COMPACT_SHARED_ARRAYS, compact_arrays
+    from physic_core.io.compact import compact_arrays, specs_of
     from physic_core.io.document import encode_document, to_document
+    from physic_core.io.result_folder import DOCUMENT_FILE, PREVIEW_FILE, digest_of, file_digest
     from physic_core.visual.preview import preview_png
 
+    pictures = {PREVIEW_FILE: preview_png(result)} if saving.preview else {}
     with atomic_write(check_writable(folder)) as temporary:
-        if saving.preview:
-            temporary("preview.png").write_bytes(preview_png(result))
         if saving.level == "people":
             arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if not n.startswith(_NOT_OF_PEOPLE)}
-            shared = [spec for spec in COMPACT_SHARED_ARRAYS if spec.name in arrays]
-            names = [PEOPLE_FILE] + ["preview.png"] * saving.preview
-            write_arrays(temporary(PEOPLE_FILE), arrays)
-            checksum = npz_checksum(temporary(PEOPLE_FILE))
-            specs = (shared, COMPACT_PERSON_ARRAYS)
-            content = encode_document(to_document(result, names, checksum, specs=specs))
-            temporary("reconstruction.json").write_bytes(content)
+            shared, of_person = specs_of(arrays, compact=True)
+            specs = ([spec for spec in shared if spec.name in arrays], of_person)
+            document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(PEOPLE_FILE)
+            write_arrays(arrays_file, arrays)
+            digests = {PEOPLE_FILE: file_digest(arrays_file), **{n: digest_of(c) for n, c in pictures.items()}}
+            document = to_document(result, [PEOPLE_FILE, *pictures], npz_checksum(arrays_file), digests, specs)
+            document_file.write_bytes(encode_document(document))
+        for name, content in pictures.items():
+            temporary(name).write_bytes(content)
 
 
 def thumbnail_path(folder: str) -> str:

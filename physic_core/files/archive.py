@@ -14,7 +14,7 @@ import numpy as np
 
 from physic_core.files.atomic import atomic_write
 from physic_core.files.npz import read_arrays, write_arrays
-from physic_core.files.strict_json import from_json, to_json
+from physic_core.files.strict_json import from_json, parse_json, to_json
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,7 +107,7 @@ def read_archive(path: Path) -> tuple[Arrays, Any]:
     with path.open("rb") as stream:
         try:
             arrays = read_arrays(stream)
-            return arrays, json.loads(arrays.pop(_DOCUMENT).tobytes())
+            return arrays, parse_json(arrays.pop(_DOCUMENT).tobytes())
         except Exception as error:  # zipfile, zlib, numpy and json raise a dozen classes for flipped and missing bytes
             raise DamagedFileError(f"{type(error).__name__}: {error}") from error
 

@@ -1,10 +1,11 @@
-"""Read and write npz files without pickle; all checksums are verified."""
+"""Read and write npz files without pickle; sizes are bounded before anything is inflated, checksums are verified."""
 
 from __future__ import annotations
 
-import io
 import math
+import warnings
 import zipfile
+from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["MAX_BYTES", "read_arrays", "write_arrays"]
+__all__ = ["MAX_BYTES", "ArrayHeader", "read_arrays", "read_headers", "write_arrays"]
 
 MAX_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
@@ -24,26 +25,62 @@ MAX_BYTES = 1 << 32
 _SUFFIX = ".npy"
 _FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # equal arrays make equal files
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_KINDS_OF_MEMBERS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
-def read_arrays(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Read all arrays of a file, or only those in ``names``.
+@dataclass(frozen=True)
+class ArrayHeader:
+    """Dtype and shape of an array in a file.
 
-    Every member is read to its end, so that its checksum is verified. ``numpy.load`` stops where a damaged header says
-    that the array ends, and skips the checksum.
+    Attributes:
+        dtype: of the array.
+        shape: of the array.
+        is_fortran: whether columns are stored one after the other.
+        offset: of the first number in the member, bytes.
+    """
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    is_fortran: bool
+    offset: int
+
+
+def read_headers(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[str, ArrayHeader]:
+    """Read dtype and shape of all arrays of a file, or only of those in ``names``; no array is inflated.
+
+    The size of a member is that which its header states, so reading an array takes no more memory than its header says.
 
     Raises:
         ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
         KeyError: an array in ``names`` is missing.
     """
     with zipfile.ZipFile(stream) as archive:
-        if names is None:
-            names = [entry.filename.removesuffix(_SUFFIX) for entry in archive.infolist()]
-        entries = {name: archive.getinfo(name + _SUFFIX) for name in names}
-        size = sum(entry.file_size for entry in entries.values())
-        if size > MAX_BYTES:
-            raise ValueError(f"its arrays claim {size / 1e9:.1f} GB")
-        return {name: _array(archive.read(entry)) for name, entry in entries.items()}
+        return {name: _header(archive, entry) for name, entry in _entries(archive, names).items()}
+
+
+def read_arrays(
+    stream: IO[bytes], names: Iterable[str] | None = None, *, limit: int | None = None
+) -> dict[str, NDArray[Any]]:
+    """Read all arrays of a file, or only those in ``names``.
+
+    Every member is read to its end, so that its checksum is verified. ``numpy.load`` stops where a damaged header says
+    that the array ends, and skips the checksum.
+
+    Args:
+        stream: of the file.
+        names: of the arrays; None for all.
+        limit: largest size in memory of these arrays, bytes; None for :data:`MAX_BYTES`.
+
+    Raises:
+        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
+        KeyError: an array in ``names`` is missing.
+    """
+    with zipfile.ZipFile(stream) as archive:
+        entries = _entries(archive, names)
+        size, limit = sum(entry.file_size for entry in entries.values()), MAX_BYTES if limit is None else limit
+        if size > limit:
+            raise ValueError(f"its arrays claim {size / 1e6:,.0f} MB, more than {limit / 1e6:,.0f}")
+        return {name: _array(archive, entry) for name, entry in entries.items()}
 
 
 def write_arrays(path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, stored: str = "") -> None:
@@ -69,18 +106,51 @@ def write_arrays(path: Path | IO[bytes], arrays: Mapping[str, NDArray[Any]], *, 
                 npy.write_array(file, np.asanyarray(array), allow_pickle=False)
 
 
-def _array(content: bytes) -> NDArray[Any]:
-    stream = io.BytesIO(content)
-    version = npy.read_magic(stream)
+def _entries(archive: zipfile.ZipFile, names: Iterable[str] | None) -> dict[str, zipfile.ZipInfo]:
+    found: dict[str, zipfile.ZipInfo] = {}
+    for entry in archive.infolist():
+        name = entry.filename.removesuffix(_SUFFIX)
+        if name in found:
+            raise ValueError(f"it has the array {name!r} twice")
+        if entry.compress_type not in _KINDS_OF_MEMBERS:
+            raise ValueError(f"the array {name!r} is compressed by another method than deflate")
+        found[name] = entry
+    return found if names is None else {name: found[name] for name in names}
+
+
+def _header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> ArrayHeader:
+    with archive.open(entry) as member:
+        return _parse_header(member, entry.file_size)
+
+
+def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
+    version = npy.read_magic(member)
     if version not in _HEADERS:
         raise ValueError(f"an array is in version {version} of numpy's format")
-    shape, is_fortran, dtype = _HEADERS[version](stream)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy mends headers of Python 2 with a warning; ours never have one
+        shape, is_fortran, dtype = _HEADERS[version](member)
     if dtype.hasobject:
         raise ValueError("an array holds Python objects")
-    size = math.prod(shape) * dtype.itemsize
-    if size != len(content) - stream.tell():
-        raise ValueError(f"an array of {len(content) - stream.tell()} bytes should have {size}")
-    if not size:
-        return np.zeros(shape, dtype)
-    flat = np.frombuffer(content, dtype, offset=stream.tell()).copy()
-    return flat.reshape(shape, order="F" if is_fortran else "C")
+    if dtype.fields is not None or dtype.subdtype is not None or min(shape, default=0) < 0:
+        raise ValueError(f"an array is of dtype {dtype} and shape {shape}")
+    offset = member.tell()
+    if math.prod(shape) * dtype.itemsize != size - offset:
+        raise ValueError(f"an array of {size - offset} bytes should have {math.prod(shape) * dtype.itemsize}")
+    return ArrayHeader(dtype, shape, is_fortran, offset)
+
+
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    with archive.open(entry) as member:
+        header = _parse_header(member, entry.file_size)
+        array = np.empty(header.shape, header.dtype, order="F" if header.is_fortran else "C")
+        flat = array.reshape(-1, order="A").view(np.uint8) if array.size and header.dtype.itemsize else None
+        at = header.offset
+        # To the end of the member, where zipfile compares the checksum.
+        while block := member.read(1 << 20):
+            if flat is not None:
+                flat[at - header.offset :][: len(block)] = np.frombuffer(block, np.uint8)
+            at += len(block)
+    if at != entry.file_size:
+        raise ValueError(f"an array ends after {at} of {entry.file_size} bytes")
+    return array

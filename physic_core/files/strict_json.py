@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-__all__ = ["from_json", "to_json"]
+__all__ = ["from_json", "parse_json", "to_json"]
+
+_MAX_DEPTH = 200
+_MAX_DIGITS = 60
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
@@ -48,3 +52,55 @@ def from_json(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: from_json(item) for key, item in value.items()}
     return value
+
+
+def parse_json(content: bytes | str) -> Any:
+    """Parse strict JSON in UTF-8; each key of an object occurs once, and each number is finite.
+
+    Raises:
+        ValueError: it is not JSON, an object has a key twice, a number is not finite or has more than 60 digits, or
+            values are nested more than 200 deep.
+    """
+    text = content if isinstance(content, str) else content.decode("utf-8")
+    try:
+        value = json.loads(
+            text, object_pairs_hook=_unique, parse_constant=_refuse, parse_float=_finite, parse_int=_integer
+        )
+    except RecursionError:
+        raise ValueError(f"values are nested more than {_MAX_DEPTH} deep") from None
+    level = [value]
+    for _ in range(_MAX_DEPTH):
+        level = [item for one in level if isinstance(one, dict | list) for item in _items(one)]
+        if not level:
+            return value
+    raise ValueError(f"values are nested more than {_MAX_DEPTH} deep")
+
+
+def _items(value: dict[str, Any] | list[Any]) -> list[Any]:
+    return list(value.values()) if isinstance(value, dict) else value
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"an object has the key {twice[:60]!r} twice")
+    return found
+
+
+def _refuse(word: str) -> Any:
+    raise ValueError(f"{word} is not a JSON number")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:_MAX_DIGITS]} is too large")
+    return number
+
+
+def _integer(text: str) -> int:
+    if len(text) > _MAX_DIGITS:
+        raise ValueError(f"a number has {len(text)} digits")
+    return int(text)

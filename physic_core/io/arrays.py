@@ -2,29 +2,42 @@
 
 Lengths are in metres. The frame is the OpenCV camera's (x right, y down, z forward). Pixel (0, 0) is the centre of the
 top left pixel. H and W are image rows and columns, F faces, V vertices, J keypoints, K shape components, E expression
-components, M floor points. Person ``i`` counts from 0.
+components, M floor points, P is 1 with a floor and 0 without one. Person ``i`` counts from 0.
+
+A new array is one line in a table here, a field of the dataclass that its ``attribute`` names, and one row of
+docs/file-format.md. Saving, loading, the smaller form and all checks read the tables.
 """
 
 from __future__ import annotations
 
 import zipfile
 import zlib
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.types import BodyParameters
-
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
-    from physic_core.types import Person, Reconstruction
+    from physic_core.files.npz import ArrayHeader
+    from physic_core.types import Reconstruction
 
     AnyArray = NDArray[Any]
 
-__all__ = ["PERSON_ARRAYS", "SHARED_ARRAYS", "ArraySpec", "npz_checksum", "to_arrays"]
+__all__ = [
+    "PERSON_ARRAYS",
+    "SHARED_ARRAYS",
+    "ArraySpec",
+    "check_arrays",
+    "npz_checksum",
+    "number_of_people",
+    "to_arrays",
+]
 
 
 @dataclass(frozen=True)
@@ -36,92 +49,167 @@ class ArraySpec:
         dtype: as stored; "floating" for float32 or float64 as the backend returned it, "text" for a unicode string.
         shape: sizes, with the letters of this module's docstring.
         meaning: unit, frame and content.
+        attribute: of the reconstruction or the person, such as "scene.points"; "" for one that is converted.
+        optional: whether the attribute may be None; the array is then not in the file.
+        compact: how the smaller form stores it: "exact", "float16", or "grid" (rounded to 1/16384 m).
     """
 
     name: str
     dtype: str
     shape: tuple[str | int, ...]
     meaning: str
+    attribute: str = ""
+    optional: bool = False
+    compact: str = "exact"
 
 
 SHARED_ARRAYS: tuple[ArraySpec, ...] = (
-    ArraySpec("image", "uint8", ("H", "W", 3), "photo, RGB, upright, as reconstructed"),
+    ArraySpec("image", "uint8", ("H", "W", 3), "photo, RGB, upright, as reconstructed", "image"),
     ArraySpec("intrinsics", "float64", (3, 3), "camera matrix of `image`, px"),
-    ArraySpec("scene_points", "float32", ("H", "W", 3), "scene without people, m, camera frame"),
-    ArraySpec("scene_normals", "float32", ("H", "W", 3), "unit, camera frame, facing the camera; 0 where unreliable"),
-    ArraySpec("scene_colors", "uint8", ("H", "W", 3), "RGB of the photo without people"),
-    ArraySpec("scene_valid", "bool", ("H", "W"), "which pixels of the scene arrays are valid"),
+    ArraySpec("scene_points", "float32", ("H", "W", 3), "scene without people, m, camera frame", "scene.points"),
     ArraySpec(
-        "floor_points", "float32", ("M", 3), "sampled on the floor plane, m, camera frame; M = 0 without a floor"
+        "scene_normals",
+        "float32",
+        ("H", "W", 3),
+        "unit, camera frame, facing the camera; 0 where unreliable",
+        "scene.normals",
+    ),
+    ArraySpec("scene_colors", "uint8", ("H", "W", 3), "RGB of the photo without people", "scene.colors"),
+    ArraySpec("scene_valid", "bool", ("H", "W"), "which pixels of the scene arrays are valid", "scene.valid"),
+    ArraySpec(
+        "floor_points",
+        "float32",
+        ("M", 3),
+        "sampled on the floor plane, m, camera frame; M = 0 without a floor",
+        "scene.floor_points",
+        compact="grid",
     ),
     ArraySpec("floor_normal", "floating", ("P", 3), "unit, up, camera frame; P = 1, or 0 where no floor was found"),
-    ArraySpec("faces", "int32", ("F", 3), "vertex ids of every person's triangles, counter-clockwise from outside"),
+    ArraySpec(
+        "faces", "int32", ("F", 3), "vertex ids of every person's triangles, counter-clockwise from outside", "faces"
+    ),
     ArraySpec("body_model", "text", (), "name of the body model that the parameters are for"),
     ArraySpec("skeleton", "text", (), "name of the skeleton of the keypoints"),
 )
 """Specifications of the arrays that exist once per file."""
 
 PERSON_ARRAYS: tuple[ArraySpec, ...] = (
-    ArraySpec("box", "floating", (4,), "x0 y0 x1 y1, px, half open"),
-    ArraySpec("mask", "bool", ("H", "W"), "visible pixels"),
-    ArraySpec("keypoints", "floating", ("J", 2), "px"),
-    ArraySpec("keypoint_confidence", "floating", ("J",), "0 to 1"),
-    ArraySpec("global_orient", "float32", (1, 3), "rotation vector about the pelvis joint, rad"),
-    ArraySpec("body_pose", "float32", (1, 63), "joints 1-21 of SMPL-X, rotation vectors, rad"),
-    ArraySpec("left_hand_pose", "float32", (1, 45), "index, middle, pinky, ring, thumb; rad, from a flat hand"),
-    ArraySpec("right_hand_pose", "float32", (1, 45), "the same of the right hand"),
-    ArraySpec("jaw_pose", "float32", (1, 3), "rad"),
-    ArraySpec("leye_pose", "float32", (1, 3), "rad"),
-    ArraySpec("reye_pose", "float32", (1, 3), "rad"),
-    ArraySpec("betas", "float32", (1, "K"), "shape, unit variance, for `body_model` only"),
-    ArraySpec("expression", "float32", (1, "E"), "expression, for `body_model` only"),
-    ArraySpec("transl", "float32", (1, 3), "m, added after posing"),
-    ArraySpec("vertices", "float32", ("V", 3), "m, camera frame"),
-    ArraySpec("joints", "float32", (55, 3), "m, camera frame, SMPL-X order"),
-    ArraySpec("contact", "bool", ("V",), "whether the vertex touches the scene or the floor"),
+    ArraySpec("box", "floating", (4,), "x0 y0 x1 y1, px, half open", "box"),
+    ArraySpec("mask", "bool", ("H", "W"), "visible pixels", "mask"),
+    ArraySpec("keypoints", "floating", ("J", 2), "px", "keypoints"),
+    ArraySpec("keypoint_confidence", "floating", ("J",), "0 to 1", "keypoint_confidence"),
     ArraySpec(
-        "distance", "float32", ("V",), "signed distance to the scene or floor, m: < 0 inside, inf if none is near"
+        "global_orient",
+        "float32",
+        (1, 3),
+        "rotation vector about the pelvis joint, rad",
+        "parameters.global_orient",
+    ),
+    ArraySpec("body_pose", "float32", (1, 63), "joints 1-21 of SMPL-X, rotation vectors, rad", "parameters.body_pose"),
+    ArraySpec(
+        "left_hand_pose",
+        "float32",
+        (1, 45),
+        "index, middle, pinky, ring, thumb; rad, from a flat hand",
+        "parameters.left_hand_pose",
+    ),
+    ArraySpec("right_hand_pose", "float32", (1, 45), "the same of the right hand", "parameters.right_hand_pose"),
+    ArraySpec("jaw_pose", "float32", (1, 3), "rad", "parameters.jaw_pose"),
+    ArraySpec("leye_pose", "float32", (1, 3), "rad", "parameters.leye_pose"),
+    ArraySpec("reye_pose", "float32", (1, 3), "rad", "parameters.reye_pose"),
+    ArraySpec("betas", "float32", (1, "K"), "shape, unit variance, for `body_model` only", "parameters.betas"),
+    ArraySpec("expression", "float32", (1, "E"), "expression, for `body_model` only", "parameters.expression"),
+    ArraySpec("transl", "float32", (1, 3), "m, added after posing", "parameters.transl"),
+    ArraySpec("vertices", "float32", ("V", 3), "m, camera frame", "vertices", compact="grid"),
+    ArraySpec("joints", "float32", (55, 3), "m, camera frame, SMPL-X order", "joints", compact="grid"),
+    ArraySpec("contact", "bool", ("V",), "whether the vertex touches the scene or the floor", "contact"),
+    ArraySpec(
+        "distance",
+        "float32",
+        ("V",),
+        "signed distance to the scene or floor, m: < 0 inside, inf if none is near",
+        "distance",
+        compact="float16",
     ),
 )
 """Specifications of the arrays of each person, stored as ``person_0_box``, ``person_1_box``, ..."""
-
-PARAMETER_NAMES = tuple(field.name for field in fields(BodyParameters))
 
 _STORED_AS_IS = ("float32", "float64")
 
 
 def to_arrays(reconstruction: Reconstruction) -> dict[str, AnyArray]:
     """Convert a reconstruction to arrays, with the names, dtypes and shapes that this module documents."""
-    scene = reconstruction.scene
-    floor = np.empty((0, 3)) if scene.floor is None else np.asarray(scene.floor.normal)[None]
-    values: dict[str, Any] = {
-        "image": reconstruction.image,
+    floor = reconstruction.scene.floor
+    converted: dict[str, Any] = {
         "intrinsics": reconstruction.intrinsics.matrix,
-        "scene_points": scene.points,
-        "scene_normals": scene.normals,
-        "scene_colors": scene.colors,
-        "scene_valid": scene.valid,
-        "floor_points": scene.floor_points,
-        "floor_normal": floor,
-        "faces": reconstruction.faces,
+        "floor_normal": np.empty((0, 3)) if floor is None else np.asarray(floor.normal)[None],
         "body_model": reconstruction.body_model,
         "skeleton": getattr(reconstruction.skeleton, "name", reconstruction.skeleton),
     }
-    arrays = {spec.name: _stored(values[spec.name], spec) for spec in SHARED_ARRAYS}
-    for index, person in enumerate(reconstruction.people):
-        arrays.update({f"person_{index}_{spec.name}": _stored(_value(person, spec), spec) for spec in PERSON_ARRAYS})
+    arrays: dict[str, AnyArray] = {}
+    for prefix, owner, specs in (
+        ("", reconstruction, SHARED_ARRAYS),
+        *((f"person_{index}_", person, PERSON_ARRAYS) for index, person in enumerate(reconstruction.people)),
+    ):
+        for spec in specs:
+            value = attrgetter(spec.attribute)(owner) if spec.attribute else converted[spec.name]
+            if value is not None or not spec.optional:
+                arrays[prefix + spec.name] = _stored(value, spec)
     return arrays
 
 
-def npz_checksum(path: Path) -> str:
+def check_arrays(
+    headers: Mapping[str, ArrayHeader],
+    sizes: Mapping[str, int],
+    people: int,
+    specs: tuple[Iterable[ArraySpec], Iterable[ArraySpec]] = (SHARED_ARRAYS, PERSON_ARRAYS),
+) -> None:
+    """Check dtype and shape of every array that the tables name, and that arrays of one size agree on it.
+
+    Args:
+        headers: of the arrays in a file; those that no table names are ignored.
+        sizes: of letters that are known from elsewhere.
+        people: number of people.
+        specs: tables of the shared arrays, and of those of each person.
+
+    Raises:
+        ValueError: an array has another dtype or shape, or arrays disagree about a size.
+    """
+    known = dict(sizes)
+    named = [(spec.name, spec) for spec in specs[0]]
+    named += [(f"person_{index}_{spec.name}", spec) for index in range(people) for spec in specs[1]]
+    for name, spec in named:
+        if name not in headers:
+            continue
+        header = headers[name]
+        fits = len(header.shape) == len(spec.shape) and all(
+            size == (known.setdefault(wanted, size) if isinstance(wanted, str) else wanted)
+            for size, wanted in zip(header.shape, spec.shape, strict=True)
+        )
+        if not fits or not _has_dtype(header.dtype, spec.dtype):
+            shape = tuple(known.get(size, size) if isinstance(size, str) else size for size in spec.shape)
+            order = "" if header.dtype.isnative else " in the other byte order"
+            wanted = str(shape).replace("'", "")
+            raise ValueError(f"{name} is {header.dtype.name} {header.shape}{order}, not {spec.dtype} {wanted}")
+
+
+def number_of_people(names: Iterable[str]) -> int:
+    """Return for how many people a file has arrays, by their names."""
+    found = [name.split("_")[1] for name in names if name.startswith("person_")]
+    return max((int(index) + 1 for index in found if index.isascii() and index.isdecimal()), default=0)
+
+
+def npz_checksum(file: Path | IO[bytes]) -> str:
     """Compute a checksum of an npz file from the names and CRC-32s of its arrays."""
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(file) as archive:
         content = "".join(f"{entry.filename} {entry.CRC:08x}\n" for entry in archive.infolist())
-    return f"{zlib.crc32(content.encode()):08x}"
+    return f"{zlib.crc32(content.encode('utf-8', 'backslashreplace')):08x}"
 
 
-def _value(person: Person, spec: ArraySpec) -> Any:
-    return getattr(person.parameters if spec.name in PARAMETER_NAMES else person, spec.name)
+def _has_dtype(dtype: np.dtype[Any], wanted: str) -> bool:
+    if wanted == "text":
+        return dtype.kind == "U" and dtype.isnative
+    return dtype.isnative and dtype.name in (_STORED_AS_IS if wanted == "floating" else (wanted,))
 
 
 def _stored(value: Any, spec: ArraySpec) -> AnyArray:

@@ -17,11 +17,20 @@ import numpy as np
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 
 if TYPE_CHECKING:
+    from collections.abc import Container, Iterable
+
     from numpy.typing import NDArray
 
     Arrays = dict[str, NDArray[Any]]
 
-__all__ = ["COMPACT_PERSON_ARRAYS", "COMPACT_SHARED_ARRAYS", "compact_arrays", "expand_arrays"]
+__all__ = [
+    "COMPACT_PERSON_ARRAYS",
+    "COMPACT_SHARED_ARRAYS",
+    "compact_arrays",
+    "expand_arrays",
+    "is_compact",
+    "specs_of",
+]
 
 _MANTISSA_BITS = 15
 _STEPS_PER_METRE = 16384
@@ -35,16 +44,18 @@ _REPLACED = {
         "scene_colors_change", "uint8", ("H", "W", 3), "RGB of the photo without people minus `image`, modulo 256"
     ),
 }
+_UNCHANGED = next(spec for spec in SHARED_ARRAYS if spec.name == "scene_points")
 COMPACT_SHARED_ARRAYS: tuple[ArraySpec, ...] = tuple(_REPLACED.get(spec.name, spec) for spec in SHARED_ARRAYS)
 """Specifications of the arrays that exist once per file. Points off the rays are stored as ``scene_points``."""
 
 COMPACT_PERSON_ARRAYS: tuple[ArraySpec, ...] = tuple(
-    replace(spec, dtype="float16") if spec.name == "distance" else spec for spec in PERSON_ARRAYS
+    replace(spec, dtype="float16") if spec.compact == "float16" else spec for spec in PERSON_ARRAYS
 )
 """Specifications of the arrays of each person."""
 
-_IN_METRES = re.compile(r"floor_points|person_\d+_(vertices|joints)")
-_DISTANCE = re.compile(r"person_\d+_distance")
+_OF_PERSON = re.compile(r"person_[0-9]+_")
+_FORMS = {spec.name: spec.compact for spec in SHARED_ARRAYS}
+_PERSON_FORMS = {spec.name: spec.compact for spec in PERSON_ARRAYS}
 
 
 def compact_arrays(arrays: Arrays) -> Arrays:
@@ -63,9 +74,14 @@ def compact_arrays(arrays: Arrays) -> Arrays:
     return small
 
 
+def is_compact(names: Container[str]) -> bool:
+    """Whether the arrays of a whole result have the smaller form, by their names."""
+    return "scene_colors_change" in names
+
+
 def expand_arrays(arrays: Arrays) -> Arrays:
     """Convert arrays of the smaller form back; arrays of the usual form are returned as they are."""
-    if "scene_colors_change" not in arrays:
+    if not is_compact(arrays):
         return arrays
     found = dict(arrays)
     found["scene_colors"] = found.pop("scene_colors_change") + found["image"]
@@ -74,15 +90,38 @@ def expand_arrays(arrays: Arrays) -> Arrays:
     normals = found["scene_normals"].astype(np.float32)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     found["scene_normals"] = normals / np.where(length > 0, length, 1)
-    return {name: a.astype(np.float32) if _DISTANCE.fullmatch(name) else a for name, a in found.items()}
+    return {name: a.astype(np.float32) if _form(name) == "float16" else a for name, a in found.items()}
+
+
+def specs_of(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
+    """Return the specifications of the arrays of a file, shared ones and those of each person.
+
+    Args:
+        arrays: names of the arrays in the file.
+        compact: whether it has the smaller form.
+    """
+    names = set(arrays)
+    of_people = {match.string[match.end() :] for name in names if (match := _OF_PERSON.match(name))}
+    shared, of_person = (COMPACT_SHARED_ARRAYS, COMPACT_PERSON_ARRAYS) if compact else (SHARED_ARRAYS, PERSON_ARRAYS)
+    if compact and "scene_points" in names:
+        shared = tuple(_UNCHANGED if spec.name == "scene_depth" else spec for spec in shared)
+    return (
+        tuple(spec for spec in shared if not spec.optional or spec.name in names),
+        tuple(spec for spec in of_person if not spec.optional or spec.name in of_people),
+    )
+
+
+def _form(name: str) -> str:
+    match = _OF_PERSON.match(name)
+    return _PERSON_FORMS.get(name[match.end() :], "exact") if match else _FORMS.get(name, "exact")
 
 
 def _compact(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if name == "scene_normals":
         return np.round(_NORMAL_STEPS * array).astype(np.int8)
-    if _IN_METRES.fullmatch(name):
+    if _form(name) == "grid":
         return (np.round(array * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(np.float32)
-    return array.astype(np.float16) if _DISTANCE.fullmatch(name) else array
+    return array.astype(np.float16) if _form(name) == "float16" else array
 
 
 def _round_mantissa(values: NDArray[np.float32]) -> NDArray[np.float32]:

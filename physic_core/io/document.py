@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -11,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.strict_json import from_json, to_json
+from physic_core.files.document_checksum import EDITED, ChecksumState, checksum_state, with_checksum
+from physic_core.files.strict_json import from_json, parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 from physic_core.io.check_records import check_record
 from physic_core.io.result_folder import SCHEMA
+from physic_core.io.schema_file import schema_fault
 from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord, UnposedPerson
 
 if TYPE_CHECKING:
@@ -34,10 +37,11 @@ __all__ = [
     "to_document",
 ]
 
-SCHEMA_VERSION = 2
-"""Of written documents. Version 2 gives each check a state and a direction; version 1 has ``ok`` instead."""
+SCHEMA_VERSION = 3
+"""Of written documents. Version 3 has a checksum of the document. Version 2 gives each check a state and a direction;
+version 1 has ``ok`` instead."""
 
-READABLE_VERSIONS = (1, 2)
+READABLE_VERSIONS = (1, 2, 3)
 
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
@@ -105,8 +109,8 @@ def to_document(
 
 
 def encode_document(document: Mapping[str, Any]) -> bytes:
-    """Encode a dictionary as UTF-8 JSON without NaN, with each row of numbers on one line."""
-    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    """Encode a dictionary and its checksum as UTF-8 JSON without NaN, with each row of numbers on one line."""
+    text = json.dumps(with_checksum(document), indent=2, ensure_ascii=False, allow_nan=False)
     # JSON strings contain no raw newline, so only lists match.
     text = _NUMBERS.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)
     # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON escapes.
@@ -114,17 +118,17 @@ def encode_document(document: Mapping[str, Any]) -> bytes:
 
 
 def decode_document(content: bytes, name: str) -> dict[str, Any]:
-    """Decode and validate ``reconstruction.json``; NaN and infinities stay strings.
+    """Decode and validate ``reconstruction.json``: checksum, and kind of every entry; NaN and infinities stay strings.
 
     Args:
         content: bytes of the file.
         name: of the file, for error messages.
 
     Raises:
-        InputError: the file is damaged, is not a reconstruction, or has another schema version.
+        InputError: the file is damaged or was edited, is not a reconstruction, or has another schema version.
     """
     try:
-        document = json.loads(content.decode("utf-8"))
+        document = parse_json(content)
     except ValueError as error:
         raise InputError(f"cannot read {name}: it is not JSON ({error}); run the reconstruction again") from error
     if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -132,12 +136,20 @@ def decode_document(content: bytes, name: str) -> dict[str, Any]:
             f"cannot read {name}: it does not describe a reconstruction; name the folder of a finished run"
         )
     version = document.get("schema_version")
-    if version not in READABLE_VERSIONS:
+    if type(version) is not int or version not in READABLE_VERSIONS:
         raise InputError(
-            f"cannot read {name}: its schema version is {version!r}, and this PhySIC reads "
-            f"{' and '.join(map(str, READABLE_VERSIONS))}; "
+            f"cannot read {name}: its schema version is {reprlib.repr(version)}, and this PhySIC reads "
+            f"{', '.join(map(str, READABLE_VERSIONS[:-1]))} and {READABLE_VERSIONS[-1]}; "
             "load it with the PhySIC that wrote it, or run the reconstruction again"
         )
+    state = checksum_state(document)
+    if state is ChecksumState.WRONG or (version >= 3 and state is ChecksumState.MISSING):
+        raise InputError(
+            f"cannot read {name}: it does not fit its checksum, so it is damaged or was edited; run the reconstruction "
+            f'again; if you edited it, set its entry "checksum" to "{EDITED}", and it is read without this check'
+        )
+    if fault := schema_fault(document):
+        raise InputError(f"cannot read {name}: {fault}; run the reconstruction again")
     return document
 
 

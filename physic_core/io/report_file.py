@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError, OutputError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.io.document import decode_document, encode_document
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, file_digest
-from physic_core.io.results import load_reconstruction
+from physic_core.files.atomic import atomic_write, check_writable, committed_path
+from physic_core.io.document import encode_document
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, digest_of
+from physic_core.io.results import load_reconstruction, read_document
 from physic_core.visual.report.page import GENERATOR, failure_html, report_html
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
     """Whether a folder has a file of a result, complete or not."""
-    return any(os.path.isfile(os.path.join(folder, name)) for name in (DOCUMENT_FILE, ARRAYS_FILE))
+    return any(os.path.isfile(committed_path(Path(folder), name)) for name in (DOCUMENT_FILE, ARRAYS_FILE))
 
 
 def _check_own(path: Path) -> None:
@@ -85,20 +86,16 @@ def _check_own(path: Path) -> None:
 
 def _write(path: Path, page: str) -> None:
     with atomic_write(check_writable(path.parent)) as temporary:
-        temporary(path.name).write_text(page, encoding="utf-8")
+        temporary(path.name).write_bytes(page.encode())
 
 
 def _write_listed(folder: Path, page: str) -> None:
     """Write the page, and its name and digest to the document of the result, if that can be read."""
-    try:
-        document = decode_document((folder / DOCUMENT_FILE).read_bytes(), DOCUMENT_FILE)
-        files, digests = document["files"], document["digests"]
-    except (InputError, OSError, KeyError):
-        _write(folder / REPORT_FILE, page)
-        return
     with atomic_write(check_writable(folder)) as temporary:
-        temporary(REPORT_FILE).write_text(page, encoding="utf-8")
-        if isinstance(files, list) and isinstance(digests, dict):
-            document["files"] = [*(name for name in files if name != REPORT_FILE), REPORT_FILE]
-            document["digests"] = digests | {REPORT_FILE: file_digest(temporary(REPORT_FILE))}
+        # Read while the folder is locked: another process may just have saved another result.
+        with suppress(InputError, KeyError):
+            document = read_document(folder)
+            document["files"] = [*(name for name in document["files"] if name != REPORT_FILE), REPORT_FILE]
+            document["digests"] = document["digests"] | {REPORT_FILE: digest_of(page.encode())}
             temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
+        temporary(REPORT_FILE).write_bytes(page.encode())

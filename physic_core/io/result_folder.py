@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 import stat
 from collections.abc import Iterable
 from contextlib import suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
+from physic_core.files.atomic import committed_path
+from physic_core.files.document_checksum import ChecksumState, checksum_state
+from physic_core.files.regular import read_regular
+from physic_core.files.strict_json import parse_json
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
@@ -24,6 +28,7 @@ __all__ = [
     "REPORT_FILE",
     "SCHEMA",
     "check_overwrite",
+    "digest_of",
     "file_digest",
     "files_of_result",
     "image_digest",
@@ -38,17 +43,25 @@ DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
 PREVIEW_FILE = "preview.png"
 REPORT_FILE = "report.html"
+MAX_DOCUMENT_BYTES = 64 << 20
 _FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
-_PERSON = re.compile(r"person_\d+\.glb")
+_PERSON = re.compile(r"person_[0-9]+\.glb")
 
 
-def file_digest(path: str | os.PathLike[str]) -> str:
-    """Compute the SHA-256 of a file; "" if it cannot be read."""
+def file_digest(source: str | os.PathLike[str] | BufferedReader) -> str:
+    """Compute the SHA-256 of a file, given by its path or open at its start; "" if it cannot be read."""
     with suppress(OSError, ValueError):
-        if os.path.isfile(path):  # reading a pipe would block
-            with open(path, "rb") as file:
-                return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+        if not isinstance(source, str | os.PathLike):
+            return f"sha256:{hashlib.file_digest(source, 'sha256').hexdigest()}"
+        if os.path.isfile(source):  # reading a pipe would block
+            with open(source, "rb") as file:
+                return file_digest(file)
     return ""
+
+
+def digest_of(content: bytes) -> str:
+    """Compute the SHA-256 of the content of a file, in the form of :func:`file_digest`."""
+    return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
 def image_digest(image: UInt8Array) -> str:
@@ -91,11 +104,12 @@ def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
 def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     """Return the names of the files that an earlier run wrote to a folder and that are unchanged.
 
-    Links and files with another digest belong to the user. The document cannot contain its own digest and is recognised
-    by its content.
+    Links and files with another digest belong to the user, and so does a document that does not fit its checksum.
     """
     folder = Path(folder)
     digests = _digests_of_result(folder)
+    document = _document(folder)
+    is_edited = document is not None and checksum_state(document) in (ChecksumState.WRONG, ChecksumState.EDITED)
 
     def is_unchanged(name: str) -> bool:
         try:
@@ -104,7 +118,9 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
             return False
         if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
             return False
-        return digests is None or name == DOCUMENT_FILE or file_digest(folder / name) == digests.get(name, "missing")
+        if name == DOCUMENT_FILE:
+            return not is_edited
+        return digests is None or file_digest(folder / name) == digests.get(name, "missing")
 
     return frozenset(filter(is_unchanged, files_of_result(folder)))
 
@@ -158,10 +174,9 @@ def _names_in(folder: Path) -> list[str]:
 
 def _document(folder: Path) -> dict[str, Any] | None:
     """Read ``reconstruction.json`` of a folder; None if it is missing or invalid."""
-    path = folder / DOCUMENT_FILE
     try:
-        document = json.loads(path.read_bytes()) if path.is_file() else None
-    except (OSError, ValueError, RecursionError):
+        document = parse_json(read_regular(committed_path(folder, DOCUMENT_FILE), MAX_DOCUMENT_BYTES))
+    except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import os
-import zipfile
-from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from physic_core.errors import InputError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.files.atomic import atomic_write, check_writable, committed_path, read_while_written
+from physic_core.files.document_checksum import EDITED
+from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_arrays
+from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
-from physic_core.io.arrays import (
-    PARAMETER_NAMES,
-    PERSON_ARRAYS,
-    SHARED_ARRAYS,
-    npz_checksum,
-    to_arrays,
-)
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, check_arrays, npz_checksum, number_of_people, to_arrays
 from physic_core.io.check_records import parse_checks, parse_grade
-from physic_core.io.compact import COMPACT_PERSON_ARRAYS, COMPACT_SHARED_ARRAYS, compact_arrays, expand_arrays
+from physic_core.io.compact import compact_arrays, expand_arrays, is_compact, specs_of
 from physic_core.io.document import (
     decode_document,
     encode_document,
@@ -33,8 +31,10 @@ from physic_core.io.document import (
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
+    MAX_DOCUMENT_BYTES,
     PREVIEW_FILE,
     check_overwrite,
+    digest_of,
     file_digest,
     unchanged_result_files,
 )
@@ -42,9 +42,12 @@ from physic_core.types import BodyParameters, CheckState, Intrinsics, Lens, Pers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from io import BufferedReader
 
     from numpy.typing import NDArray
 
+    from physic_core.files.npz import ArrayHeader
+    from physic_core.io.arrays import ArraySpec
     from physic_core.types import CheckResult
 
 __all__ = [
@@ -53,11 +56,14 @@ __all__ = [
     "PREVIEW_FILE",
     "check_writable",
     "load_reconstruction",
+    "read_document",
+    "read_image",
     "save_reconstruction",
 ]
 
-
-_COMPACT_NAMES = {"scene_points": ("scene_depth",), "scene_colors": ("scene_colors_change",)}
+_SMALL = 256 << 20
+_MAX_RATIO = 50
+"""Arrays may have 256 MB, and 50 times the size of their file beyond: photos and depth compress by less than 10."""
 
 
 def save_reconstruction(
@@ -71,9 +77,9 @@ def save_reconstruction(
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
 
-    Files are written to temporary names and then renamed. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An
-    earlier result of the same photo is replaced. The result of another photo and changed files are replaced only with
-    ``overwrite``. The photo, and files that no run wrote, are never replaced.
+    All files are written, or none. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the
+    same photo is replaced. The result of another photo and changed files are replaced only with ``overwrite``. The
+    photo, and files that no run wrote, are never replaced.
 
     Args:
         reconstruction: what to save.
@@ -88,128 +94,223 @@ def save_reconstruction(
 
     Raises:
         OutputError: the folder cannot be written, or data of the user would be lost.
+        Exception: a picture cannot be made; the numbers are then written without pictures.
     """
-    from physic_core.visual.glb import glb_files
-
     names = [DOCUMENT_FILE, ARRAYS_FILE]
     if glb:
         people = (f"person_{index}.glb" for index in range(len(reconstruction.people)))
         names += ["scene.glb", "combined.glb", *people]
     names += [PREVIEW_FILE] if preview else []
-    arrays, specs = to_arrays(reconstruction), (SHARED_ARRAYS, PERSON_ARRAYS)
-    if compact:
-        arrays, specs = compact_arrays(arrays), (COMPACT_SHARED_ARRAYS, COMPACT_PERSON_ARRAYS)
-
-    def document() -> bytes:
-        return encode_document(to_document(reconstruction, names, arrays_checksum, digests, specs))
-
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
-    earlier = unchanged_result_files(folder)
-    stale = [folder / name for name in earlier.difference(names)]
-    # Digests of the earlier images, which stay until the new ones are written.
-    digests = {name: file_digest(folder / name) for name in earlier.intersection(names) if name != DOCUMENT_FILE}
+    arrays = to_arrays(reconstruction)
+    if compact:
+        arrays = compact_arrays(arrays)
+    # Pictures are made before the folder is locked.
+    pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
+    if failure is not None:
+        names, pictures = [DOCUMENT_FILE, ARRAYS_FILE], {}
     with atomic_write(folder) as temporary:
-        # The document first: if the process ends between the two, the folder is still recognised as a result.
+        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
+        for name in unchanged_result_files(folder).difference(names):
+            temporary.remove(name)
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
         write_arrays(arrays_file, arrays, stored="" if compact else "f")
-        arrays_checksum = npz_checksum(arrays_file)
-        digests[ARRAYS_FILE] = file_digest(arrays_file)
-        document_file.write_bytes(document())
-        for path in stale:
-            with suppress(OSError):
-                path.unlink()
-    # The numbers are safe by now, whatever becomes of the pictures.
-    with atomic_write(folder) as temporary:
-
-        def write(name: str, content: bytes) -> None:
+        digests = {ARRAYS_FILE: file_digest(arrays_file)}
+        for name, content in pictures.items():
             temporary(name).write_bytes(content)
-            digests[name] = file_digest(temporary(name))
-
-        document_file = temporary(DOCUMENT_FILE)
-        for name, content in glb_files(reconstruction) if glb else ():
-            write(name, content)
-        if preview:
-            from physic_core.visual.preview import preview_png
-
-            write(PREVIEW_FILE, preview_png(reconstruction))
-        document_file.write_bytes(document())
+            digests[name] = digest_of(content)
+        document = to_document(
+            reconstruction, names, npz_checksum(arrays_file), digests, specs_of(arrays, compact=compact)
+        )
+        document_file.write_bytes(encode_document(document))
+    if failure is not None:
+        raise failure
     return tuple(folder / name for name in names)
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
-    """Read a reconstruction that :func:`save_reconstruction` wrote.
+    """Read a reconstruction that :func:`save_reconstruction` wrote, and verify its checksums, dtypes and shapes.
 
     Raises:
-        InputError: a file is missing, damaged, from another run, or of another schema version.
+        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
     """
     folder = Path(folder)
-    document = decode_document(_content(folder / DOCUMENT_FILE), str(folder / DOCUMENT_FILE))
-    arrays = _arrays(folder / ARRAYS_FILE, document)
+    return read_while_written(folder, DOCUMENT_FILE, partial(_load, folder))
+
+
+def read_document(folder: Path) -> dict[str, Any]:
+    """Read ``reconstruction.json`` of a folder and verify it; NaN and infinities stay strings.
+
+    Raises:
+        InputError: it is missing, damaged, edited, or of another schema version.
+    """
+    return read_while_written(folder, DOCUMENT_FILE, partial(_read_document, folder))
+
+
+def read_image(folder: Path) -> NDArray[np.uint8]:
+    """Read the image (H, W, 3) uint8 of a result alone; its arrays are verified as by :func:`load_reconstruction`.
+
+    Raises:
+        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
+    """
+
+    def read() -> NDArray[np.uint8]:
+        image: NDArray[np.uint8] = _arrays(folder, _read_document(folder), only=("image",))["image"]
+        return image
+
+    return read_while_written(folder, DOCUMENT_FILE, read)
+
+
+def _pictures(reconstruction: Reconstruction, *, preview: bool, glb: bool) -> tuple[dict[str, bytes], Exception | None]:
+    """Return GLB files and preview by name, and the error if they cannot be made."""
+    from physic_core.visual.glb import glb_files
+
+    try:
+        made = dict(glb_files(reconstruction)) if glb else {}
+        if preview:
+            from physic_core.visual.preview import preview_png
+
+            made[PREVIEW_FILE] = preview_png(reconstruction)
+    except Exception as error:
+        return {}, error
+    return made, None
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """What a document says about the arrays: sizes by letter, number of people; and which are read, None for all."""
+
+    sizes: Mapping[str, int]
+    people: int
+    only: Sequence[str] | None
+
+
+def _load(folder: Path) -> Reconstruction:
+    document = _read_document(folder)
+    arrays = _arrays(folder, document)
     try:
         return _assemble(document, arrays)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({error}); "
-            "run the reconstruction again"
-        ) from error
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise _incomplete(folder, error) from error
 
 
-def _content(path: Path) -> bytes:
+def _read_document(folder: Path) -> dict[str, Any]:
+    path = folder / DOCUMENT_FILE
     try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"cannot read {path}: there is no such file; name the folder of a finished run") from None
+        content = read_regular(committed_path(folder, DOCUMENT_FILE), MAX_DOCUMENT_BYTES)
     except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; check who may read it") from error
+        raise _unreadable(path, error) from error
+    return decode_document(content, str(path))
 
 
-def _arrays(path: Path, document: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    people = len(document.get("people", ()))
-    wanted = [spec.name for spec in SHARED_ARRAYS]
-    wanted += [f"person_{index}_{spec.name}" for index in range(people) for spec in PERSON_ARRAYS]
+def _incomplete(folder: Path, error: Exception) -> InputError:
+    return InputError(
+        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({str(error)[:200]}); "
+        "run the reconstruction again"
+    )
+
+
+def _unreadable(path: Path, error: OSError) -> InputError:
+    if isinstance(error, FileNotFoundError | NotADirectoryError):
+        return InputError(f"cannot read {path}: there is no such file; name the folder of a finished run")
+    return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
+
+
+def _arrays(folder: Path, document: Mapping[str, Any], only: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
+    """Read and verify the arrays of a result, or only some of the shared ones."""
+    path = folder / ARRAYS_FILE
     try:
-        found = npz_checksum(path)
-        with path.open("rb") as stream:
-            names = zipfile.ZipFile(stream).namelist()
-            present = {name.removesuffix(".npy") for name in names}
-            wanted = [next((n for n in (name, *_COMPACT_NAMES.get(name, ())) if n in present), name) for name in wanted]
-            if missing := [name for name in wanted if name not in present]:
-                raise InputError(f"cannot read {path}: it lacks {', '.join(missing)}; run the reconstruction again")
-            arrays = expand_arrays(read_arrays(stream, wanted))
+        people, image, floor = len(document["people"]), document["image"], document["scene"]["floor"]
+        sizes = {"H": image["height"], "W": image["width"], "P": 0 if floor is None else 1}
+    except (KeyError, TypeError) as error:
+        raise _incomplete(folder, error) from error
+    try:
+        with open_regular(committed_path(folder, ARRAYS_FILE)) as stream:
+            return _verified_arrays(stream, path, document, _Expected(sizes, people, only))
+    except OSError as error:
+        raise _unreadable(path, error) from error
+
+
+def _verified_arrays(
+    stream: BufferedReader, path: Path, document: Mapping[str, Any], expected: _Expected
+) -> dict[str, NDArray[Any]]:
+    stated, checksum = document.get("digests", {}).get(ARRAYS_FILE), document.get("arrays", {}).get("checksum")
+    is_edited = document.get("checksum") == EDITED
+    is_intact = file_digest(stream) == stated
+    try:
+        if not is_intact and not is_edited and npz_checksum(stream) != checksum:
+            raise InputError(
+                f"cannot read {path}: it is not of the same run as {DOCUMENT_FILE} beside it; "
+                "run the reconstruction again"
+            )
+        headers = read_headers(stream)
+        wanted = _wanted(path, headers, expected)
+        limit = min(MAX_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
+        arrays = read_arrays(stream, wanted if expected.only is None else expected.only, limit=limit)
+        if not is_intact and not is_edited and stated is not None:
+            raise ValueError(f"its SHA-256 is not the one in {DOCUMENT_FILE}")
+        if expected.only is None:
+            _check_values(arrays, document)
+            arrays = expand_arrays(arrays)
     except InputError:
         raise
-    except FileNotFoundError:
-        raise InputError(f"cannot read {path}: there is no such file; name the folder of a finished run") from None
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
         raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
-    if found != document.get("arrays", {}).get("checksum"):
-        raise InputError(
-            f"cannot read {path}: it is not of the same run as {DOCUMENT_FILE} beside it; run the reconstruction again"
-        )
     return arrays
+
+
+def _wanted(path: Path, headers: Mapping[str, ArrayHeader], expected: _Expected) -> list[str]:
+    """Return the names of the arrays to read, after checks of all dtypes and shapes.
+
+    Raises:
+        InputError: an array is missing.
+        ValueError: an array has another dtype or shape, or there are other people.
+    """
+    people = expected.people
+    shared, of_person = specs_of(headers, compact=is_compact(headers))
+    required = [spec.name for spec in shared]
+    required += [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if not spec.optional]
+    if missing := [name for name in required if name not in headers]:
+        raise InputError(
+            f"cannot read {path}: it has no {', '.join(missing[:20])}{', ...' * (len(missing) > 20)}; "
+            "run the reconstruction again"
+        )
+    if (found := number_of_people(headers)) > people:
+        raise ValueError(f"it has arrays of {found} people, and {DOCUMENT_FILE} lists {people}")
+    check_arrays(headers, expected.sizes, people, (shared, of_person))
+    optional = [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if spec.optional]
+    return [*required, *(name for name in optional if name in headers)]
+
+
+def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any]) -> None:
+    """Raise ValueError if arrays contradict each other or the document."""
+    for name in ("body_model", "skeleton"):
+        if str(arrays[name]) != document[name]:
+            raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, and {DOCUMENT_FILE} has {document[name][:60]!r}")
+    faces = arrays["faces"]
+    if document["people"] and faces.size:
+        vertices = len(arrays["person_0_vertices"])
+        if faces.min() < 0 or faces.max() >= vertices:
+            raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, and a person has {vertices}")
 
 
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
     camera, scene = document["intrinsics"], document["scene"]
     floor = scene["floor"]
+    own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
     # The first results were written without checks.
     checks = parse_checks(document.get("checks", ()), document["schema_version"])
     return Reconstruction(
-        image=arrays["image"],
+        **own,
         intrinsics=_camera(camera),
         scene=Scene(
-            points=arrays["scene_points"],
-            normals=arrays["scene_normals"],
-            colors=arrays["scene_colors"],
-            valid=arrays["scene_valid"],
+            **of_scene,
             floor=None if floor is None else Plane(arrays["floor_normal"][0], from_json(floor["offset"])),
-            floor_points=arrays["floor_points"],
             scale=from_json(scene["scale"]),
             scale_sigma=from_json(scene["scale_sigma"]),
         ),
         people=tuple(_person(record, index, arrays, checks) for index, record in enumerate(document["people"])),
-        faces=arrays["faces"],
         body_model=document["body_model"],
         skeleton=parse_skeleton(document),
         stages=parse_stages(document["stages"]),
@@ -249,23 +350,27 @@ def _lens(lens: Mapping[str, Any] | None) -> Lens | None:
 def _person(
     record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]], checks: Sequence[CheckResult]
 ) -> Person:
-    def of(name: str) -> NDArray[Any]:
-        return arrays[f"person_{index}_{name}"]
-
     # Documents of version 1 do not list them.
     unknown = [check.name for check in checks if check.person == index and check.state is CheckState.UNKNOWN]
+    prefix = f"person_{index}_"
     return Person(
-        box=of("box"),
+        **_values(PERSON_ARRAYS, arrays, prefix=prefix),
         score=from_json(record["score"]),
-        mask=of("mask"),
-        keypoints=of("keypoints"),
-        keypoint_confidence=of("keypoint_confidence"),
-        parameters=BodyParameters(**{name: of(name) for name in PARAMETER_NAMES}),
-        vertices=of("vertices"),
-        joints=of("joints"),
-        contact=of("contact"),
-        distance=of("distance"),
+        parameters=BodyParameters(**_values(PERSON_ARRAYS, arrays, "parameters.", prefix)),
         failed_checks=tuple(record["failed_checks"]),
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
         grade=parse_grade(record),
     )
+
+
+def _values(
+    specs: Sequence[ArraySpec], arrays: Mapping[str, NDArray[Any]], owner: str = "", prefix: str = ""
+) -> dict[str, Any]:
+    """Return the arrays by the attributes of one object, such as those that start with "scene."."""
+    of_owner = {spec.attribute.removeprefix(owner): prefix + spec.name for spec in specs if _owner(spec) == owner}
+    return {attribute: arrays.get(name) for attribute, name in of_owner.items()}
+
+
+def _owner(spec: ArraySpec) -> str | None:
+    """Return the start of the attribute up to its last point; None for an array that is converted."""
+    return "".join(spec.attribute.rpartition(".")[:2]) if spec.attribute else None

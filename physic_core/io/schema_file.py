@@ -2,11 +2,53 @@
 
 from __future__ import annotations
 
+import json
+import reprlib
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-__all__ = ["schema_file"]
+__all__ = ["schema_fault", "schema_file"]
 
 
 def schema_file() -> Path:
     """Return the path of the JSON Schema (draft 2020-12) of ``reconstruction.json`` as it is written now."""
     return Path(__file__).with_name("reconstruction.schema.json")
+
+
+def schema_fault(document: Any) -> str:
+    """Return what in a document is of another kind than the schema says; "" if nothing is.
+
+    Keys may be missing, since earlier versions did not write all of them.
+    """
+    from fastjsonschema import JsonSchemaValueException
+
+    try:
+        _validator()(document)
+    except JsonSchemaValueException as error:
+        path = ".".join(map(str, error.path[1:])) or "the document"
+        return f"{path[:200]!r} is {reprlib.repr(error.value)}, which is not of the kind of this entry"
+    except RecursionError:
+        return "its values are nested too deep"
+    return ""
+
+
+@cache
+def _validator() -> Callable[[Any], Any]:
+    import fastjsonschema
+
+    schema = _without_required(json.loads(schema_file().read_text(encoding="utf-8")))
+    del schema["properties"]["schema_version"]
+    made: Callable[[Any], Any] = fastjsonschema.compile(schema, use_default=False)
+    return made
+
+
+def _without_required(schema: Any) -> Any:
+    if isinstance(schema, dict):
+        return {
+            key: _without_required(value)
+            for key, value in schema.items()
+            if not (key == "required" and isinstance(value, list))
+        }
+    return [_without_required(value) for value in schema] if isinstance(schema, list) else schema

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import tracemalloc
 import zipfile
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -102,19 +103,19 @@ def test_the_result_saves_and_loads_itself(tmp_path, reconstruction):
     ],
 )
 def test_a_result_of_before_trust_was_written_states_it_by_its_source(tmp_path, reconstruction, source, trust):
-    save_reconstruction(reconstruction, tmp_path)
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_text())
     document["intrinsics"]["source"] = source
-    del document["intrinsics"]["trust"]
-    path.write_text(json.dumps(document))
+    del document["intrinsics"]["trust"], document["checksum"]
+    path.write_text(json.dumps(document | {"schema_version": 2}))
     assert load_reconstruction(tmp_path).intrinsics.trust == trust
 
 
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
-    save_reconstruction(before, tmp_path)
+    save_reconstruction(before, tmp_path, glb=False)
     assert_same(before, load_reconstruction(tmp_path))
 
 
@@ -214,7 +215,7 @@ def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
-    assert document["schema_version"] == 2
+    assert document["schema_version"] == 3
     assert document["units"] == {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"}
     assert document["frame"]["axes"] == "OpenCV camera: x right, y down, z forward; origin at the camera"
     assert document["image"] == {"width": 160, "height": 120}
@@ -350,6 +351,11 @@ def test_a_folder_of_another_user(tmp_path):
 # --- a result that cannot be read -------------------------------------------------------------------------------------
 
 
+def mark_as_edited(folder) -> None:
+    path = folder / "reconstruction.json"
+    path.write_text(json.dumps(json.loads(path.read_bytes()) | {"checksum": "edited"}))
+
+
 def message_of(folder) -> str:
     with pytest.raises(InputError) as caught:
         load_reconstruction(folder)
@@ -376,6 +382,7 @@ def test_a_result_of_schema_version_1(tmp_path, reconstruction):
     low = {"value": 0.0, "threshold": 0.15, "unit": "share", "ok": False, "message": "no floor was found"}
     document |= {"schema_version": 1, "checks": [{"name": "floor", "person": None} | low]}
     document["checks"].append({"name": "lean", "person": 1} | old)
+    del document["checksum"]
     for record in (document, *document["people"]):
         del record["grade"]
     for person in document["people"]:
@@ -393,9 +400,9 @@ def test_a_result_of_schema_version_1(tmp_path, reconstruction):
 def test_another_schema_version(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
-    path.write_bytes(path.read_bytes().replace(b'"schema_version": 2', b'"schema_version": 99'))
+    path.write_bytes(path.read_bytes().replace(b'"schema_version": 3', b'"schema_version": 99'))
     assert message_of(tmp_path) == (
-        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1 and 2; "
+        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1, 2 and 3; "
         "load it with the PhySIC that wrote it, or run the reconstruction again"
     )
 
@@ -423,7 +430,7 @@ def test_a_document_that_lacks_an_entry(tmp_path, reconstruction):
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     del document["intrinsics"]
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(document | {"checksum": "edited"}))
     assert message_of(tmp_path) == (
         f"cannot read {path}: an entry is missing or of another kind ('intrinsics'); run the reconstruction again"
     )
@@ -441,12 +448,13 @@ def test_arrays_of_another_run(tmp_path, make):
 
 def test_arrays_that_are_missing(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
+    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = {name: arrays[name] for name in arrays if name not in ("faces", "person_1_contact")}
     np.savez(path, **kept)
     assert message_of(tmp_path) == (
-        f"cannot read {path}: it lacks faces, person_1_contact; run the reconstruction again"
+        f"cannot read {path}: it has no faces, person_1_contact; run the reconstruction again"
     )
 
 
@@ -477,9 +485,142 @@ def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
 
 def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
+    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = dict(arrays)
     kept["faces"] = np.array([{"code": "here"}], dtype=object)
     np.savez(path, **kept)
     assert message_of(tmp_path).startswith(f"cannot read {path}: it is damaged (an array holds Python objects)")
+
+
+def test_a_document_that_was_edited_is_refused_until_it_is_marked(tmp_path, reconstruction):
+    save_reconstruction(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    path.write_bytes(path.read_bytes().replace(b'"offset": 1.4', b'"offset": 1.5'))
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it does not fit its checksum, so it is damaged or was edited; run the reconstruction "
+        'again; if you edited it, set its entry "checksum" to "edited", and it is read without this check'
+    )
+    mark_as_edited(tmp_path)
+    assert load_reconstruction(tmp_path).scene.floor.offset == 1.5
+
+
+def test_another_layout_of_the_same_json_is_no_edit(tmp_path, reconstruction):
+    save_reconstruction(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    path.write_text(json.dumps(json.loads(path.read_bytes()), indent=1))
+    assert_same(reconstruction, load_reconstruction(tmp_path))
+
+
+@pytest.mark.parametrize("mark", [False, True], ids=["unmarked", "marked"])
+def test_an_edited_document_is_replaced_with_overwrite_only(tmp_path, reconstruction, mark):
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    path = tmp_path / "reconstruction.json"
+    path.write_bytes(path.read_bytes().replace(b"read from a file", b"my own words"))
+    if mark:
+        mark_as_edited(tmp_path)
+    with pytest.raises(OutputError, match=r"reconstruction\.json there was changed since an earlier run"):
+        save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False, overwrite=True)
+    assert_same(reconstruction, load_reconstruction(tmp_path))
+
+
+def test_a_result_without_checksum_is_as_version_2_wrote_it(tmp_path, reconstruction):
+    save_reconstruction(reconstruction, tmp_path, preview=False)
+    path = tmp_path / "reconstruction.json"
+    document = json.loads(path.read_bytes())
+    del document["checksum"]
+    path.write_text(json.dumps(document))
+    assert "it does not fit its checksum" in message_of(tmp_path)
+    path.write_text(json.dumps(document | {"schema_version": 2}))
+    assert_same(reconstruction, load_reconstruction(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "fault"),
+    [
+        ('"score": 0.875', '"score": [1]', "'people.0.score' is [1], which is not of the kind of this entry"),
+        ('"grade": "bad"', '"grade": "\x1b[31m"', "it is not JSON (Invalid control character at: line"),
+        ('"width": 160', '"width": "\\u001b[31m"', r"'image.width' is '\x1b[31m', which is not of the kind"),
+        ('"fx": 128.0', '"fx": NaN', "it is not JSON (NaN is not a JSON number)"),
+        ('"fx": 128.0', '"fx": 1e999', "it is not JSON (the number 1e999 is too large)"),
+        ('"fx": 128.0', '"fx": 128.0, "fx": 1', "it is not JSON (an object has the key 'fx' twice)"),
+        ('"fx": 128.0', '"fx": ' + 900 * "[" + 900 * "]", "it is not JSON (values are nested more than 200 deep)"),
+        ('"fx": 128.0', '"fx": ' + 100_000 * "[", "it is not JSON (values are nested more than 200 deep)"),
+        ('"fx": 128.0', '"fx": ' + 5000 * "1", "it is not JSON (a number has 5000 digits)"),
+        ('"body_model": "embedded"', '"body_model": "smplx"', "body_model is 'embedded', and reconstruction.json has"),
+        ('"height": 120', '"height": 121', "image is uint8 (120, 160, 3), not uint8 (121, 160, 3)"),
+    ],
+    ids=["kind", "control", "escape", "nan", "infinite", "twice", "nested", "deep", "digits", "model", "size"],
+)  # fmt: skip
+def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, fault):
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    mark_as_edited(tmp_path)
+    path = tmp_path / "reconstruction.json"
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+    message = message_of(tmp_path)
+    assert fault in message
+    assert message.startswith(f"cannot read {tmp_path}/reconstruction.")
+    assert message.endswith("; run the reconstruction again")
+    assert len(message) < 500
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda a: a["faces"].__setitem__((0, 0), 10_000), "faces has vertices 0 to 10000, and a person has 792"),
+        (lambda a: a.update(person_1_contact=a["person_0_contact"][:5]),
+         "person_1_contact is bool (5,), not bool (792,)"),
+        (lambda a: a.update(person_0_mask=a["person_0_mask"].astype(np.uint8)),
+         "person_0_mask is uint8 (120, 160), not bool (120, 160)"),
+        (lambda a: a.update(floor_normal=np.zeros((0, 3))), "floor_normal is float64 (0, 3), not floating (1, 3)"),
+        (lambda a: a.update(person_7_box=a["person_0_box"]),
+         "it has arrays of 8 people, and reconstruction.json lists 2"),
+        (lambda a: a.update(image=a["image"][None]), "image is uint8 (1, 120, 160, 3), not uint8 (120, 160, 3)"),
+        (lambda a: a.update(scene_points=a["scene_points"].astype(">f4")),
+         "scene_points is float32 (120, 160, 3) in the other byte order, not float32 (120, 160, 3)"),
+    ],
+    ids=["faces", "vertices", "dtype", "floor", "people", "dimensions", "byte order"],
+)  # fmt: skip
+def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fault):
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    mark_as_edited(tmp_path)
+    path = tmp_path / "reconstruction.npz"
+    with np.load(path) as file:
+        arrays = dict(file)
+    change(arrays)
+    np.savez(path, **arrays)
+    assert message_of(tmp_path) == f"cannot read {path}: it is damaged ({fault}); run the reconstruction again"
+
+
+def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypatch):
+    monkeypatch.setattr(results, "_SMALL", 1 << 20)
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    mark_as_edited(tmp_path)
+    path = tmp_path / "reconstruction.npz"
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["floor_points"] = np.zeros((1_500_000, 3), np.float32)
+    np.savez_compressed(path, **arrays)
+    assert path.stat().st_size < 140_000
+    tracemalloc.start()
+    try:
+        message = message_of(tmp_path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    fault = message.removeprefix(f"cannot read {path}: it is damaged (")
+    assert re.fullmatch(r"its arrays claim 19 MB, more than \d\); run the reconstruction again", fault)
+    assert peak < 1_000_000
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz"])
+def test_a_pipe_in_place_of_a_file(tmp_path, reconstruction, name):
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    (tmp_path / name).unlink()
+    os.mkfifo(tmp_path / name)
+    assert message_of(tmp_path) == f"cannot read {tmp_path / name}: not a regular file; check who may read it"

@@ -71,19 +71,22 @@ def test_a_result_of_the_pipeline_is_valid_and_has_no_key_that_the_schema_lacks(
     ("change", "fault"),
     [
         ({"grade": "fine"}, "$.grade: 'fine' is not one of ['good', 'doubtful', 'bad', None]"),
-        ({"schema_version": 1}, "$.schema_version: 2 was expected"),
+        ({"schema_version": 1}, "$.schema_version: 3 was expected"),
         ({"people": None}, "$.people: None is not of type 'array'"),
     ],
     ids=["grade", "version", "people"],
 )
 def test_a_fault_is_found(change: dict[str, Any], fault: str):
-    assert faults(saved(WRITTEN / "version-2") | change) == [fault]
+    assert faults(saved(WRITTEN / "version-3") | change) == [fault]
 
 
-def test_a_result_that_version_2_wrote_is_still_read():
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_result_that_an_earlier_version_wrote_is_still_read(version: int):
     """The files are not written again: they are what a user has on disk."""
-    result = load_reconstruction(WRITTEN / "version-2")
-    assert faults(saved(WRITTEN / "version-2")) == []
+    folder = WRITTEN / f"version-{version}"
+    result = load_reconstruction(folder)
+    assert saved(folder)["schema_version"] == version
+    assert faults({"checksum": "edited"} | saved(folder) | {"schema_version": SCHEMA_VERSION}) == []
     (person,) = result.people
     assert result.image.shape == (30, 40, 3)
     assert person.vertices.shape == (792, 3)

@@ -1,0 +1,96 @@
+"""Saved results: JSON and npz, complete and compact. Equal to what was saved, or InputError that names the file."""
+
+from __future__ import annotations
+
+import json
+import random
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+from fuzzing.mutations import mutate_bytes, mutate_text
+from fuzzing.target import Target
+from fuzzing.tiny_result import difference, tiny_result
+from physic_core.errors import InputError
+from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.types import Reconstruction
+
+DOCUMENT, ARRAYS = "reconstruction.json", "reconstruction.npz"
+SEEDS = ((0, False), (1, True))
+"""Seed, and whether the arrays have the smaller form."""
+
+
+@cache
+def saved(seed: int, compact: bool) -> tuple[dict[str, bytes], Reconstruction]:
+    with tempfile.TemporaryDirectory() as folder:
+        save_reconstruction(tiny_result(seed), folder, preview=False, glb=False, compact=compact)
+        files = {name: Path(folder, name).read_bytes() for name in (DOCUMENT, ARRAYS)}
+        return files, load_reconstruction(folder)
+
+
+def read(files: dict[str, bytes], folder: Path) -> Reconstruction | None:
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    try:
+        return load_reconstruction(folder)
+    except InputError as error:
+        message = str(error)
+    assert message.startswith(f"cannot read {folder}/reconstruction."), message
+    assert len(message) < 1500 + len(str(folder))
+    return None
+
+
+def seeds_of(name: str) -> Callable[[Path], Sequence[bytes]]:
+    return lambda _: [saved(*seed)[0][name] for seed in SEEDS]
+
+
+def attack_file(name: str, data: bytes, folder: Path) -> None:
+    """Put a damaged file beside the intact other one of each seed: each must be what was saved, or be refused."""
+    for seed in SEEDS:
+        files, before = saved(*seed)
+        if (loaded := read({**files, name: data}, folder)) is not None:
+            assert not (where := difference(before, loaded)), f"{where} differs"
+
+
+def attack_edited(data: bytes, folder: Path) -> None:
+    """A document without checksum is read as it is: numbers may differ, and what cannot be used is refused."""
+    files, _ = saved(0, True)
+    read({**files, DOCUMENT: data}, folder)
+
+
+def edited_seeds(_: Path) -> list[bytes]:
+    document = json.loads(saved(0, True)[0][DOCUMENT])
+    del document["arrays"]["shared"][3:], document["arrays"]["of_person_i"][3:]
+    return [json.dumps(document | {"checksum": "edited"}, indent=1).encode()]
+
+
+def mutate_document(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
+    match rng.randrange(3):
+        case 0:  # one bit of any byte
+            out = bytearray(data)
+            out[rng.randrange(len(out))] ^= 1 << rng.randrange(8)
+            return bytes(out)
+        case 1:
+            return mutate_bytes(data, rng, others)
+        case _:
+            text = mutate_text(data.decode(), rng)
+            return text.encode("utf-8", "backslashreplace")
+
+
+def mutate_archive(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
+    """One bit of any byte, or any other damage, half of it in the list of members at the end."""
+    if rng.random() < 0.3:
+        out = bytearray(data)
+        out[rng.randrange(len(out))] ^= 1 << rng.randrange(8)
+        return bytes(out)
+    if rng.random() < 0.5:
+        return mutate_bytes(data[::-1], rng, others)[::-1]
+    return mutate_bytes(data, rng, others)
+
+
+TARGETS = [
+    Target("results-json", seeds_of(DOCUMENT), lambda d, f: attack_file(DOCUMENT, d, f), mutate_document, 600),
+    Target("results-npz", seeds_of(ARRAYS), lambda d, f: attack_file(ARRAYS, d, f), mutate_archive, 600),
+    Target("results-edited", edited_seeds, attack_edited, mutate_document, 400),
+]
