@@ -12,6 +12,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
+from physic_evaluate.damage import DamagedFileError, as_numbers, require_finite
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -128,7 +129,8 @@ class BodyFiles:
             gender: of the model file.
 
         Raises:
-            InputError: a file is missing, or a parameter has another size.
+            InputError: a model file is missing.
+            DamagedFileError: a parameter is not finite, or has another size.
         """
         import torch
 
@@ -137,10 +139,8 @@ class BodyFiles:
         joined = np.concatenate(
             [_pose(parameters, name, count, path) for name, count in POSE_JOINTS],
         )[None]
-        betas, expression = (
-            _fitted(parameters.get(name), count) for name, count in (("betas", 10), ("expression", 10))
-        )
-        transl = _fitted(parameters.get("transl"), 3)
+        betas, expression = (_shape_of(parameters, name, count) for name, count in (("betas", 10), ("expression", 10)))
+        transl = _translation(parameters)
         with torch.no_grad():
             given = (torch.from_numpy(a.astype(np.float32)) for a in (joined, betas, transl, expression))
             out = model(*given)
@@ -161,7 +161,7 @@ class BodyFiles:
                 for name, count in (("global_orient", 1), ("body_pose", 23))
             ]
         )[None]
-        betas, transl = _fitted(parameters.get("betas"), 10), _fitted(parameters.get("transl"), 3)
+        betas, transl = _shape_of(parameters, "betas", 10), _translation(parameters)
         return PosedBody(
             body.vertices(rotations, betas, transl)[0],
             body.smpl_joints(rotations, betas, transl)[0],
@@ -175,21 +175,21 @@ def rotations_of(given: Any, count: int, name: str) -> Array:
     """Return rotation matrices (count, 3, 3) of rotation vectors, or of rotation matrices, row by row.
 
     Raises:
-        InputError: the size fits neither, or matrices are not rotations.
+        DamagedFileError: the size fits neither, or matrices are not rotations.
     """
     from physic_core.body.rotations import rotvec_to_rotmat
 
     if given is None:
         return np.tile(np.eye(3), (count, 1, 1))
-    values = np.array(given, np.float64)  # a copy: SciPy takes no read-only arrays, which pickles hold
+    values = require_finite(as_numbers(given, f"'{name}'"), f"'{name}'")
     if values.size == 3 * count:
         return rotvec_to_rotmat(values.reshape(count, 3))
     if values.size == 9 * count:
         matrices = values.reshape(count, 3, 3)
         if np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max() > 1e-3 or (np.linalg.det(matrices) < 0).any():
-            raise InputError(f"'{name}' has matrices that are not rotations")
+            raise DamagedFileError(f"'{name}' has matrices that are not rotations")
         return matrices
-    raise InputError(
+    raise DamagedFileError(
         f"'{name}' must be {count} rotation vectors or rotation matrices, {3 * count} or {9 * count} numbers, got "
         f"{values.size}"
     )
@@ -199,14 +199,23 @@ def _pose(parameters: Mapping[str, Any], name: str, count: int, path: Path) -> A
     given = parameters.get(name)
     if given is not None and "hand" in name and 6 <= np.size(given) <= 24:
         mean, components = _hand(str(path), name[0])
-        given = mean + np.asarray(given, np.float64).reshape(-1) @ components[: np.size(given)]
+        given = mean + as_numbers(given, f"'{name}'").reshape(-1) @ components[: np.size(given)]
     return rotations_of(given, count, name)
 
 
-def _fitted(given: Any, count: int) -> Array:
-    """Return (1, count) numbers, the first of those given."""
-    values = np.zeros(count) if given is None else np.asarray(given, np.float64).reshape(-1)[:count]
-    return np.concatenate([values, np.zeros(count - len(values))])[None]
+def _shape_of(parameters: Mapping[str, Any], name: str, count: int) -> Array:
+    """Return (1, count) numbers, the first of those given; zeros follow if fewer are given."""
+    given = parameters.get(name)
+    values = np.zeros(count) if given is None else as_numbers(given, f"'{name}'").reshape(-1)[:count]
+    return require_finite(np.concatenate([values, np.zeros(count - len(values))])[None], f"'{name}'")
+
+
+def _translation(parameters: Mapping[str, Any]) -> Array:
+    given = parameters.get("transl")
+    values = np.zeros(3) if given is None else as_numbers(given, "'transl'").reshape(-1)
+    if values.size != 3:
+        raise DamagedFileError(f"'transl' must be 3 numbers, got {values.size}")
+    return require_finite(values[None], "'transl'")
 
 
 @lru_cache(maxsize=4)

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PhysicError
 from physic_evaluate.datasets import DATA_SETS, data_set
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.contract import Frame
     from physic_evaluate.datasets.base import DataSet
-    from physic_evaluate.run import Method
+    from physic_evaluate.reconstruct import Reconstruction
+    from physic_evaluate.run import Method, UnexpectedError
 
 __all__ = ["evaluate"]
 
 CONTACT_CM = "2,4,5"
+NAMED_ERRORS = 5
 
 
 class _DataSets(click.Group):
@@ -226,12 +229,15 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     from physic_evaluate.carry import Carrier
     from physic_evaluate.datasets.base import FrameSet
     from physic_evaluate.output import write_evaluation
-    from physic_evaluate.run import evaluate_methods
+    from physic_evaluate.run import evaluate_methods, require_truth
     from physic_evaluate.scoring import ScoringRules
 
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)
     methods = _methods(given, bodies)
+    how = _reconstruction(given)
+    if _reconstructs(given):
+        how.check()
     found = chosen.frames(given.root, options, bodies)
     total = len(found.frames)
     found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
@@ -239,13 +245,14 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         raise InputError(
             f"no frame of {given.root} can be evaluated: {next(iter(found.left_out.values()), 'it is empty')}"
         )
-    click.echo(f"{len(found.frames)} frames", err=True)
+    click.echo(counted(len(found.frames), "frame"), err=True)
     for note in found.notes:
         click.echo(note, err=True)
     if given.from_release is not None:
         methods += _release_methods(chosen.name, found.frames, given, bodies)
+    require_truth(found.frames, given.root)
     if _reconstructs(given):
-        methods.insert(0, _own_method(found.frames, given, bodies))
+        methods.insert(0, _own_method(found.frames, how, given.out, bodies))
     rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
     evaluation = evaluate_methods(
         chosen, found, methods, rules, given.root, given.workers, lambda text: click.echo(text, err=True), given.out
@@ -263,6 +270,18 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for file in files:
         if file.parent == given.out:
             click.echo(f"wrote {file}")
+    if evaluation.errors:
+        click.echo("".join(error.traceback for error in evaluation.errors), nl=False, err=True)
+        raise PhysicError(_words_of(evaluation.errors))
+
+
+def _words_of(errors: Sequence[UnexpectedError]) -> str:
+    named = "; ".join(f"{error.where}: {error.message}" for error in errors[:NAMED_ERRORS])
+    more = f"; and {len(errors) - NAMED_ERRORS} more" if len(errors) > NAMED_ERRORS else ""
+    return (
+        f"{counted(len(errors), 'score')} failed by an error of this program, not of a file, and the table counts them "
+        f"as without a result: {named}{more}. PHYSIC_DEBUG=1 prints the tracebacks. Please report it"
+    )
 
 
 def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: int) -> str:
@@ -273,14 +292,14 @@ def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: in
         if getattr(options, entry.name) != entry.default
     ]
     if given.limit is not None:
-        changed.append(f"--limit {given.limit} (of {total} frames)")
+        changed.append(f"--limit {given.limit} (of {counted(total, 'frame')})")
     if _thresholds(given.contact_cm) != _thresholds(CONTACT_CM):
         changed.append(f"--contact-cm {given.contact_cm}")
     changed += ["--no-geodesic"] * given.no_geodesic
     if _reconstructs(given):
         changed += ["--no-camera"] * given.no_camera + [f"--set {text}" for text in given.overrides]
     changed += [f"--results-frame {text}" for text in given.results_frame]
-    words = f"{chosen.name}, {frames} frame{'s' * (frames != 1)}"
+    words = f"{chosen.name}, {counted(frames, 'frame')}"
     return f"{words}, with {', '.join(changed)}" if changed else words
 
 
@@ -321,18 +340,23 @@ def _release_methods(name: str, frames: tuple[Frame, ...], given: _Given, bodies
     return [init, Method("release final", open_reader("physic-release", given.from_release, bodies)), ours]
 
 
-def _own_method(frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles) -> Method:
-    """Reconstruct the pictures, and return that as a method."""
-    from physic_evaluate.readers import open_reader
-    from physic_evaluate.reconstruct import Reconstruction, reconstruct
-    from physic_evaluate.run import Method
+def _reconstruction(given: _Given) -> Reconstruction:
+    from physic_evaluate.reconstruct import Reconstruction
 
-    how = Reconstruction(
+    return Reconstruction(
         given.preset, None, given.overrides, given.device, given.workers, with_camera=not given.no_camera
     )
-    folder = given.out / "reconstructions"
+
+
+def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodies: BodyFiles) -> Method:
+    """Reconstruct the pictures, and return that as a method."""
+    from physic_evaluate.readers import open_reader
+    from physic_evaluate.reconstruct import reconstruct
+    from physic_evaluate.run import Method
+
+    folder = out / "reconstructions"
     failures = reconstruct(frames, folder, how, lambda text: click.echo(text, err=True))
-    name = f"physic {given.preset or 'embedded'}"
+    name = f"physic {how.preset or 'embedded'}"
     return Method(name, open_reader("physic", folder, bodies), failures=failures)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_evaluate.projection import box_iou, box_of_points, person_points, project
 from physic_evaluate.scoring import true_box
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,7 +62,7 @@ class FrameCheck:
         if not self.overlap:
             return f"read as {name}; not checked: no frame has a camera, a result and an annotated person"
         value = self.overlap[self.assumed]
-        return f"read as {name}; median overlap of the projected boxes {value:.2f} over {self.frames} frames"
+        return f"read as {name}; median overlap of the projected boxes {value:.2f} over {counted(self.frames, 'frame')}"
 
 
 def into_camera(prediction: Prediction, frame: Frame, alternative: str) -> Prediction:
@@ -121,5 +122,5 @@ def check_frame(
     )
     raise InputError(
         f"the results of {method} do not project onto the annotated people if read as {ALTERNATIVES[assumed][0]}: "
-        f"median overlap of the boxes {overlap[assumed]:.2f} over {count} frames; {advice}"
+        f"median overlap of the boxes {overlap[assumed]:.2f} over {counted(count, 'frame')}; {advice}"
     )

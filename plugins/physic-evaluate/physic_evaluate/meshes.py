@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.contract import TOPOLOGY_OF_COUNT, Surface
+from physic_evaluate.damage import DamagedFileError
 
 __all__ = ["read_mesh", "read_vertex_colours", "scene_mesh", "topology_of"]
 
@@ -20,7 +20,7 @@ def read_mesh(path: Path) -> Surface:
     """Read the vertices, in their order, and triangles of a file.
 
     Raises:
-        InputError: the file is missing, cut off or no mesh.
+        DamagedFileError: the file is missing, cut off or no mesh.
     """
     mesh = _load(path)
     faces = getattr(mesh, "faces", None)
@@ -33,11 +33,11 @@ def read_vertex_colours(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.u
     """Return the colours (V, 4) uint8 RGBA of a mesh file.
 
     Raises:
-        InputError: the file is missing, cut off, or has no colours.
+        DamagedFileError: the file is missing, cut off, or has no colours.
     """
     mesh = _load(path)
     if mesh.visual.kind != "vertex":
-        raise InputError(f"{path} has no colours of vertices")
+        raise DamagedFileError(f"{path} has no colours of vertices")
     return np.asarray(mesh.visual.vertex_colors, np.uint8)
 
 
@@ -51,37 +51,37 @@ def topology_of(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], pat
     """Return the name of the body mesh with so many vertices.
 
     Raises:
-        InputError: no body mesh has so many, or the body is larger than a person: not in metres.
+        DamagedFileError: no body mesh has so many, or the body is larger than a person: not in metres.
     """
     if len(vertices) not in TOPOLOGY_OF_COUNT:
         known = ", ".join(f"{name} {count}" for count, name in TOPOLOGY_OF_COUNT.items())
-        raise InputError(f"{path} has {len(vertices)} vertices, which no known body mesh has ({known})")
+        raise DamagedFileError(f"{path} has {len(vertices)} vertices, which no known body mesh has ({known})")
     require_metres(vertices, path)
     return TOPOLOGY_OF_COUNT[len(vertices)]
 
 
 def require_metres(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], path: Path) -> None:
-    """Raise InputError for a body that is not of a person's size."""
+    """Raise DamagedFileError for a body that is not of a person's size."""
     if not np.isfinite(vertices).all():
         bad = int((~np.isfinite(vertices).all(-1)).sum())
-        raise InputError(f"{bad} of the {len(vertices)} vertices of the body in {path} are not finite")
+        raise DamagedFileError(f"{bad} of the {len(vertices)} vertices of the body in {path} are not finite")
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if not 0.2 < size < MAX_BODY_M:
         unit = " (millimetres?)" if 200 < size < 1000 * MAX_BODY_M else ""
-        raise InputError(f"the body in {path} measures {size:.3g} m{unit}: lengths must be metres")
+        raise DamagedFileError(f"the body in {path} measures {size:.3g} m{unit}: lengths must be metres")
 
 
 def _load(path: Path) -> Any:
     import trimesh
 
     if not path.is_file():
-        raise InputError(f"there is no file {path}")
+        raise DamagedFileError(f"there is no file {path}")
     try:
         mesh = trimesh.load(path, process=False, maintain_order=True)
     except Exception as error:  # of trimesh's readers, which have many
-        raise InputError(f"{path} cannot be read as a mesh: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{path} cannot be read as a mesh: it is damaged or cut off, copy it again") from error
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     if not len(getattr(mesh, "vertices", ())):
-        raise InputError(f"{path} cannot be read as a mesh: it has no vertices")
+        raise DamagedFileError(f"{path} cannot be read as a mesh: it has no vertices")
     return mesh

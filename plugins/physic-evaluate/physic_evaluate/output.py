@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_evaluate.metrics import CONTACT_FIGURES
 from physic_evaluate.tables import Tables, latex_table, markdown_table, measure, text_table
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from physic_evaluate.run import Evaluation
@@ -78,9 +79,10 @@ def summary_of(evaluation: Evaluation) -> list[str]:
         notes += _missing_results(method.name, own)
         lost = [r for r in own if not r["found"]]
         if lost:
-            notes.append(f"{method.name}: {len(lost)} of {len(own)} people have no body; contact counts them as missed")
+            share = f"{len(lost)} of {counted(len(own), 'person', 'people')}"
+            notes.append(f"{method.name}: {share} without a body; contact counts them as missed")
     if evaluation.left_out:
-        notes.append(f"{len(evaluation.left_out)} frames are left out; results.json has the reasons")
+        notes.append(f"{counted(len(evaluation.left_out), 'frame')} left out; results.json has the reasons")
     return notes
 
 
@@ -97,7 +99,7 @@ def _missing_results(name: str, records: Sequence[Mapping[str, Any]]) -> list[st
         return []
     named = [f"{frame} ({reason})" for reason, own in lost.items() for frame in own]
     more = f", and {len(named) - NAMED} more in results.json" if len(named) > NAMED else ""
-    return [f"{name}: {count} of {frames} frames have no result: {', '.join(named[:NAMED])}{more}"]
+    return [f"{name}: {count} of {counted(frames, 'frame')} without a result: {', '.join(named[:NAMED])}{more}"]
 
 
 def _unequal_counts(tables: Tables) -> list[str]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from physic_core.body.array_pickle import (
     InvalidArrayError,
@@ -16,37 +15,35 @@ from physic_core.body.array_pickle import (
     escape_unprintable,
     read_pickle,
 )
-from physic_core.errors import InputError
+from physic_evaluate.damage import DamagedFileError
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-__all__ = ["number_array", "pickled_arrays"]
+__all__ = ["cached_pickle", "pickled_arrays"]
 
 
 def pickled_arrays(path: Path) -> dict[str, Any]:
     """Return the content of a pickle, Python 2's too: arrays, numbers, texts, lists and dictionaries of them.
 
     Raises:
-        InputError: the file does not exist, is cut off, or names anything that could run code.
+        DamagedFileError: the file does not exist, is cut off, or names anything that could run code.
     """
     try:
         return {name: _plain(value) for name, value in read_pickle(path).items()}
     except FileNotFoundError as error:
-        raise InputError(f"there is no file {path}") from error
+        raise DamagedFileError(f"there is no file {path}") from error
+    except OSError as error:
+        raise DamagedFileError(f"{path} cannot be read: {error.strerror}") from error
     except UnsafePickleError as error:
-        raise InputError(
+        raise DamagedFileError(
             f"{path} holds {error}, which is refused: only arrays of numbers are read from a pickle, since others can "
             "run code. Save NumPy arrays instead (tensor.detach().cpu().numpy())"
         ) from error
     except InvalidArrayError as error:
-        raise InputError(f"{path} {error}") from error
+        raise DamagedFileError(f"{path} {error}") from error
     except RecursionError as error:
-        raise InputError(f"{path} is nested too deeply to be a result") from error
+        raise DamagedFileError(f"{path} is nested too deeply to be a result") from error
     except (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         reason = escape_unprintable(str(error)) or type(error).__name__
-        raise InputError(
+        raise DamagedFileError(
             f"{path} is not a complete pickle ({reason}): it is damaged or cut off, copy it again"
         ) from error
 
@@ -55,29 +52,6 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
 def cached_pickle(path: Path, modified_ns: int) -> dict[str, Any]:
     """Return :func:`pickled_arrays` of a file that many frames share."""
     return pickled_arrays(path)
-
-
-def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...] | None = None) -> Any:
-    """Return an array (float64) of a pickle or an npz archive, reshaped if ``shape`` is given.
-
-    Raises:
-        InputError: it is missing, not numeric, or has another size.
-    """
-    import numpy as np
-
-    if name not in values:
-        raise InputError(f"{path} has no '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
-    found: NDArray[np.float64]
-    try:
-        found = np.asarray(values[name], np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: '{name}' holds no numbers") from error
-    if shape is None:
-        return found
-    size = int(np.prod([side for side in shape if side > 0]))
-    if found.size == 0 or found.size % size or (-1 not in shape and found.size != size):
-        raise InputError(f"{path}: '{name}' must have the shape {shape}, got {found.shape}")
-    return found.reshape(shape)
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

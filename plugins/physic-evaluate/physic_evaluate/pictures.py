@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
+from physic_evaluate.damage import DamagedFileError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +21,7 @@ def read_picture(picture: Picture) -> NDArray[np.uint8]:
     """Return the pixels (H, W, 3) uint8 RGB.
 
     Raises:
-        InputError: the file is missing or damaged.
+        DamagedFileError: the file is missing or damaged.
     """
     import numpy as np
     from PIL import Image
@@ -29,9 +30,9 @@ def read_picture(picture: Picture) -> NDArray[np.uint8]:
         with Image.open(picture.path) as file:
             pixels = np.array(file.convert("RGB"))
     except FileNotFoundError as error:
-        raise InputError(f"there is no picture {picture.path}") from error
+        raise DamagedFileError(f"there is no picture {picture.path}") from error
     except OSError as error:
-        raise InputError(f"the picture {picture.path} cannot be read: it is damaged or cut off") from error
+        raise DamagedFileError(f"the picture {picture.path} cannot be read: it is damaged or cut off") from error
     if picture.mirrored:
         pixels = pixels[:, ::-1]
     if picture.crop is not None:
@@ -55,7 +56,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         with Image.open(picture.path) as file:
             size = file.size
     except (FileNotFoundError, OSError) as error:
-        raise InputError(f"the picture {picture.path} is missing or damaged") from error
+        raise DamagedFileError(f"the picture {picture.path} is missing or damaged") from error
     if picture.crop is not None:
         size = (picture.crop[2] - picture.crop[0], picture.crop[3] - picture.crop[1])
     if frame.camera is not None and size != (frame.camera.width, frame.camera.height):

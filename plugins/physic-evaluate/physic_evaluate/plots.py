@@ -122,6 +122,8 @@ def _curve(axis: Any, records: Sequence[Record], tables: Tables) -> None:
         own = [r for r in records if r["method"] == method]
         for name, style in (("precision", "-"), ("recall", "--")):
             values = [figure(own, columns[f"{name}@{cm:g} cm"]).value for cm in CURVE_CM]
+            if all(math.isnan(value) for value in values):
+                continue  # a method without contact
             axis.plot(CURVE_CM, values, style, color=COLORS[k % len(COLORS)], label=f"{method}: {name}", marker=".")
     axis.set_xlabel("threshold of true contact, cm")
     axis.set_ylim(0, 1)

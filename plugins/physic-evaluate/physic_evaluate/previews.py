@@ -77,10 +77,7 @@ def _drawn(frame: Frame, method: Method, title: str) -> Any:
     pen = ImageDraw.Draw(page)
     for person in frame.truth().people:
         _draw(pen, person, camera.K, scale, TRUE)
-    try:
-        prediction = method.result(frame)
-    except InputError:
-        prediction = None
+    prediction = method.result_or_none(frame)
     for found in () if prediction is None else prediction.people:
         # With the true camera: what the error is in the picture.
         _draw(pen, found, camera.K, scale, PREDICTED)

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
 from physic_evaluate.pictures import picture_file
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from physic_core.batch.photos import PhotoItem
+    from physic_core.configuration.model import Config
     from physic_evaluate.contract import Frame
 
 __all__ = ["Reconstruction", "photo_item", "reconstruct"]
@@ -38,6 +40,23 @@ class Reconstruction:
     device: str = ""
     workers: int = 1
     with_camera: bool = True
+
+    def check(self) -> Config:
+        """Return the configuration of the batch.
+
+        Raises:
+            PhysicError: the configuration is invalid, or files that it needs are missing.
+        """
+        from physic_core.batch.settings import batch_config
+        from physic_core.configuration.resolve import load_checked_config, require_available, resolve
+        from physic_core.discovery.plugins import discover
+
+        registry = discover()
+        flags = {"--device": {"run": {"device": self.device}}} if self.device else {}
+        config = load_checked_config(registry, self.config, preset=self.preset, overrides=self.overrides, flags=flags)
+        config = batch_config(config, registry, cache=False)
+        require_available(resolve(config, registry))
+        return config
 
 
 def photo_item(frame: Frame, folder: Path, *, with_camera: bool = True) -> PhotoItem:
@@ -73,17 +92,10 @@ def reconstruct(
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import local_executor, plan_batch, run_batch
     from physic_core.batch.saving import Saving
-    from physic_core.batch.settings import batch_config
     from physic_core.batch.workers import WorkerSettings
-    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
-    from physic_core.discovery.plugins import discover
     from physic_core.files.atomic import check_writable
 
-    registry = discover()
-    flags = {"--device": {"run": {"device": how.device}}} if how.device else {}
-    config = load_checked_config(registry, how.config, preset=how.preset, overrides=how.overrides, flags=flags)
-    config = batch_config(config, registry, cache=False)
-    require_available(resolve(config, registry))
+    config = how.check()
     job = BatchJob(config, str(check_writable(out).resolve()), Saving("numbers"))
     failed: dict[str, str] = {}
     items = []
@@ -93,7 +105,7 @@ def reconstruct(
         except InputError as error:
             failed[frame.id] = str(error)
     plan = plan_batch(items, job)
-    report(f"{len(items)} pictures: {len(plan.todo)} to reconstruct, {plan.done} done before")
+    report(f"{counted(len(items), 'picture')}: {len(plan.todo)} to reconstruct, {plan.done} done before")
     logs = check_writable(out / "logs")
     executor = local_executor(WorkerSettings(how.workers, TIMEOUT_S, logs))
     count = 0

@@ -9,15 +9,17 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PhysicError
 from physic_evaluate.frame_of_results import check_frame, into_camera
 from physic_evaluate.score_journal import SCORES, append_scores, known_scores, rules_digest, score_digest
-from physic_evaluate.scoring import score_frame
+from physic_evaluate.scoring import base_record, score_frame
+from physic_evaluate.validation import checked_truth
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from physic_evaluate.contract import Frame, Prediction
+    from physic_evaluate.contract import Frame, Prediction, Truth
     from physic_evaluate.datasets.base import DataSet, FrameSet
     from physic_evaluate.frame_of_results import FrameCheck
     from physic_evaluate.readers.base import ResultReader
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-__all__ = ["Evaluation", "Method", "evaluate_methods"]
+__all__ = ["Evaluation", "Method", "UnexpectedError", "evaluate_methods", "require_truth"]
 
 CHECKED_FRAMES = 10
 """Frames, spread over the data set, that decide in which frame of reference results are."""
@@ -57,6 +59,40 @@ class Method:
         found = self.reader.result(frame)
         return None if found is None else into_camera(found, frame, self.assumed)
 
+    def result_or_none(self, frame: Frame) -> Prediction | None:
+        """Return the result of a frame; None too if it cannot be read, which its record has the reason of."""
+        try:
+            return self.result(frame)
+        except Exception:
+            return None
+
+
+@dataclass(frozen=True)
+class UnexpectedError:
+    """An exception that no damaged file explains: an error of this program.
+
+    Attributes:
+        where: frame, and method if there is one.
+        message: class, message and code line of the exception.
+        traceback: as text if PHYSIC_DEBUG is set, else "".
+    """
+
+    where: str
+    message: str
+    traceback: str
+
+    @classmethod
+    def of(cls, error: Exception, where: str) -> UnexpectedError:
+        """Describe an exception; the object can be pickled."""
+        from physic_core.discovery.error_text import describe_error, traceback_text
+
+        return cls(where, describe_error(error, __package__), traceback_text(error))
+
+    @property
+    def reason(self) -> str:
+        """The reason in a record."""
+        return f"unexpected error: {self.message}"
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -69,6 +105,7 @@ class Evaluation:
         records: one per annotated person and method.
         notes: sentences that the figures depend on.
         left_out: frame id -> why it is not scored.
+        errors: exceptions that are errors of this program.
     """
 
     methods: tuple[Method, ...]
@@ -77,6 +114,7 @@ class Evaluation:
     records: tuple[Record, ...]
     notes: tuple[str, ...]
     left_out: Mapping[str, str]
+    errors: tuple[UnexpectedError, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,11 +125,30 @@ class MethodScores:
         method: name.
         digest: of everything that they depend on.
         records: one per annotated person; None if the journal has them.
+        error: None unless this program failed; then the records are of people who were not found.
     """
 
     method: str
     digest: str
     records: tuple[Record, ...] | None
+    error: UnexpectedError | None = None
+
+
+@dataclass(frozen=True)
+class FrameScores:
+    """The scores of a frame.
+
+    Attributes:
+        frame: its id.
+        methods: scores of each method.
+        left_out: why the frame has none; "" if it has.
+        error: None unless this program failed on the truth.
+    """
+
+    frame: str
+    methods: tuple[MethodScores, ...] = ()
+    left_out: str = ""
+    error: UnexpectedError | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,32 +165,54 @@ class FrameScorer:
     rules: ScoringRules
     known: frozenset[str] = frozenset()
 
-    def __call__(self, frame: Frame) -> tuple[str, list[MethodScores], str]:
-        """Return the frame's id, the scores of each method, and why it has none."""
+    def __call__(self, frame: Frame) -> FrameScores:
+        """Return the scores of a frame; exceptions become reasons."""
         try:
-            truth = frame.truth()
-        except InputError as error:
-            return frame.id, [], str(error)
-        except (LookupError, TypeError, ValueError) as error:
-            return frame.id, [], f"its truth has another content than expected ({type(error).__name__}: {error})"
-        rules = rules_digest(self.rules)
-        scores: list[MethodScores] = []
-        for method in self.methods:
+            truth = checked_truth(frame)
+        except PhysicError as error:
+            return FrameScores(frame.id, left_out=str(error))
+        except Exception as error:
+            unexpected = UnexpectedError.of(error, frame.id)
+            return FrameScores(frame.id, left_out=unexpected.reason, error=unexpected)
+        return FrameScores(frame.id, tuple(self._scores(frame, truth, method) for method in self.methods))
+
+    def _scores(self, frame: Frame, truth: Truth, method: Method) -> MethodScores:
+        try:
             prediction, reason = None, method.failures.get(frame.id, "no result")
             try:
                 prediction = method.result(frame)
-            except InputError as error:
+            except PhysicError as error:
                 reason = str(error)
             reason = "" if prediction else reason
-            digest = score_digest(rules, frame, truth, prediction, method.name, reason)
+            digest = score_digest(rules_digest(self.rules), frame, truth, prediction, method.name, reason)
             if digest in self.known:
-                scores.append(MethodScores(method.name, digest, None))
-                continue
+                return MethodScores(method.name, digest, None)
             own = score_frame(frame, truth, prediction, method.name, self.rules, reason)
             if frame.group and prediction is not None and frame.camera is not None:
                 own = [record | _world_hips(record, frame) for record in own]
-            scores.append(MethodScores(method.name, digest, tuple(own)))
-        return frame.id, scores, ""
+            return MethodScores(method.name, digest, tuple(own))
+        except Exception as error:
+            unexpected = UnexpectedError.of(error, f"{frame.id} ({method.name})")
+            lost = (base_record(frame, method.name, person, unexpected.reason) for person in truth.people)
+            return MethodScores(method.name, "", tuple(record | {"has_result": False} for record in lost), unexpected)
+
+
+def require_truth(frames: Sequence[Frame], root: Path) -> None:
+    """Read truths until one can be used.
+
+    Raises:
+        InputError: no frame has one. The message has the first reason.
+    """
+    reason = ""
+    for frame in frames:
+        try:
+            checked_truth(frame)
+            return
+        except PhysicError as error:
+            reason = reason or str(error)
+        except Exception:
+            return  # scoring reports it
+    raise InputError(f"no frame of {root} can be evaluated: {reason}")
 
 
 def evaluate_methods(
@@ -166,17 +245,16 @@ def evaluate_methods(
     for method in methods:
         _require_results(found.frames, method)
     if data_set.needs_results(found):
-        results = {frame.id: _result_or_none(methods[0], frame) for frame in found.frames}
+        results = {frame.id: methods[0].result_or_none(frame) for frame in found.frames}
         found = data_set.complete(found, results, methods[0].name, root)
+    require_truth(found.frames, root)
     checks = {method.name: _check(found.frames, method) for method in methods}
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")
-    records, left_out = _all_scores(found, methods, rules, workers, out, report)
-    if not records:
-        raise InputError(f"no frame of {root} can be evaluated: {next(iter(left_out.values()))}")
+    records, left_out, errors = _all_scores(found, methods, rules, workers, out, report)
     ordered = [record for frame in found.frames for record in records.get(frame.id, ())]
     kept = tuple(frame for frame in found.frames if frame.id not in left_out)
-    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out)
+    return Evaluation(tuple(methods), kept, checks, tuple(_with_spread(ordered)), found.notes, left_out, errors)
 
 
 def _all_scores(
@@ -186,34 +264,33 @@ def _all_scores(
     workers: int,
     out: Path | None,
     report: Callable[[str], None],
-) -> tuple[dict[str, list[Record]], dict[str, str]]:
-    """Return frame id -> records, and frame id -> why it is left out; new scores are appended to the journal."""
+) -> tuple[dict[str, list[Record]], dict[str, str], tuple[UnexpectedError, ...]]:
+    """Return frame id -> records, frame id -> why it is left out, and errors; the journal gets new scores."""
     from physic_core.batch.journal import Journal
     from physic_core.files.atomic import check_writable
 
     known = {} if out is None else known_scores(out)
     scorer = FrameScorer(tuple(methods), rules, frozenset(known))
     records: dict[str, list[Record]] = {}
-    left_out, old = dict(found.left_out), 0
+    left_out, errors, old = dict(found.left_out), [], 0
     with nullcontext() if out is None else Journal(check_writable(out / SCORES) / "journal.jsonl") as journal:
-        for name, scores, problem in _scored(found.frames, scorer, workers):
-            if problem:
-                left_out[name] = problem
-            for score in scores:
+        for scores in _scored(found.frames, scorer, workers):
+            if scores.left_out:
+                left_out[scores.frame] = scores.left_out
+            errors += [entry.error for entry in (scores, *scores.methods) if entry.error is not None]
+            for score in scores.methods:
                 if score.records is None:
                     old += 1
-                elif journal is not None:
-                    append_scores(journal, name, score.method, score.digest, score.records)
+                elif journal is not None and score.error is None:
+                    append_scores(journal, scores.frame, score.method, score.digest, score.records)
                 own = known[score.digest] if score.records is None else score.records
-                records.setdefault(name, []).extend(own)
+                records.setdefault(scores.frame, []).extend(own)
     if old:
-        report(f"{old} of {len(methods) * len(found.frames)} scores are unchanged, from {SCORES}/journal.jsonl")
-    return records, left_out
+        report(f"{old} of {counted(len(methods) * len(found.frames), 'score')} unchanged, from {SCORES}/journal.jsonl")
+    return records, left_out, tuple(errors)
 
 
-def _scored(
-    frames: Sequence[Frame], scorer: FrameScorer, workers: int
-) -> Iterable[tuple[str, list[MethodScores], str]]:
+def _scored(frames: Sequence[Frame], scorer: FrameScorer, workers: int) -> Iterable[FrameScores]:
     if workers < 2 or len(frames) <= IN_PROCESS:
         yield from map(scorer, frames)
         return
@@ -221,7 +298,7 @@ def _scored(
 
     for outcome in run_in_workers(list(frames), partial(_same, scorer), WorkerSettings(workers)):
         if outcome.failure:
-            yield outcome.task.id, [], f"{outcome.failure}: {outcome.message}"
+            yield FrameScores(outcome.task.id, left_out=f"{outcome.failure}: {outcome.message}")
         else:
             yield outcome.value
 
@@ -241,15 +318,17 @@ def _require_results(frames: Sequence[Frame], method: Method) -> None:
         try:
             if method.result(frame) is not None:
                 return
-        except InputError as error:
+        except PhysicError as error:
             reason = reason or str(error)
+        except Exception:
+            return  # scoring reports it
     reason = reason or next((method.failures[frame.id] for frame in frames if frame.id in method.failures), "")
     folder = method.reader.folder
     if reason:
         raise InputError(f"no result of {method.name} in {folder} can be used; the first: {reason}")
     raise InputError(
-        f"{folder} has no result of {method.name} for any of the {len(frames)} frames, such as {frames[0].id}. The "
-        f"reader '{method.reader.name}' expects {method.reader.layout}; `physic evaluate readers` lists all readers"
+        f"{folder} has no result of {method.name} for any of {counted(len(frames), 'frame')}, such as {frames[0].id}. "
+        f"The reader '{method.reader.name}' expects {method.reader.layout}; `physic evaluate readers` lists all readers"
     )
 
 
@@ -260,9 +339,9 @@ def _check(frames: Sequence[Frame], method: Method) -> FrameCheck:
         try:
             prediction = raw.result(frame)
             if prediction is not None:
-                samples.append((frame, frame.truth(), prediction))
-        except (InputError, LookupError, TypeError, ValueError):
-            continue  # becomes a record without a result, with this reason
+                samples.append((frame, checked_truth(frame), prediction))
+        except Exception:
+            continue  # scoring reports it
         if len(samples) == CHECKED_FRAMES:
             break
     return check_frame(samples, method.name, method.assumed, forced=method.forced)
@@ -272,13 +351,6 @@ def _spread_out(frames: Sequence[Frame]) -> list[Frame]:
     """Return all frames, the first of them spread over all."""
     step = max(len(frames) // CHECKED_FRAMES, 1)
     return [frame for start in range(step) for frame in frames[start::step]]
-
-
-def _result_or_none(method: Method, frame: Frame) -> Prediction | None:
-    try:
-        return method.result(frame)
-    except InputError:
-        return None
 
 
 def _world_hips(record: Record, frame: Frame) -> Record:

@@ -56,12 +56,12 @@ def test_results_of_another_data_set_are_refused(root: Path):
     write_plain(root.parent / "other", "vicon_1/s1", joints=TRUE[None], joint_names=NAMES)
     folder = root.parent / "other"
     assert call(root, f"other=plain:{folder}", fails=True) == (
-        f"{folder} has no result of other for any of the 3 frames, such as p0. The reader 'plain' expects FRAME.npz, "
+        f"{folder} has no result of other for any of 3 frames, such as p0. The reader 'plain' expects FRAME.npz, "
         "where FRAME is the frame's id; folders of the id may be folders, _ or __; `physic evaluate readers` lists all "
         "readers"
     )
     text = call(root, f"other=mover:{results(root, 'theirs').partition(':')[2]}", fails=True)
-    assert "has no result of other for any of the 3 frames, such as p0. The reader 'mover' expects SEQUENCE/" in text
+    assert "has no result of other for any of 3 frames, such as p0. The reader 'mover' expects SEQUENCE/" in text
 
 
 def test_a_reader_that_there_is_not(root: Path):
@@ -71,7 +71,7 @@ def test_a_reader_that_there_is_not(root: Path):
 
 def test_missing_frames_are_counted_and_named(root: Path):
     text = call(root, results(root, "one"), results(root, "two", (0, 1), 0.05))
-    assert "two: 1 of 3 frames have no result: p2 (no result)\n" in text
+    assert "two: 1 of 3 frames without a result: p2 (no result)\n" in text
     assert "not over the same people: MPJPE, mm is over 3 of one, 2 of two; compare these methods by the" in text
     assert "Difference from one, on people whom both measure, in frames that both have\n" in text
     assert "frames in common" in text
@@ -98,14 +98,14 @@ def _one_name(a: dict[str, Any]) -> None:
         (lambda a: a.update(K=np.full((3, 3), np.nan)), "{file}: the camera K has values that are not finite"),
         (
             lambda a: a.update(contact=np.full((1, 9), np.nan)),
-            "{file}: the contact of person 0 has values that are not",
+            "{file}: the contact has values that are not finite",
         ),
         (_one_name, "{file}: person 0 has 12 joints, but 5 names of joints"),
         (lambda a: a.update(boxes=np.zeros((2, 4))), "{file}: 'joints' is of 1 people and 'boxes' of 2"),
         (lambda a: a.update(joints=TRUE), "{file}: the joints of person 0 must have the shape (n, 3), got (3,)"),
         (
             lambda a: a.update(joints=np.array([["a"]])),
-            "{file} does not have the content that the reader 'plain' expects",
+            "{file}: 'joints' holds no numbers",
         ),
         (lambda a: a.update(vertices=np.full((1, 9, 3), np.nan)), "9 of the 9 vertices of the body in {file} are not"),
     ],
@@ -118,7 +118,7 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
     write_plain(root.parent / "theirs", "p1", **arrays)
     text = call(root, theirs)
     file = root.parent / "theirs" / "p1.npz"
-    assert f"theirs: 1 of 3 frames have no result: p1 ({reason.format(file=file)}" in text
+    assert f"theirs: 1 of 3 frames without a result: p1 ({reason.format(file=file)}" in text
     assert figures(root.parent / "out", "theirs")["me_mpjpe"] == pytest.approx(0, abs=1e-9)
 
 

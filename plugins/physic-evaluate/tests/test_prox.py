@@ -138,7 +138,7 @@ def test_damaged_frames_are_left_out_with_their_reason(mini: Miniature, files: F
     assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
     assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"
     assert "(millimetres?)" in left_out[names[2]]
-    assert "3 frames are left out" in (tmp_path / "out" / "table.txt").read_text()
+    assert "3 frames left out" in (tmp_path / "out" / "table.txt").read_text()
 
 
 def test_what_is_missing_is_said_at_once(mini: Miniature, tmp_path: Path):

@@ -40,7 +40,7 @@ def call(root: Path, *more: str) -> str:
 
 
 def unchanged(count: int, total: int = 3) -> str:
-    return f"{count} of {total} scores are unchanged, from scores/journal.jsonl\n"
+    return f"{count} of {total} scores unchanged, from scores/journal.jsonl\n"
 
 
 def document(root: Path) -> dict:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
+
+from physic_core.errors import InputError
+from physic_evaluate.damage import DamagedFileError
 
 if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
@@ -14,7 +18,7 @@ if TYPE_CHECKING:
     from physic_evaluate.contract import Frame, Prediction
     from physic_evaluate.run import Evaluation
 
-__all__ = ["DataSet", "Description", "FrameSet", "Source", "option"]
+__all__ = ["DataSet", "Description", "FrameSet", "Source", "listed_frames", "missing_files", "option", "read_json"]
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,34 @@ class DataSet(ABC):
     def needs_results(self, found: FrameSet) -> bool:
         """Return whether :meth:`complete` changes anything."""
         return False
+
+
+def listed_frames(file: str) -> list[str]:
+    """Return the names of a list of frames, one per line; "#" begins a comment.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        lines = Path(file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"the list of frames {file} cannot be read") from error
+    names = [line.split("#")[0].strip().strip("/") for line in lines]
+    return list(dict.fromkeys(name for name in names if name))
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        DamagedFileError: it cannot be read, or is no JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DamagedFileError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise DamagedFileError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
 
 
 def missing_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:

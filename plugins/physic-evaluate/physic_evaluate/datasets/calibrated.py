@@ -17,6 +17,7 @@ from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
 from physic_evaluate.joints import LIMB_JOINTS, full_names, is_upright, limb_joints
 from physic_evaluate.triangulation import match_views, visible_joints
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -154,9 +155,8 @@ class Calibrated(DataSet):
             people = tuple(person.joints for person in match_views(cameras, keypoints))
             total += len(people)
             frames += [replace(f, truth=partial(_with_people, f.truth, f.camera, people)) for f in views]
-        notes.append(
-            f"the joints of {total} people are triangulated from the 2D keypoints of {method}: no independent truth"
-        )
+        who = counted(total, "person", "people")
+        notes.append(f"joints of {who} are triangulated from 2D keypoints of {method}: no independent truth")
         return FrameSet(tuple(frames), tuple(notes), found.left_out)
 
 

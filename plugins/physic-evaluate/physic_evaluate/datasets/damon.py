@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
+from physic_evaluate.damage import DamagedFileError, as_numbers
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
 
 if TYPE_CHECKING:
@@ -88,6 +88,8 @@ class Damon(DataSet):
 
     def check(self, root: Path, options: DamonOptions, *, pictures: bool = True) -> list[str]:
         """Return the missing files."""
+        if options.every < 1:
+            return [f"--every is at least 1 (got {options.every})"]
         if options.mesh not in LABELS:
             return [f"--mesh is smpl or smplx (got '{options.mesh}')"]
         file = _labels_file(root, options)
@@ -106,19 +108,23 @@ class Damon(DataSet):
         assert file is not None
         names = _names(file)
         key, count = LABELS[options.mesh]
-        contact = _array(file, key)
+        contact = as_numbers(_array(file, key), f"{file}: '{key}'")
         if contact.shape != (len(names), count):
-            raise InputError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
-        frames = []
+            raise DamagedFileError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
+        known = np.isfinite(contact).all(axis=1)
+        frames, left_out = [], {}
         for row in range(0, len(names), options.every):
             name, picture = names[row], _picture(root, names[row])
             identifier = Path(name).with_suffix("").as_posix().lstrip("/")
+            if not known[row]:
+                left_out[identifier] = f"{file}: '{key}' of {name} has values that are not finite"
+                continue
             load = partial(_truth, contact[row] >= 0.5, options.mesh)
             labels = {"image": name}
             frames.append(Frame(identifier, identifier, load, None, Picture(picture) if picture else None, labels))
         if len({frame.id for frame in frames}) < len(frames):
-            raise InputError(f"{file} names a photo twice")
-        return FrameSet(tuple(frames))
+            raise DamagedFileError(f"{file} names a photo twice")
+        return FrameSet(tuple(frames), (), left_out)
 
     def write_more(self, evaluation: Evaluation, out: Path, carrier: Carrier) -> list[Path]:
         """Write the submission file of each method."""
@@ -141,10 +147,7 @@ def write_submission(evaluation: Evaluation, method: str, out: Path, carrier: Ca
     document: dict[str, dict[str, list[int]]] = {}
     for frame in evaluation.frames:
         contact = np.zeros(LABELS["smpl"][1], bool)
-        try:
-            prediction = chosen.result(frame)
-        except InputError:
-            prediction = None
+        prediction = chosen.result_or_none(frame)
         if prediction is not None and prediction.people and prediction.people[0].contact is not None:
             person = prediction.people[0]
             carried = carrier.contact(np.asarray(person.contact), person.contact_topology or person.topology, "smpl")
@@ -177,30 +180,33 @@ def _picture(root: Path, name: str) -> Path | None:
 
 
 def _names(file: Path) -> list[str]:
-    return [str(name) for name in _array(file, "imgname")]
+    names = _array(file, "imgname")
+    if names.ndim != 1 or names.dtype.kind not in "US":
+        raise DamagedFileError(f"{file}: 'imgname' must be a list of texts, got {names.shape} of {names.dtype}")
+    return [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in names.tolist()]
 
 
 def _array(file: Path, name: str) -> Any:
     """Return one array: the others of the published file are Python objects, which are not read.
 
     Raises:
-        InputError: it is missing, damaged or a Python object.
+        DamagedFileError: it is missing, damaged or a Python object.
     """
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             return arrays[name]
     except KeyError as error:
-        raise InputError(f"{file} has no '{name}'") from error
+        raise DamagedFileError(f"{file} has no '{name}'") from error
     except ValueError as error:
         if "pickle" not in str(error):
-            raise InputError(f"{file} cannot be read: {error}") from error
+            raise DamagedFileError(f"{file} cannot be read: {error}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise InputError(f"{file} cannot be read: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{file} cannot be read: it is damaged or cut off, copy it again") from error
     return _texts_of_pickled_array(file, name)
 
 
 def _texts_of_pickled_array(file: Path, name: str) -> Any:
-    raise InputError(
+    raise DamagedFileError(
         f"{file}: '{name}' is an array of Python objects, which can run code and is not read; save it anew: "
         f"np.savez(NEW, **{{key: np.array(list(old[key])) for key in {json.dumps(['imgname', 'contact_label'])}}})"
     )

@@ -12,8 +12,19 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
+from physic_evaluate.damage import (
+    DamagedFileError,
+    finite_number,
+    gender_of,
+    naming,
+    number_array,
+    number_row,
+    require_finite,
+    require_rotation,
+    table,
+)
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, missing_files, option
-from physic_evaluate.pickled import cached_pickle, number_array
+from physic_evaluate.pickled import cached_pickle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,13 +118,17 @@ def _sequence(file: Path, name: str, options: EmdbOptions, bodies: BodyFiles) ->
     """Return the frames of a sequence, none if it is not of the part that is evaluated.
 
     Raises:
-        InputError: the pickle is damaged, or its bodies do not project onto its own 2D joints.
+        DamagedFileError: the pickle is damaged, or its bodies do not project onto its own 2D joints.
+        InputError: a model file is missing.
     """
     values = cached_pickle(file, file.stat().st_mtime_ns)
-    if options.part != "all" and not bool(np.asarray(values.get(f"emdb{options.part}", False))):
+    if options.part != "all" and not finite_number(values, f"emdb{options.part}", file):
         return []
-    count = int(np.asarray(values.get("n_frames", 0)))
-    good = np.asarray(values.get("good_frames_mask", np.ones(count, bool)), bool).reshape(-1)
+    count = int(finite_number(values, "n_frames", file))
+    good = np.ones(count, bool)
+    if "good_frames_mask" in values:
+        mask = number_array(values, "good_frames_mask", file, (count,))
+        good = require_finite(mask, f"{file}: 'good_frames_mask'") > 0
     numbers = np.flatnonzero(good)[:: options.every].tolist()
     frames = []
     for number in numbers:
@@ -134,15 +149,17 @@ def _sequence(file: Path, name: str, options: EmdbOptions, bodies: BodyFiles) ->
 
 def _require_projection(values: dict[str, Any], number: int, frame: Frame, file: Path) -> None:
     from physic_evaluate.projection import project
+    from physic_evaluate.validation import checked_truth
 
-    joints = frame.truth().people[0].joints
+    joints = checked_truth(frame).people[0].joints
     assert joints is not None
     assert frame.camera is not None
     own = project(joints, frame.camera.K)
-    given = number_array(values, "kp2d", file, (-1, len(joints), 2))[number]
-    apart = float(np.nanmedian(np.linalg.norm(own - given, axis=1))) if np.isfinite(own).any() else float("inf")
+    given = number_row(values, "kp2d", file, (len(joints), 2), number)
+    away = np.linalg.norm(own - given, axis=1)
+    apart = float(np.nanmedian(away)) if np.isfinite(away).any() else float("inf")
     if apart > MAX_JOINT_ERROR_PX:
-        raise InputError(
+        raise DamagedFileError(
             f"{file}: the joints of frame {number} project {apart:.0f} px from the sequence's own 2D joints: the "
             "extrinsics are read as world to camera, and the model file as SMPL of the sequence's gender"
         )
@@ -150,17 +167,15 @@ def _require_projection(values: dict[str, Any], number: int, frame: Frame, file:
 
 def _truth(file: Path, number: int, bodies: BodyFiles) -> Truth:
     values = cached_pickle(file, file.stat().st_mtime_ns)
-    smpl = values.get("smpl")
-    if not isinstance(smpl, dict):
-        raise InputError(f"{file} has no 'smpl'")
-    gender = values.get("gender", "neutral")
+    smpl = table(values, "smpl", file)
     parameters = {
-        "global_orient": number_array(smpl, "poses_root", file, (-1, 3))[number],
-        "body_pose": number_array(smpl, "poses_body", file, (-1, 69))[number],
+        "global_orient": number_row(smpl, "poses_root", file, (3,), number),
+        "body_pose": number_row(smpl, "poses_body", file, (69,), number),
         "betas": number_array(smpl, "betas", file).reshape(-1)[:10],
-        "transl": number_array(smpl, "trans", file, (-1, 3))[number],
+        "transl": number_row(smpl, "trans", file, (3,), number),
     }
-    body = bodies.smpl_body(parameters, gender if isinstance(gender, str) else "neutral")
+    with naming(file):
+        body = bodies.smpl_body(parameters, gender_of(values, file))
     camera = _camera(values, number, file)
     person = TruePerson(
         joints=camera.in_camera(body.joints),
@@ -174,14 +189,14 @@ def _truth(file: Path, number: int, bodies: BodyFiles) -> Truth:
 
 
 def _camera(values: dict[str, Any], number: int, file: Path) -> Camera:
-    record = values.get("camera")
-    if not isinstance(record, dict):
-        raise InputError(f"{file} has no 'camera'")
-    moved = number_array(record, "extrinsics", file, (-1, 4, 4))[number]
-    size = [int(np.asarray(record.get(name, 0))) for name in ("width", "height")]
-    if not all(size):
-        raise InputError(f"{file}: the camera has no width and height")
-    return Camera(number_array(record, "intrinsics", file, (3, 3)), size[0], size[1], moved[:3, :3], moved[:3, 3])
+    record = table(values, "camera", file)
+    moved = require_finite(number_row(record, "extrinsics", file, (4, 4), number), f"{file}: 'extrinsics'")
+    require_rotation(moved[:3, :3], f"{file}: the rotation of 'extrinsics' of frame {number}")
+    width, height = (int(finite_number(record, name, file)) for name in ("width", "height"))
+    K = require_finite(number_array(record, "intrinsics", file, (3, 3)), f"{file}: 'intrinsics'")
+    if not (width > 0 and height > 0 and K[0, 0] > 0 and K[1, 1] > 0):
+        raise DamagedFileError(f"{file}: the camera has no positive width, height and focal lengths")
+    return Camera(K, width, height, moved[:3, :3], moved[:3, 3])
 
 
 DATA_SET = Emdb()

@@ -7,11 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, TruePerson, Truth
+from physic_evaluate.damage import DamagedFileError, naming, number_array, require_finite
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
 from physic_evaluate.readers.base import archive_arrays
 from physic_evaluate.readers.physic_release import people_of_release
@@ -87,9 +86,9 @@ class PhysicReleaseSet(DataSet):
         frames, left_out = [], {}
         for name, file in list(_files(root).items())[:: options.every]:
             try:
-                K = np.asarray(archive_arrays(file).get("K"), np.float64).reshape(3, 3)
-            except (InputError, ValueError, TypeError) as error:
-                left_out[name] = str(error) if isinstance(error, InputError) else f"{file} has no 'K'"
+                K = require_finite(number_array(archive_arrays(file), "K", file, (3, 3)), f"{file}: 'K'")
+            except DamagedFileError as error:
+                left_out[name] = str(error)
                 continue
             camera = Camera(K, max(round(2 * K[0, 2]), 1), max(round(2 * K[1, 2]), 1))
             frames.append(Frame(name, name.rpartition("/")[0] or name, partial(_truth, file, bodies), camera))
@@ -97,7 +96,8 @@ class PhysicReleaseSet(DataSet):
 
 
 def _truth(file: Path, bodies: BodyFiles) -> Truth:
-    people = people_of_release(archive_arrays(file), "final", file, bodies)
+    with naming(file):
+        people = people_of_release(archive_arrays(file), "final", file, bodies)
     return Truth(
         tuple(
             TruePerson(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -14,10 +13,29 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Picture, Surface, TruePerson, Truth
-from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, missing_files, option
+from physic_evaluate.damage import (
+    DamagedFileError,
+    as_numbers,
+    item,
+    naming,
+    number_array,
+    require_finite,
+    require_rotation,
+)
+from physic_evaluate.datasets.base import (
+    DataSet,
+    Description,
+    FrameSet,
+    Source,
+    listed_frames,
+    missing_files,
+    option,
+    read_json,
+)
 from physic_evaluate.meshes import read_mesh, require_metres, scene_mesh
 from physic_evaluate.pickled import pickled_arrays
 from physic_evaluate.projection import box_iou, box_of_points, project
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -131,7 +149,7 @@ class Prox(DataSet):
 
     def frames(self, root: Path, options: ProxOptions, bodies: BodyFiles) -> FrameSet:
         """Return the frames, after the decision about the meshes and the check of the model file."""
-        names = _listed(Path(options.frames)) if options.frames else _all(root)[:: options.every]
+        names = _listed(options) if options.frames else _all(root)[:: options.every]
         camera = _camera(root)
         chosen, note = options.mesh_frame, f"meshes are in the frame '{options.mesh_frame}', as you chose"
         if chosen == "auto":
@@ -163,7 +181,7 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
     for name in names[:: max(len(names) // 10, 1)][:10]:
         try:
             keypoints, vertices = _keypoints(root, name), _mesh(root, name).vertices
-        except InputError as error:
+        except DamagedFileError as error:
             reason = reason or f" ({error})"
             continue  # the frame is left out with this reason when it is scored
         if keypoints is None or box_of_points(keypoints) is None:
@@ -185,14 +203,14 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
         why = "none fits" if overlap[ranked[0]] < MIN_OVERLAP else "two fit alike"
         raise InputError(
             f"it cannot be decided in which frame the meshes of {root} are: {why} (median overlap of the projected "
-            f"mesh with the keypoints over {count} frames: {numbers}). Check calibration/Color.json, "
+            f"mesh with the keypoints over {counted(count, 'frame')}: {numbers}). Check calibration/Color.json, "
             "cam2world/vicon.json and vicon2scene.json, or give --mesh-frame"
         )
     kind = ranked[0]
     mirrored = median(found[kind, True]) > median(found[kind, False])
     return kind, (
         f"meshes are in the frame '{kind}': median overlap with the keypoints{' (mirrored)' if mirrored else ''} over "
-        f"{count} frames: {numbers}"
+        f"{counted(count, 'frame')}: {numbers}"
     )
 
 
@@ -224,7 +242,8 @@ def _joints(
     file = _parameter_file(root, name)
     if file.is_file():
         # Parameters are in the frame of the meshes, which _model_note has checked.
-        body = bodies.smplx_body(pickled_arrays(file), "male")
+        with naming(file):
+            body = bodies.smplx_body(pickled_arrays(file), "male")
         return _to_camera(root, body.joints, kind), body.names, "posed SMPL-X"
     found = bodies.regressed_joints(vertices, "smplx", "male")
     if found is None:
@@ -240,16 +259,18 @@ def _model_note(root: Path, names: list[str], bodies: BodyFiles, kind: str) -> s
     """
     if not bodies.has("smplx"):
         return "no joints: they need the SMPL-X model file (--smplx)"
+    damaged = ""
     for name in names:
         file = _parameter_file(root, name)
         if not file.is_file():
             continue
         try:
             mesh = _mesh(root, name).vertices
-            parameters = pickled_arrays(file)
-        except InputError:
-            continue
-        body = bodies.smplx_body(parameters, "male")
+            with naming(file):
+                body = bodies.smplx_body(pickled_arrays(file), "male")
+        except DamagedFileError as error:
+            damaged = damaged or str(error)
+            continue  # the frame is left out with this reason when it is scored
         apart = float(np.linalg.norm(mesh - body.vertices, axis=1).mean())
         if apart > MAX_MODEL_ERROR_M:
             raise InputError(
@@ -258,6 +279,8 @@ def _model_note(root: Path, names: list[str], bodies: BodyFiles, kind: str) -> s
                 "SMPLX_MALE.npz, or that file"
             )
         return f"joints are posed by {bodies.file('smplx', 'male').name}, {1000 * apart:.1f} mm from the mesh"
+    if damaged:
+        return f"joints are not checked: no frame has both a mesh and parameters that can be read; the first: {damaged}"
     return "joints are an approximation: the joint regressor on the meshes, since there are no parameters"
 
 
@@ -276,17 +299,12 @@ def _without_mesh(root: Path) -> dict[str, str]:
     }
 
 
-def _listed(file: Path) -> list[str]:
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the list of frames {file} cannot be read") from error
-    names = [line.split("#")[0].strip().strip("/").removesuffix(".jpg") for line in lines]
-    return list(dict.fromkeys(name for name in names if name))
+def _listed(options: ProxOptions) -> list[str]:
+    return [name.removesuffix(".jpg") for name in listed_frames(options.frames)]
 
 
 def _not_there(root: Path, options: ProxOptions) -> Iterator[str]:
-    for name in _listed(Path(options.frames)):
+    for name in _listed(options):
         if not _mesh_file(root, name).is_file():
             yield str(_mesh_file(root, name))
 
@@ -295,11 +313,11 @@ def _mesh(root: Path, name: str) -> Surface:
     """Return the mesh of a frame in the file's frame of reference.
 
     Raises:
-        InputError: it is damaged, no SMPL-X mesh, or not in metres.
+        DamagedFileError: it is damaged, no SMPL-X mesh, or not in metres.
     """
     mesh = read_mesh(_mesh_file(root, name))
     if len(mesh.vertices) != NUM_VERTICES:
-        raise InputError(
+        raise DamagedFileError(
             f"{_mesh_file(root, name)} has {len(mesh.vertices)} vertices, where SMPL-X has {NUM_VERTICES}"
             f"{' (6890 is SMPL)' if len(mesh.vertices) == 6890 else ''}"
         )
@@ -318,15 +336,22 @@ def _parameter_file(root: Path, name: str) -> Path:
 
 
 def _keypoints(root: Path, name: str) -> Array | None:
-    """Return the confident keypoints (n, 2) px of the first person of OpenPose."""
+    """Return the confident keypoints (n, 2) px of the first person of OpenPose; None without.
+
+    Raises:
+        DamagedFileError: the file has another content.
+    """
     recording, _, frame = name.partition("/")
     file = root / "keypoints" / recording / f"{frame}_keypoints.json"
     if not file.is_file():
         return None
-    people = _json(file).get("people", [])
+    document = read_json(file)
+    people = item(document, "people", file) if isinstance(document, dict) else None
+    if not isinstance(people, list) or not all(isinstance(person, dict) for person in people):
+        raise DamagedFileError(f"{file} has no list of 'people'")
     if not people:
         return None
-    points = np.array(people[0]["pose_keypoints_2d"], np.float64).reshape(-1, 3)
+    points = number_array(people[0], "pose_keypoints_2d", file, (-1, 3))
     found: Array = points[points[:, 2] > 0.2, :2]
     return found if len(found) >= 5 else None
 
@@ -343,13 +368,19 @@ def _to_camera(root: Path, points: Array, kind: str) -> Array:
 
 
 def _camera(root: Path) -> Camera:
-    record = _json(root / "calibration" / "Color.json")
-    if not isinstance(record, dict) or np.shape(record.get("camera_mtx", ())) != (3, 3):
-        raise InputError(f"{root / 'calibration' / 'Color.json'} has no 'camera_mtx' of 3 x 3 numbers")
-    lens = [float(v) for v in np.ravel(record.get("k", [0.0] * 5))][:5]
+    file = root / "calibration" / "Color.json"
+    record = read_json(file)
+    if not isinstance(record, dict) or "camera_mtx" not in record:
+        raise DamagedFileError(f"{file} has no 'camera_mtx' of 3 x 3 numbers")
+    K = require_finite(number_array(record, "camera_mtx", file, (3, 3)), f"{file}: 'camera_mtx'")
+    if not (K[0, 0] > 0 and K[1, 1] > 0):
+        raise DamagedFileError(f"{file}: 'camera_mtx' has focal lengths {K[0, 0]:g} and {K[1, 1]:g} px")
+    lens = [
+        float(v) for v in require_finite(as_numbers(record.get("k", [0.0] * 5), f"{file}: 'k'"), f"{file}: 'k'").ravel()
+    ]
+    lens = lens[:5]
     k1, k2, p1, p2, k3 = [*lens, *[0.0] * (5 - len(lens))]
     to_camera = np.asarray(np.linalg.inv(_transform(root / "cam2world" / "vicon.json")), np.float64)
-    K = np.array(record["camera_mtx"], np.float64)
     return Camera(K, *_size(root), to_camera[:3, :3], to_camera[:3, 3], (k1, k2, p1, p2, k3))
 
 
@@ -371,24 +402,15 @@ def _transform(path: Path) -> Array:
     """Return a rigid transform (4, 4).
 
     Raises:
-        InputError: it is not rigid: scaled (millimetres), or a mirror image.
+        DamagedFileError: it is not rigid: scaled (millimetres), or a mirror image.
     """
-    matrix = np.array(_json(path), np.float64)
+    matrix = as_numbers(read_json(path), str(path))
     if matrix.shape != (4, 4):
-        raise InputError(f"{path} must be a 4 x 4 matrix, got {matrix.shape}")
-    rotation = matrix[:3, :3]
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2 or np.linalg.det(rotation) < 0:
-        raise InputError(f"{path} is no rigid transform: its rotation is scaled or a mirror image")
-    if np.abs(matrix[:3, 3]).max() > 100:
-        raise InputError(f"{path} moves by {np.abs(matrix[:3, 3]).max():.0f} m: lengths must be metres")
+        raise DamagedFileError(f"{path} must be a 4 x 4 matrix, got {matrix.shape}")
+    require_rotation(matrix[:3, :3], f"the rotation of {path}")
+    if not np.abs(matrix[:3, 3]).max() <= 100:
+        raise DamagedFileError(f"{path} moves by {np.abs(matrix[:3, 3]).max():.0f} m: lengths must be metres")
     return matrix
-
-
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
 
 
 DATA_SET = Prox()

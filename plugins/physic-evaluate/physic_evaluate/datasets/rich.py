@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -15,9 +14,19 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Picture, Surface, TruePerson, Truth
-from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, missing_files, option
+from physic_evaluate.damage import GENDERS, DamagedFileError, naming, number_array, require_finite, require_rotation
+from physic_evaluate.datasets.base import (
+    DataSet,
+    Description,
+    FrameSet,
+    Source,
+    listed_frames,
+    missing_files,
+    option,
+    read_json,
+)
 from physic_evaluate.meshes import read_vertex_colours, scene_mesh
-from physic_evaluate.pickled import number_array, pickled_arrays
+from physic_evaluate.pickled import pickled_arrays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +36,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = ["DATA_SET", "Rich", "RichOptions"]
+
+MAX_RANGE_M = 100.0
+"""From camera 0 to another one."""
 
 GREEN = (0, 255, 0, 255)
 SUFFIXES = ("jpeg", "jpg", "png", "bmp")
@@ -119,7 +131,7 @@ class Rich(DataSet):
         """Return the pictures."""
         if not bodies.has("smplx"):
             raise InputError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
-        names = _listed(options.frames) if options.frames else _all(root, options.split)[:: options.every]
+        names = listed_frames(options.frames) if options.frames else _all(root, options.split)[:: options.every]
         frames, left_out = [], {}
         for name in names:
             try:
@@ -152,14 +164,14 @@ def _frame(root: Path, name: str, options: RichOptions, bodies: BodyFiles) -> Fr
 
 
 def _truth(root: Path, sequence: str, number: str, camera: Camera, options: RichOptions, bodies: BodyFiles) -> Truth:
-    genders = {str(int(key)): str(value) for key, value in _json(root / "resource" / "gender.json").items()}
+    genders = _genders(root / "resource" / "gender.json")
     people = []
     for file in sorted((root / "bodies" / options.split / sequence / number).glob("*.pkl")):
         gender = genders.get(str(int(file.stem)) if file.stem.isdecimal() else file.stem)
         if gender is None:
-            raise InputError(f"{root / 'resource' / 'gender.json'} has no subject {file.stem}")
-        parameters = pickled_arrays(file)
-        body = bodies.smplx_body(parameters, gender)
+            raise DamagedFileError(f"{root / 'resource' / 'gender.json'} has no subject {file.stem}")
+        with naming(file):
+            body = bodies.smplx_body(pickled_arrays(file), gender)
         contact, mesh = _contact(root, file, sequence, number, options)
         people.append(
             TruePerson(
@@ -177,6 +189,19 @@ def _truth(root: Path, sequence: str, number: str, camera: Camera, options: Rich
     return Truth(tuple(people), scene=_scan(root / "scan_calibration" / _scene_name(root, sequence)))
 
 
+@lru_cache(maxsize=2)
+def _genders(file: Path) -> dict[str, str]:
+    """Return subject (without leading zeros) -> gender.
+
+    Raises:
+        DamagedFileError: the file has another content.
+    """
+    found = read_json(file)
+    if not isinstance(found, dict) or not all(value in GENDERS for value in found.values()):
+        raise DamagedFileError(f"{file} must be an object of subjects, each of them one of {', '.join(GENDERS)}")
+    return {str(int(key)) if key.isdecimal() else key: value for key, value in found.items()}
+
+
 def _contact(
     root: Path, body: Path, sequence: str, number: str, options: RichOptions
 ) -> tuple[NDArray[np.bool_] | None, str]:
@@ -188,10 +213,13 @@ def _contact(
         file = file.with_suffix(".obj")
         found = (read_vertex_colours(file) == GREEN).all(1)
     else:
-        found = number_array(pickled_arrays(file), "contact", file).reshape(-1) > 0
+        values = number_array(pickled_arrays(file), "contact", file).reshape(-1)
+        found = require_finite(values, f"{file}: 'contact'") > 0
     wanted = 6890 if options.contact == "smpl" else 10475
     if len(found) != wanted:
-        raise InputError(f"{file} has contact of {len(found)} vertices, where {options.contact.upper()} has {wanted}")
+        raise DamagedFileError(
+            f"{file} has contact of {len(found)} vertices, where {options.contact.upper()} has {wanted}"
+        )
     return found, options.contact
 
 
@@ -204,13 +232,18 @@ def _scan(folder: Path) -> Surface | None:
 def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
     file = root / "scan_calibration" / scene / "calibration" / f"{view:03d}.xml"
     if not file.is_file():
-        raise InputError(f"camera {view} of {scene} has no calibration: there is no file {file}")
+        raise DamagedFileError(f"camera {view} of {scene} has no calibration: there is no file {file}")
     K, extrinsics = _matrix(file, "Intrinsics", (3, 3)), _matrix(file, "CameraMatrix", (3, 4))
-    k1, k2 = _matrix(file, "Distortion", None).reshape(-1)[:2]
-    rotation = extrinsics[:, :3]
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-2:
-        raise InputError(f"{file}: CameraMatrix holds no rotation")
+    lens = _matrix(file, "Distortion", None)
+    if len(lens) < 2:
+        raise DamagedFileError(f"{file}: Distortion must have 2 numbers or more, got {len(lens)}")
+    k1, k2 = lens[:2]
+    rotation = require_rotation(extrinsics[:, :3], f"{file}: the rotation of CameraMatrix")
+    if np.abs(extrinsics[:, 3]).max() > MAX_RANGE_M:
+        raise DamagedFileError(f"{file}: the camera is {np.abs(extrinsics[:, 3]).max():.0f} m away: it must be metres")
     width, height = round(2 * K[0, 2]), round(2 * K[1, 2])
+    if not (K[0, 0] > 0 and K[1, 1] > 0 and width > 0 and height > 0):
+        raise DamagedFileError(f"{file}: Intrinsics has no positive focal lengths and principal point")
     if picture is not None:
         from PIL import Image
 
@@ -218,9 +251,14 @@ def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
             with Image.open(picture) as opened:
                 size = opened.size
         except OSError as error:
-            raise InputError(f"the picture {picture} cannot be read: it is damaged or cut off") from error
+            raise DamagedFileError(f"the picture {picture} cannot be read: it is damaged or cut off") from error
         # Pictures may have been made smaller by a half or a quarter: the calibration is for the full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
+        if not all(0.8 < factor * full / own < 1.25 for own, full in zip(size, (width, height), strict=True)):
+            raise DamagedFileError(
+                f"the picture {picture} has {size[0]} x {size[1]} px, but the principal point of {file} is the middle "
+                f"of {width} x {height} px: a picture has that size, or a half or a quarter of it"
+            )
         K = K.copy()
         K[:2] *= factor
         width, height = size
@@ -230,13 +268,17 @@ def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
 def _matrix(file: Path, name: str, shape: tuple[int, int] | None) -> Array:
     try:
         node = ElementTree.parse(file).find(f"./{name}/data")
-    except ElementTree.ParseError as error:
-        raise InputError(f"{file} is not valid XML: it is damaged or cut off") from error
+    except (ElementTree.ParseError, OSError, ValueError) as error:
+        raise DamagedFileError(f"{file} is not valid XML: it is damaged or cut off") from error
     if node is None or not node.text:
-        raise InputError(f"{file} has no {name}/data")
-    values = np.array([float(part) for part in node.text.split()])
+        raise DamagedFileError(f"{file} has no {name}/data")
+    try:
+        values = np.array([float(part) for part in node.text.split()])
+    except ValueError as error:
+        raise DamagedFileError(f"{file}: {name} holds no numbers") from error
+    require_finite(values, f"{file}: {name}")
     if shape is not None and values.size != shape[0] * shape[1]:
-        raise InputError(f"{file}: {name} must have {shape[0]} x {shape[1]} numbers, got {values.size}")
+        raise DamagedFileError(f"{file}: {name} must have {shape[0]} x {shape[1]} numbers, got {values.size}")
     found: Array = values if shape is None else values.reshape(shape)
     return found
 
@@ -257,7 +299,7 @@ def _all(root: Path, split: str) -> list[str]:
     for folder in sorted((root / "bodies" / split).glob("*/*")):
         sequence, number = folder.parent.name, folder.name
         calibrated = (root / "scan_calibration" / _scene_name(root, sequence) / "calibration").glob("*.xml")
-        views = sorted(int(path.stem) for path in calibrated)
+        views = sorted(int(path.stem) for path in calibrated if path.stem.isdecimal())
         shown = [v for v in views if _picture(root, split, sequence, number, v) is not None]
         names += [f"{sequence}/{number}/{view}" for view in (shown or views)]
     return names
@@ -271,23 +313,6 @@ def _picture(root: Path, split: str, sequence: str, number: str, view: int) -> P
             if path.is_file():
                 return path
     return None
-
-
-def _listed(file: str) -> list[str]:
-    try:
-        lines = Path(file).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the list of frames {file} cannot be read") from error
-    names = [line.split("#")[0].strip().strip("/") for line in lines]
-    return list(dict.fromkeys(name for name in names if name))
-
-
-@lru_cache(maxsize=2)
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
 
 
 DATA_SET = Rich()

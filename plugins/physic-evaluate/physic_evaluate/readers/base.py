@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.bodies import SMPL_NAMES, BodyFiles, PosedBody
 from physic_evaluate.contract import PredictedPerson
+from physic_evaluate.damage import DamagedFileError, as_numbers, naming, require_finite
+from physic_evaluate.validation import check_prediction
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["ResultReader", "archive_arrays", "file_names", "first_file", "person_of_body", "person_of_vertices"]
+__all__ = [
+    "ResultReader",
+    "archive_arrays",
+    "contact_of",
+    "file_names",
+    "first_file",
+    "person_of_body",
+    "person_of_vertices",
+]
 
 
 @dataclass(frozen=True)
@@ -52,44 +61,24 @@ class ResultReader(ABC):
         """Read a result.
 
         Raises:
-            InputError: it is damaged, or a body model file is missing.
+            DamagedFileError: it is damaged.
+            InputError: a body model file is missing.
         """
 
     def result(self, frame: Frame) -> Prediction | None:
         """Return the result of a frame, or None if there is none.
 
         Raises:
-            InputError: it is damaged, or its arrays do not fit together.
+            DamagedFileError: it is damaged, or its arrays do not fit together.
+            InputError: a body model file is missing.
         """
         path = self.locate(frame)
         if path is None:
             return None
-        try:
+        with naming(path):
             found = self.read(path, frame)
-        except (LookupError, TypeError, ValueError) as error:
-            what = f"{type(error).__name__}: {error}"
-            raise InputError(
-                f"{path} does not have the content that the reader '{self.name}' expects ({what})"
-            ) from error
-        return _checked(found, path)
-
-
-def _checked(found: Prediction, path: Path) -> Prediction:
-    """Refuse what would make figures NaN; joints may be NaN where a method has none."""
-    if found.K is not None and not np.isfinite(found.K).all():
-        raise InputError(f"{path}: the camera K has values that are not finite")
-    for row, person in enumerate(found.people):
-        for what, points in (("vertices", person.vertices), ("joints", person.joints)):
-            if points is not None and (points.ndim != 2 or points.shape[1] != 3):
-                raise InputError(f"{path}: the {what} of person {row} must have the shape (n, 3), got {points.shape}")
-        if person.joints is not None and len(person.joints) != len(person.joint_names):
-            raise InputError(
-                f"{path}: person {row} has {len(person.joints)} joints, but {len(person.joint_names)} names of joints"
-            )
-        if person.vertices is not None and not np.isfinite(person.vertices).all():
-            bad = int((~np.isfinite(person.vertices).all(1)).sum())
-            raise InputError(f"{path}: {bad} of the {len(person.vertices)} vertices of person {row} are not finite")
-    return found
+            check_prediction(found)
+        return found
 
 
 def file_names(frame: Frame) -> Iterator[str]:
@@ -120,20 +109,33 @@ def archive_arrays(path: Path) -> dict[str, Any]:
     """Return all arrays of an .npz file, without unpickling.
 
     Raises:
-        InputError: it is missing, damaged, or holds Python objects.
+        DamagedFileError: it is missing, damaged, or holds Python objects.
     """
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except FileNotFoundError as error:
-        raise InputError(f"there is no file {path}") from error
+        raise DamagedFileError(f"there is no file {path}") from error
     except ValueError as error:
         reason = (
             "it holds Python objects, which can run code: save arrays of numbers" if "pickle" in str(error) else error
         )
-        raise InputError(f"{path} cannot be read: {reason}") from error
+        raise DamagedFileError(f"{path} cannot be read: {reason}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise InputError(f"{path} cannot be read: it is damaged or cut off, copy it again") from error
+        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again") from error
+
+
+def contact_of(given: Any) -> NDArray[np.bool_] | None:
+    """Return contact (V,) bool of probabilities, or None.
+
+    Raises:
+        DamagedFileError: they are no finite numbers.
+    """
+    if given is None:
+        return None
+    found = require_finite(as_numbers(given, "the contact").reshape(-1), "the contact")
+    touching: NDArray[np.bool_] = found >= 0.5
+    return touching
 
 
 def person_of_body(body: PosedBody, contact: Any = None, moved: Array | None = None) -> PredictedPerson:
@@ -144,7 +146,7 @@ def person_of_body(body: PosedBody, contact: Any = None, moved: Array | None = N
         topology=body.topology,
         joints=body.joints + by,
         joint_names=body.names,
-        contact=None if contact is None else np.asarray(contact).reshape(-1) >= 0.5,
+        contact=contact_of(contact),
     )
 
 
@@ -164,5 +166,5 @@ def person_of_vertices(
         topology=topology,
         joints=joints,
         joint_names=names,
-        contact=None if contact is None else np.asarray(contact).reshape(-1) >= 0.5,
+        contact=contact_of(contact),
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from physic_core.errors import InputError
 from physic_evaluate.contract import Prediction
 from physic_evaluate.meshes import read_mesh
 from physic_evaluate.readers.base import ResultReader, first_file
@@ -36,10 +35,7 @@ class HolisticMesh(ResultReader):
         """Read the person and the scene."""
         mesh, parameters = (first_file(self.folder, frame, *patterns) for patterns in (MESHES, PARAMETERS))
         scene = first_file(self.folder, frame, *SCENES)
-        try:
-            person = person_of_files(mesh, parameters, self.bodies)
-        except InputError as error:
-            raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
+        person = person_of_files(mesh, parameters, self.bodies)
         return Prediction((person,), scene_points=None if scene is None else read_mesh(scene).vertices)
 
 

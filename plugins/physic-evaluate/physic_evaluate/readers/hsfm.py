@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.contract import PredictedPerson, Prediction
-from physic_evaluate.pickled import number_array, pickled_arrays
+from physic_evaluate.damage import DamagedFileError, number_array, require_finite, require_rotation, table
+from physic_evaluate.pickled import pickled_arrays
 from physic_evaluate.readers.base import ResultReader, first_file, person_of_body
 
 if TYPE_CHECKING:
@@ -43,21 +43,21 @@ class Hsfm(ResultReader):
     def read(self, path: Path, frame: Frame) -> Prediction:
         """Pose the bodies by the user's model file."""
         values = pickled_arrays(path)
-        for name in (CAMERAS, PEOPLE):
-            if not isinstance(values.get(name), dict) or not values[name]:
-                raise InputError(f"{path} has no '{name}'; it has: {', '.join(sorted(values)) or 'nothing'}")
-        camera = _camera(values[CAMERAS], frame, path)
-        to_camera = np.linalg.inv(number_array(camera, "cam2world", path, (4, 4)))
-        people = tuple(self._person(p, to_camera, path) for p in values[PEOPLE].values())
+        camera = _camera(table(values, CAMERAS, path), frame, path)
+        to_world = require_finite(number_array(camera, "cam2world", path, (4, 4)), f"{path}: 'cam2world'")
+        require_rotation(to_world[:3, :3], f"{path}: the rotation of 'cam2world'")
+        to_camera: Array = np.asarray(np.linalg.inv(to_world), np.float64)
+        everybody = table(values, PEOPLE, path)
+        people = tuple(self._person(table(everybody, name, path), to_camera, path) for name in everybody)
         points = None
         if "pts3d" in camera:
-            points = _moved(to_camera, number_array(camera, "pts3d", path).reshape(-1, 3))
+            points = _moved(to_camera, number_array(camera, "pts3d", path, (-1, 3)))
         return Prediction(people, K=_resized(camera, path, frame), scene_points=points)
 
     def _person(self, values: dict[str, Any], to_camera: Array, path: Path) -> PredictedPerson:
         place = number_array(values, "root_transl", path, (3,))
-        own = {name: np.asarray(v).reshape(-1) for name, v in values.items() if name == "betas" or "pose" in name}
-        own |= {"global_orient": number_array(values, "global_orient", path).reshape(-1), "transl": np.zeros(3)}
+        names = ("body_pose", "global_orient", *(n for n in values if n == "betas" or "pose" in str(n)))
+        own = {name: number_array(values, name, path).reshape(-1) for name in names} | {"transl": np.zeros(3)}
         smpl = own["body_pose"].size in (69, 207)
         body = (self.bodies.smpl_body if smpl else self.bodies.smplx_body)(own)
         person = person_of_body(body, moved=place - body.joints[0])
@@ -72,12 +72,12 @@ class Hsfm(ResultReader):
 def _camera(cameras: dict[Any, Any], frame: Frame, path: Path) -> dict[str, Any]:
     """Return the camera of the picture: that of its name, or the only one."""
     stem = frame.id.rpartition("/")[2] if frame.picture is None else frame.picture.path.stem
-    for name, camera in cameras.items():
+    for name in cameras:
         if stem in (str(name), Path(str(name)).stem):
-            return dict(camera)
+            return table(cameras, name, path)
     if len(cameras) == 1:
-        return dict(next(iter(cameras.values())))
-    raise InputError(f"{path} has no camera '{stem}': it has {', '.join(map(str, cameras))}")
+        return table(cameras, next(iter(cameras)), path)
+    raise DamagedFileError(f"{path} has no camera '{stem}': it has {', '.join(map(str, cameras))}")
 
 
 def _resized(camera: dict[str, Any], path: Path, frame: Frame) -> Array | None:
@@ -87,7 +87,10 @@ def _resized(camera: dict[str, Any], path: Path, frame: Frame) -> Array | None:
     K: Array = number_array(camera, "intrinsic", path, (3, 3))
     if frame.camera is None or "rgbimg" not in camera:
         return K
-    height, width = np.shape(camera["rgbimg"])[:2]
+    picture = number_array(camera, "rgbimg", path)
+    if picture.ndim < 2 or not picture.size:
+        raise DamagedFileError(f"{path}: 'rgbimg' must have the shape (height, width, 3), got {picture.shape}")
+    height, width = picture.shape[:2]
     factor = np.array([frame.camera.width / width, frame.camera.height / height])
     K = K.copy()
     K[:2, :2] *= factor[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_evaluate.contract import PredictedPerson, Prediction
-from physic_evaluate.pickled import number_array
+from physic_evaluate.damage import DamagedFileError, number_array
 from physic_evaluate.readers.base import ResultReader, archive_arrays, first_file, person_of_body
 
 if TYPE_CHECKING:
@@ -54,9 +54,12 @@ class Human3r(ResultReader):
     def read(self, path: Path, frame: Frame) -> Prediction:
         """Pose the bodies by the user's SMPL-X file."""
         arrays = archive_arrays(path)
-        shapes, places = (np.atleast_2d(number_array(arrays, name, path)) for name in ("shape", "transl"))
-        rotvecs = number_array(arrays, "rotvec", path, (-1, 53, 3)) if len(places) else np.zeros((0, 53, 3))
-        people = tuple(self._person(*rows) for rows in zip(rotvecs, shapes, places, strict=True))
+        people: tuple[PredictedPerson, ...] = ()
+        if any(number_array(arrays, name, path).size for name in ("transl", "shape", "rotvec")):
+            places = number_array(arrays, "transl", path, (-1, 3))
+            shapes = number_array(arrays, "shape", path, (len(places), -1))
+            rotvecs = number_array(arrays, "rotvec", path, (len(places), 53, 3))
+            people = tuple(self._person(*rows) for rows in zip(rotvecs, shapes, places, strict=True))
         return Prediction(people, K=_intrinsics(path, frame), scene_points=None)
 
     def _person(self, rotvecs: Array, shape: Array, place: Array) -> PredictedPerson:
@@ -79,6 +82,8 @@ def _intrinsics(path: Path, frame: Frame) -> Array | None:
     if not file.is_file() or frame.camera is None:
         return None
     K: Array = number_array(archive_arrays(file), "intrinsics", file, (3, 3)).copy()
+    if not (K[:2, 2] > 0).all():
+        raise DamagedFileError(f"{file}: the principal point of 'intrinsics' is {K[:2, 2].tolist()}, not in a picture")
     # Its principal point is the middle of the picture it worked on, so that the size is twice that.
     factor = np.array([frame.camera.width, frame.camera.height]) / (2 * K[:2, 2])
     K[:2] *= factor[:, None]

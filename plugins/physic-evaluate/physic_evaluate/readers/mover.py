@@ -6,13 +6,12 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
-from physic_core.errors import InputError
 from physic_evaluate.contract import Prediction
+from physic_evaluate.damage import DamagedFileError, number_array
 from physic_evaluate.pickled import cached_pickle
 from physic_evaluate.readers.base import ResultReader, first_file
 from physic_evaluate.readers.smplifyx_files import person_of_parameters
+from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from physic_evaluate.contract import Frame
@@ -41,10 +40,12 @@ class Mover(ResultReader):
         if path.name == "001_all.pkl":
             # "s001_frame_00012__00.00.00.400": the frame's number, not the clock.
             numbers = re.findall(r"\d+", frame.id.rpartition("/")[2].partition("__")[0])
-            count = len(np.atleast_2d(np.asarray(values.get("transl", np.zeros((0, 3))))))
+            count = len(number_array(values, "transl", path, (-1, 3)))
             row = int(numbers[-1]) if numbers else -1
             if not 0 <= row < count:
-                raise InputError(f"{path} has {count} frames, and '{frame.id}' is none of them: rows count from 0")
+                raise DamagedFileError(
+                    f"{path} has {counted(count, 'frame')}, and '{frame.id}' is none of them: rows count from 0"
+                )
         return Prediction((person_of_parameters(values, path, self.bodies, row),))
 
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.bodies import BodyFiles
 from physic_evaluate.contract import PredictedPerson, Prediction
-from physic_evaluate.readers.base import ResultReader, archive_arrays, first_file, person_of_body
+from physic_evaluate.damage import DamagedFileError, as_numbers, number_array, require_finite
+from physic_evaluate.readers.base import ResultReader, archive_arrays, contact_of, first_file, person_of_body
 from physic_evaluate.scene_surface import INSIDE_REACH_M
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ TRANSLATION = ("cam_trans", "transl", "cam_transl", "translation", "trans")
 """Names of the translation; the card of the release calls it the camera translation."""
 
 CONTACT_M = 0.02
+
+MIN_CROSS = 1e-6
+"""Length of the cross product of the first two columns of a rotation, 1 if they are exact."""
 
 LAYOUT = (
     "{name}.npz",
@@ -64,8 +67,8 @@ class PhysicRelease(ResultReader):
         """Pose the bodies by the user's SMPL-X file."""
         arrays = archive_arrays(path)
         people = people_of_release(arrays, self.prefix, path, self.bodies)
-        K = np.asarray(arrays["K"], np.float64).reshape(3, 3) if "K" in arrays else None
-        points = np.asarray(arrays["scene_points"], np.float64) if "scene_points" in arrays else None
+        K = number_array(arrays, "K", path, (3, 3)) if "K" in arrays else None
+        points = number_array(arrays, "scene_points", path, (-1, 3)) if "scene_points" in arrays else None
         return Prediction(people, K=K, scene_points=points)
 
 
@@ -82,7 +85,8 @@ def people_of_release(
     Contact of the end is the rule of the released code on the scene points; that of the start is DECO's.
 
     Raises:
-        InputError: an array is missing or of another size, or there is no SMPL-X file.
+        DamagedFileError: an array is missing or of another size.
+        InputError: there is no SMPL-X file.
     """
     people = []
     for row, parameters in enumerate(release_parameters(arrays, prefix, path)):
@@ -93,7 +97,7 @@ def people_of_release(
                 topology=person.topology,
                 joints=person.joints,
                 joint_names=person.joint_names,
-                contact=_contact(arrays, prefix, row, person),
+                contact=_contact(arrays, prefix, row, person, path),
             )
         )
     return tuple(people)
@@ -103,7 +107,7 @@ def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> li
     """Return parameters of each person: rotation matrices, betas, transl.
 
     Raises:
-        InputError: an array is missing or of another size.
+        DamagedFileError: an array is missing or of another size.
     """
     own = {name.removeprefix(f"{prefix}_"): arrays[name] for name in arrays if name.startswith(f"{prefix}_")}
     transl = next((own[name] for name in TRANSLATION if name in own), None)
@@ -111,20 +115,21 @@ def release_parameters(arrays: Mapping[str, Any], prefix: str, path: Path) -> li
     if transl is None:
         lacking.append(f"{' or '.join(TRANSLATION[:2])}")
     if lacking:
-        raise InputError(
+        raise DamagedFileError(
             f"{path} has no {', '.join(f'{prefix}_{name}' for name in lacking)}; it has: {', '.join(sorted(arrays))}"
         )
-    translations = np.asarray(transl, np.float64).reshape(-1, 3)
+    name = next(name for name in TRANSLATION if name in own)
+    translations = number_array(own, name, path, (-1, 3))
     count = len(translations)
+    numbers = {name: number_array(own, name, path, (count, -1)) for name in ("betas", *JOINTS) if name in own}
     found = []
     for row in range(count):
         values = {
-            name: rotations_from_6d(np.asarray(own[name]).reshape(count, -1)[row], joints, f"{prefix}_{name}", path)
+            name: rotations_from_6d(numbers[name][row], joints, f"{prefix}_{name}", path)
             for name, joints in JOINTS.items()
-            if name in own
+            if name in numbers
         }
-        betas = np.asarray(own["betas"], np.float64).reshape(count, -1)[row]
-        found.append({**values, "betas": betas, "transl": translations[row]})
+        found.append({**values, "betas": numbers["betas"][row], "transl": translations[row]})
     return found
 
 
@@ -134,17 +139,19 @@ def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
     Rotation vectors and matrices are taken too.
 
     Raises:
-        InputError: another size.
+        DamagedFileError: it has another size, or is no rotation.
     """
-    values = np.asarray(given, np.float64).reshape(-1)
+    values = require_finite(as_numbers(given, f"{path}: '{name}'").reshape(-1), f"{path}: '{name}'")
     if values.size != 6 * joints:
         from physic_evaluate.bodies import rotations_of
 
         try:
             return rotations_of(values, joints, name)
-        except InputError as error:
-            raise InputError(f"{path}: {error}; 6 numbers a rotation were expected, {6 * joints}") from error
+        except DamagedFileError as error:
+            raise DamagedFileError(f"{path}: {error}; 6 numbers a rotation were expected, {6 * joints}") from error
     first, second = values.reshape(joints, 2, 3).swapaxes(0, 1)
+    if (np.linalg.norm(np.cross(first, second), axis=-1) < MIN_CROSS).any():
+        raise DamagedFileError(f"{path}: '{name}' has columns of a rotation that are zero or parallel")
     x = first / np.linalg.norm(first, axis=-1, keepdims=True)
     y = second - (x * second).sum(-1, keepdims=True) * x
     y /= np.linalg.norm(y, axis=-1, keepdims=True)
@@ -173,16 +180,17 @@ def point_contact(vertices: Array, points: Array, normals: Array | None) -> NDAr
     return touching
 
 
-def _contact(arrays: Mapping[str, Any], prefix: str, row: int, person: PredictedPerson) -> NDArray[np.bool_] | None:
+def _contact(
+    arrays: Mapping[str, Any], prefix: str, row: int, person: PredictedPerson, path: Path
+) -> NDArray[np.bool_] | None:
     if prefix == "final" and "scene_points" in arrays:
-        points = np.asarray(arrays["scene_points"], np.float64).reshape(-1, 3)
-        normals = arrays.get("scene_normals")
-        own = None if normals is None else np.asarray(normals, np.float64).reshape(-1, 3)
+        points = require_finite(number_array(arrays, "scene_points", path, (-1, 3)), f"{path}: 'scene_points'")
+        own = number_array(arrays, "scene_normals", path, points.shape) if "scene_normals" in arrays else None
         return point_contact(np.asarray(person.vertices), points, own)
     if "contact_deco" not in arrays:
         return None
-    contact = np.asarray(arrays["contact_deco"]).reshape(-1, 10475)
-    return np.asarray(contact[min(row, len(contact) - 1)]) >= 0.5
+    contact = number_array(arrays, "contact_deco", path, (-1, 10475))
+    return contact_of(contact[min(row, len(contact) - 1)])
 
 
 READER = PhysicRelease

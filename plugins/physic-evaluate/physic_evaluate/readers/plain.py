@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.bodies import SMPL_NAMES
 from physic_evaluate.contract import TOPOLOGY_OF_COUNT, PredictedPerson, Prediction
+from physic_evaluate.damage import DamagedFileError, as_numbers
 from physic_evaluate.meshes import require_metres
 from physic_evaluate.readers.base import (
     ResultReader,
     archive_arrays,
+    contact_of,
     first_file,
     person_of_body,
     person_of_vertices,
@@ -62,26 +63,27 @@ class Plain(ResultReader):
         )
 
     def _person(self, arrays: Mapping[str, Any], row: int, path: Path) -> PredictedPerson:
-        contact = arrays["contact"][row] if "contact" in arrays else None
-        if contact is not None and not np.isfinite(contact).all():
-            raise InputError(f"{path}: the contact of person {row} has values that are not finite")
+        def own(name: str) -> Array:
+            return as_numbers(arrays[name][row], f"{path}: '{name}'")
+
+        contact = own("contact") if "contact" in arrays else None
         joints: Array | None = None
         names: tuple[str, ...] = ()
         if "joints" in arrays:
-            joints = np.asarray(arrays["joints"][row], np.float64)
-            names = tuple(str(n) for n in arrays["joint_names"]) if "joint_names" in arrays else _names(joints, path)
+            joints = own("joints")
+            names = tuple(map(str, arrays["joint_names"].ravel())) if "joint_names" in arrays else _names(joints, path)
         if "vertices" in arrays:
-            vertices = np.asarray(arrays["vertices"][row], np.float64)
+            vertices = own("vertices")
             require_metres(vertices, path)
             person = person_of_vertices(vertices, _topology(arrays, len(vertices)), self.bodies, contact)
         elif "body_pose" in arrays:
-            own = {name: np.asarray(values)[row] for name, values in arrays.items() if _is_parameter(name)}
-            smpl = np.size(own["body_pose"]) in (69, 207)
-            person = person_of_body((self.bodies.smpl_body if smpl else self.bodies.smplx_body)(own), contact)
+            parameters = {name: own(name) for name in arrays if _is_parameter(name)}
+            smpl = parameters["body_pose"].size in (69, 207)
+            person = person_of_body((self.bodies.smpl_body if smpl else self.bodies.smplx_body)(parameters), contact)
         else:
             person = PredictedPerson(
-                contact=None if contact is None else np.asarray(contact).reshape(-1) >= 0.5,
-                topology="" if contact is None else _topology(arrays, np.size(contact)),
+                contact=contact_of(contact),
+                topology="" if contact is None else _topology(arrays, contact.size),
             )
         return PredictedPerson(
             vertices=person.vertices,
@@ -90,9 +92,13 @@ class Plain(ResultReader):
             joint_names=person.joint_names if joints is None else names,
             contact=person.contact,
             contact_topology=_topology(arrays, person.contact.size) if person.contact is not None else "",
-            keypoints=None if "keypoints" not in arrays else np.asarray(arrays["keypoints"][row], np.float64),
-            box=None if "boxes" not in arrays else np.asarray(arrays["boxes"][row], np.float64),
+            keypoints=_shaped(own("keypoints"), (12, 2), "keypoints", path) if "keypoints" in arrays else None,
+            box=_shaped(own("boxes"), (4,), "boxes", path) if "boxes" in arrays else None,
         )
+
+
+def _is_per_person(name: str) -> bool:
+    return name in _PER_PERSON or _is_parameter(name)
 
 
 def _is_parameter(name: str) -> bool:
@@ -102,14 +108,17 @@ def _is_parameter(name: str) -> bool:
 def _count(arrays: Mapping[str, Any], path: Path) -> int:
     for name in ("vertices", "joints", "body_pose", "contact"):
         if name in arrays:
-            count = len(arrays[name])
-            other = next((n for n in _PER_PERSON if n in arrays and len(np.atleast_1d(arrays[n])) != count), None)
-            if other is not None:
-                raise InputError(
-                    f"{path}: '{name}' is of {count} people and '{other}' of {len(np.atleast_1d(arrays[other]))}"
+            count = len(np.atleast_1d(arrays[name]))
+            flat = next((n for n in arrays if _is_per_person(n) and np.ndim(arrays[n]) < 2), None)
+            if flat is not None:
+                raise DamagedFileError(
+                    f"{path}: the first axis of '{flat}' must be the people, got {np.shape(arrays[flat])}"
                 )
+            other = next((n for n in arrays if _is_per_person(n) and len(arrays[n]) != count), None)
+            if other is not None:
+                raise DamagedFileError(f"{path}: '{name}' is of {count} people and '{other}' of {len(arrays[other])}")
             return count
-    raise InputError(
+    raise DamagedFileError(
         f"{path} has none of vertices, joints, body_pose and contact (it has "
         f"{', '.join(sorted(arrays)) or 'nothing'}): see `physic evaluate readers`"
     )
@@ -126,15 +135,18 @@ def _names(joints: Array, path: Path) -> tuple[str, ...]:
         return SMPL_NAMES
     if len(joints) in (22, 55):
         return tuple(JOINT_NAMES[: len(joints)])
-    raise InputError(f"{path}: {len(joints)} joints need their names, as an array joint_names ({len(joints)},)")
+    raise DamagedFileError(f"{path}: {len(joints)} joints need their names, as an array joint_names ({len(joints)},)")
 
 
 def _array(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], path: Path) -> Any:
     if name not in arrays:
         return None
-    values = np.asarray(arrays[name], np.float64)
+    return _shaped(as_numbers(arrays[name], f"{path}: '{name}'"), shape, name, path)
+
+
+def _shaped(values: Array, shape: tuple[int, ...], name: str, path: Path) -> Array:
     if len(values.shape) != len(shape) or any(s not in (-1, n) for s, n in zip(shape, values.shape, strict=True)):
-        raise InputError(f"{path}: '{name}' must have the shape {shape}, got {values.shape}")
+        raise DamagedFileError(f"{path}: '{name}' must have the shape {shape}, got {values.shape}")
     return values
 
 

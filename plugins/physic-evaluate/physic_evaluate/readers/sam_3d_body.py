@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from physic_evaluate.contract import PredictedPerson, Prediction
+from physic_evaluate.damage import number_array
 from physic_evaluate.meshes import require_metres
-from physic_evaluate.pickled import number_array
 from physic_evaluate.readers.base import ResultReader, archive_arrays, file_names
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Sam3dBody(ResultReader):
             arrays = archive_arrays(file)
             people += _people(arrays, file)
             if "focal_length" in arrays and frame.camera is not None:
-                focal = float(np.ravel(arrays["focal_length"])[0])
+                focal = float(number_array(arrays, "focal_length", file, (-1,))[0])
                 # Its camera has the principal point in the middle of the picture.
                 K = np.array([[focal, 0, frame.camera.width / 2], [0, focal, frame.camera.height / 2], [0, 0, 1.0]])
         return Prediction(tuple(people), K=K)
@@ -72,10 +72,10 @@ class Sam3dBody(ResultReader):
 
 def _people(arrays: Mapping[str, Any], path: Path) -> list[PredictedPerson]:
     moves = number_array(arrays, "pred_cam_t", path, (-1, 3))
-    vertices = number_array(arrays, "pred_vertices", path).reshape(len(moves), -1, 3)
+    vertices = number_array(arrays, "pred_vertices", path, (len(moves), -1, 3))
     keypoints = None
     if "pred_keypoints_3d" in arrays:
-        keypoints = number_array(arrays, "pred_keypoints_3d", path).reshape(len(moves), -1, 3)
+        keypoints = number_array(arrays, "pred_keypoints_3d", path, (len(moves), -1, 3))
     people = []
     for row, move in enumerate(moves):
         require_metres(vertices[row], path)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import InputError
 from physic_evaluate.contract import PredictedPerson
+from physic_evaluate.damage import DamagedFileError, gender_of, naming, number_array
 from physic_evaluate.meshes import read_mesh, topology_of
 from physic_evaluate.pickled import pickled_arrays
 from physic_evaluate.readers.base import person_of_body, person_of_vertices
@@ -27,14 +27,15 @@ def person_of_files(mesh: Path | None, parameters: Path | None, bodies: BodyFile
     """Return the person of a mesh, or else of parameters; joints of the parameters if a model file is there.
 
     Raises:
-        InputError: a file is damaged, or only parameters are there and no SMPL-X file.
+        DamagedFileError: a file is damaged.
+        InputError: only parameters are there and no SMPL-X file.
     """
     posed = None
     if parameters is not None and (mesh is None or bodies.has("smplx")):
         posed = person_of_parameters(pickled_arrays(parameters), parameters, bodies)
     if mesh is None:
         if posed is None:
-            raise InputError("there is neither a mesh nor parameters")
+            raise DamagedFileError("there is neither a mesh nor parameters")
         return posed
     vertices = read_mesh(mesh).vertices
     own = person_of_vertices(vertices, topology_of(vertices, mesh), bodies)
@@ -57,20 +58,28 @@ def person_of_parameters(values: dict[str, Any], path: Path, bodies: BodyFiles, 
     """Return the person of SMPLify-X's dictionary, or of one row of it.
 
     Raises:
-        InputError: body_pose is missing: a VPoser code alone cannot be decoded here.
+        DamagedFileError: body_pose is missing: a VPoser code alone cannot be decoded here.
     """
     if "body_pose" not in values:
         code = " (a VPoser code, which it has, is not decoded)" if "pose_embedding" in values else ""
-        raise InputError(f"{path} has no 'body_pose'{code}; it has: {', '.join(sorted(values))}")
-    own = {name: _row(value, row) for name, value in values.items() if _is_parameter(name)}
-    gender = values.get("gender", "neutral")
-    return person_of_body(bodies.smplx_body(own, gender if isinstance(gender, str) else "neutral"))
+        raise DamagedFileError(f"{path} has no 'body_pose'{code}; it has: {', '.join(sorted(values))}")
+    own = {name: _row(values, name, path, row) for name in values if _is_parameter(name)}
+    with naming(path):
+        return person_of_body(bodies.smplx_body(own, gender_of(values, path)))
 
 
 def _is_parameter(name: str) -> bool:
     return name in ("betas", "expression", "transl", "global_orient") or name.endswith("_pose")
 
 
-def _row(value: Any, row: int) -> Array:
-    array = np.asarray(value, np.float64)
-    return array[min(row, len(array) - 1)] if array.ndim > 1 else array
+def _row(values: dict[str, Any], name: str, path: Path, row: int) -> Array:
+    """Return a row of a parameter, or the one row that is there: shapes exist once for all frames."""
+    found = number_array(values, name, path)
+    if found.ndim < 2:
+        return found
+    if row and 1 < len(found) <= row:
+        raise DamagedFileError(f"{path}: '{name}' has {len(found)} rows, and row {row} was expected")
+    if not found.size:
+        raise DamagedFileError(f"{path}: '{name}' is empty")
+    own: Array = found[row if len(found) > 1 else 0]
+    return own

@@ -1,0 +1,187 @@
+"""Damaged files: the error of everything that a file may hold wrongly, and checked access to its content."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = [
+    "GENDERS",
+    "DamagedFileError",
+    "as_numbers",
+    "finite_number",
+    "gender_of",
+    "item",
+    "naming",
+    "number_array",
+    "number_row",
+    "require_finite",
+    "require_rotation",
+    "table",
+]
+
+GENDERS = ("neutral", "male", "female")
+"""Of the body model files."""
+
+
+class DamagedFileError(InputError):
+    """Raised if a file is missing, cut off, or has another content than its format states.
+
+    It costs the frame of the file. Any other exception while a frame is read is an error of this program.
+    """
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Add the path to the message of a DamagedFileError that does not have it."""
+    try:
+        yield
+    except DamagedFileError as error:
+        if str(path) in str(error):
+            raise
+        raise DamagedFileError(f"{path}: {error}") from error
+
+
+def as_numbers(value: Any, what: str) -> Array:
+    """Return float64.
+
+    Args:
+        value: an array, or nested lists.
+        what: the file and the name of the value, for the message.
+
+    Raises:
+        DamagedFileError: the value is not an array of real numbers.
+    """
+    import numpy as np
+
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind not in "biuf":
+            raise TypeError
+        return found.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise DamagedFileError(f"{what} holds no numbers") from error
+
+
+def item(values: Mapping[str, Any], name: str, path: Path) -> Any:
+    """Return an entry of a file.
+
+    Raises:
+        DamagedFileError: the file has no such entry.
+    """
+    if name not in values:
+        raise DamagedFileError(f"{path} has no '{name}'; it has: {', '.join(sorted(map(str, values))) or 'nothing'}")
+    return values[name]
+
+
+def table(values: Mapping[str, Any], name: str, path: Path) -> dict[Any, Any]:
+    """Return an entry that is a dictionary.
+
+    Raises:
+        DamagedFileError: the file has no such entry, or it is no dictionary or an empty one.
+    """
+    found = item(values, name, path)
+    if not isinstance(found, dict) or not found:
+        raise DamagedFileError(f"{path}: '{name}' is no dictionary with entries")
+    return found
+
+
+def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...] | None = None) -> Array:
+    """Return an array of a file, reshaped if ``shape`` is given; -1 is any length above 0.
+
+    Raises:
+        DamagedFileError: the file has no such array, or it is not numeric or of another size.
+    """
+    found = as_numbers(item(values, name, path), f"{path}: '{name}'")
+    return found if shape is None else _reshaped(found, shape, f"{path}: '{name}'")
+
+
+def number_row(
+    values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...], row: int, count: int | None = None
+) -> Array:
+    """Return row ``row`` (``shape``) of an array (``count``, ...) of a file.
+
+    Raises:
+        DamagedFileError: as :func:`number_array`, or the array has too few rows.
+    """
+    found = number_array(values, name, path, (-1 if count is None else count, *shape))
+    if not 0 <= row < len(found):
+        raise DamagedFileError(f"{path}: '{name}' has {len(found)} rows, and row {row} was expected")
+    own: Array = found[row]
+    return own
+
+
+def finite_number(values: Mapping[str, Any], name: str, path: Path) -> float:
+    """Return one finite number of a file.
+
+    Raises:
+        DamagedFileError: the file has no such number.
+    """
+    import numpy as np
+
+    found = number_array(values, name, path)
+    if found.size != 1 or not np.isfinite(found).all():
+        raise DamagedFileError(f"{path}: '{name}' is not one finite number")
+    return float(found.reshape(-1)[0])
+
+
+def gender_of(values: Mapping[str, Any], path: Path) -> str:
+    """Return the entry 'gender' of a file, one of GENDERS; "neutral" if the file has none.
+
+    Raises:
+        DamagedFileError: the entry is another one.
+    """
+    import numpy as np
+
+    found = values.get("gender", "neutral")
+    if isinstance(found, np.ndarray) and found.size == 1:
+        found = found.reshape(-1)[0].item()
+    if not isinstance(found, str) or found.lower() not in GENDERS:
+        raise DamagedFileError(f"{path}: 'gender' must be one of {', '.join(GENDERS)}")
+    return found.lower()
+
+
+def require_finite(values: Array, what: str) -> Array:
+    """Return values.
+
+    Raises:
+        DamagedFileError: some are not finite.
+    """
+    import numpy as np
+
+    if not np.isfinite(values).all():
+        raise DamagedFileError(f"{what} has values that are not finite")
+    return values
+
+
+def require_rotation(matrix: Array, what: str) -> Array:
+    """Return a matrix (3, 3).
+
+    Raises:
+        DamagedFileError: it is no rotation: scaled, a mirror image, or not finite.
+    """
+    import numpy as np
+
+    require_finite(matrix, what)
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-2 or np.linalg.det(matrix) < 0:
+        raise DamagedFileError(f"{what} is no rotation: it is scaled or a mirror image")
+    return matrix
+
+
+def _reshaped(found: Array, shape: tuple[int, ...], what: str) -> Array:
+    size = 1
+    for side in shape:
+        size *= side if side > 0 else 1
+    if found.size == 0 or found.size % size or (-1 not in shape and found.size != size):
+        raise DamagedFileError(f"{what} must have the shape {shape}, got {found.shape}")
+    return found.reshape(shape)
