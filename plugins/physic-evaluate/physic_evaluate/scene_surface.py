@@ -26,8 +26,9 @@ __all__ = ["RayCaster", "SceneIndex", "contact_by_rule"]
 INSIDE_REACH_M = 0.15
 """A vertex counts as inside up to this depth, as in the released code's rule of contact."""
 
-MAX_EDGE_M = 0.25
-"""Longer edges are split, so that a triangle's centre tells where it lies."""
+MAX_EDGE_M, MIN_EDGE_M, MEDIAN_EDGES = 0.25, 0.02, 3.0
+"""Edges longer than three times the median are split, within these limits: few long triangles of a scan would make the
+search for the nearest one long everywhere, since a triangle is found by its centre."""
 
 EXACT_WITHIN_M = 0.16
 """Largest distance that a rule of contact asks for, and a margin."""
@@ -66,8 +67,10 @@ class SceneIndex:
         if not len(faces):
             raise InputError("the mesh of the scene has no triangles: signed distances need a mesh, not points")
         sides = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
-        if np.linalg.norm(sides, axis=-1).max() > MAX_EDGE_M:
-            vertices, faces = subdivide_to_size(vertices, faces, MAX_EDGE_M, max_iter=30)
+        lengths = np.linalg.norm(sides, axis=-1)
+        longest = float(np.clip(MEDIAN_EDGES * np.median(lengths), MIN_EDGE_M, MAX_EDGE_M))
+        if lengths.max() > longest:
+            vertices, faces = subdivide_to_size(vertices, faces, longest, max_iter=30)
         corners = vertices[faces]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = np.linalg.norm(across, axis=-1)
@@ -86,18 +89,22 @@ class SceneIndex:
         answer = np.full(len(points), np.inf)
         count = min(_FIRST, len(self.corners))
         rows = np.flatnonzero(np.isfinite(points).all(-1))
-        centre, near = self.tree.query(points[rows], k=count)
+        centre, near = self.tree.query(points[rows], k=count, distance_upper_bound=reach + self.radius)
         centre, near = centre.reshape(len(rows), count), near.reshape(len(rows), count)
-        within = centre[:, 0] <= reach + self.radius
+        within = np.isfinite(centre[:, 0])
         rows, centre, near = rows[within], centre[within], near[within]
         if not len(rows):
             return answer
-        found, foot = self._nearest(points[rows], near)
-        # The triangles around the foot of the perpendicular: the nearest of the same sheet.
-        around = self.tree.query(foot, k=count)[1].reshape(len(rows), count)
-        again, _ = self._nearest(points[rows], around)
-        answer[rows] = np.where(np.abs(again) < np.abs(found), again, found)
-        left = rows[np.abs(answer[rows]) <= EXACT_WITHIN_M]
+        # Places beyond the bound are filled with the nearest triangle.
+        answer[rows], foot = self._nearest(points[rows], np.where(np.isfinite(centre), near, near[:, :1]))
+        far = np.abs(answer[rows]) > EXACT_WITHIN_M
+        if far.any():
+            # The triangles around the foot of the perpendicular: the nearest of the same sheet.
+            around = self.tree.query(foot[far], k=count)[1].reshape(-1, count)
+            again, _ = self._nearest(points[rows[far]], around)
+            answer[rows[far]] = np.where(np.abs(again) < np.abs(answer[rows[far]]), again, answer[rows[far]])
+        near_enough = np.abs(answer[rows]) <= EXACT_WITHIN_M
+        left = rows[near_enough & (centre[:, -1] < np.abs(answer[rows]) + self.radius)]
         while len(left) and count < min(len(self.corners), _MOST):
             count = min(4 * count, len(self.corners))
             centre, near = self.tree.query(points[left], k=count)

@@ -46,6 +46,25 @@ class Files:
         return ["--smplx", str(self.bodies.smplx), "--smpl", str(self.bodies.smpl)]
 
 
+def write_models(folder: Path) -> Files:
+    """Write files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is the larger."""
+    from physic_core.body import load_body
+    from physic_testing.body_files import write_published
+
+    made, embedded = other_body(), load_body("embedded")
+    for name in ("smplx", "smpl"):
+        (folder / name).mkdir(parents=True)
+    arrays = made.smplx_file_arrays(made.make(embedded, 10475))
+    rng = np.random.default_rng(0)
+    for side in "lr":
+        arrays[f"hands_mean{side}"] = 0.1 * np.ones(45)
+        arrays[f"hands_components{side}"] = np.linalg.qr(rng.standard_normal((45, 45)))[0]
+    np.savez(folder / "smplx" / "SMPLX_NEUTRAL.npz", **arrays)
+    np.savez(folder / "smplx" / "SMPLX_MALE.npz", **arrays | {"v_template": 1.05 * arrays["v_template"]})
+    write_published(folder / "smpl" / "SMPL_NEUTRAL.pkl", made.smpl_file_arrays(made.make(embedded, 6890)))
+    return Files(BodyFiles(folder / "smplx", folder / "smpl"))
+
+
 def run(*arguments: str) -> Result:
     """Run ``physic evaluate`` with these arguments."""
     return CliRunner().invoke(main, ["evaluate", *arguments])
