@@ -235,6 +235,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)
     methods = _methods(given, bodies)
+    errors: list[UnexpectedError] = []
     how = _reconstruction(given)
     if _reconstructs(given):
         how.check()
@@ -249,7 +250,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for note in found.notes:
         click.echo(note, err=True)
     if given.from_release is not None:
-        methods += _release_methods(chosen.name, found.frames, given, bodies)
+        methods += _release_methods(chosen.name, found.frames, given, bodies, errors)
     require_truth(found.frames, given.root)
     if _reconstructs(given):
         methods.insert(0, _own_method(found.frames, how, given.out, bodies))
@@ -270,9 +271,10 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     for file in files:
         if file.parent == given.out:
             click.echo(f"wrote {file}")
-    if evaluation.errors:
-        click.echo("".join(error.traceback for error in evaluation.errors), nl=False, err=True)
-        raise PhysicError(_words_of(evaluation.errors))
+    errors += evaluation.errors
+    if errors:
+        click.echo("".join(error.traceback for error in errors), nl=False, err=True)
+        raise PhysicError(_words_of(errors))
 
 
 def _words_of(errors: Sequence[UnexpectedError]) -> str:
@@ -308,13 +310,18 @@ def _reconstructs(given: _Given) -> bool:
     return given.preset is not None or not (given.results or given.from_release)
 
 
-def _release_methods(name: str, frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles) -> list[Method]:
-    """Return start and end of the published results, and this engine run from their start."""
+def _release_methods(
+    name: str, frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles, errors: list[UnexpectedError]
+) -> list[Method]:
+    """Return start and end of the published results, and this engine run from their start.
+
+    Errors of this program are appended to ``errors``; they cost their frame.
+    """
     from physic_core.files.atomic import atomic_write, check_writable
     from physic_evaluate.readers import open_reader
     from physic_evaluate.readers.physic_release import release_file
     from physic_evaluate.release_engine import optimise_release
-    from physic_evaluate.run import Method
+    from physic_evaluate.run import Method, UnexpectedError
 
     assert given.from_release is not None
     import numpy as np
@@ -327,8 +334,12 @@ def _release_methods(name: str, frames: tuple[Frame, ...], given: _Given, bodies
             continue
         try:
             arrays = optimise_release(file, bodies)
-        except InputError as error:
+        except PhysicError as error:
             failures[frame.id] = str(error)
+            continue
+        except Exception as error:
+            errors.append(UnexpectedError.of(error, f"{frame.id} (engine from init)"))
+            failures[frame.id] = errors[-1].reason
             continue
         with atomic_write(folder) as temporary, temporary(target.name).open("wb") as stream:
             np.savez(stream, **arrays)

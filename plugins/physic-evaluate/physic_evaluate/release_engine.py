@@ -15,12 +15,17 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_evaluate.bodies import POSE_JOINTS
+from physic_evaluate.damage import number_array, require_finite
 from physic_evaluate.readers.base import archive_arrays
 from physic_evaluate.readers.physic_release import point_contact, release_parameters
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from physic_core.engine.joint.problem import JointProblem
     from physic_evaluate.bodies import BodyFiles
+
+    Array = NDArray[np.float64]
 
 __all__ = ["optimise_release", "release_problem"]
 
@@ -29,16 +34,15 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
     """Return the joint problem of a file of the release.
 
     Raises:
-        InputError: an array is missing.
+        DamagedFileError: an array is missing, not finite, or of another size.
+        InputError: there is no SMPL-X file.
     """
     import torch
 
     from physic_core.engine.joint.problem import JointProblem
     from physic_core.types import SKELETONS
 
-    for name in ("K", "scene_points", "scene_normals"):
-        if name not in arrays:
-            raise InputError(f"{path} has no '{name}', which the engine needs; it has: {', '.join(sorted(arrays))}")
+    K, points, normals = release_scene(arrays, path)
     model = bodies.model("smplx")
     if model is None:
         raise InputError("the release holds parameters of SMPL-X: give --smplx FILE or FOLDER")
@@ -48,11 +52,11 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
     rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in POSE_JOINTS]) for p in people])
     contact = np.zeros((count, model.num_vertices))
     if "contact_deco" in arrays:
-        given = np.asarray(arrays["contact_deco"], np.float64).reshape(-1, model.num_vertices)
+        given = number_array(arrays, "contact_deco", path, (-1, model.num_vertices))
         contact[:] = given if len(given) == count else given[:1]
 
     # Nothing is known to hide people: all of the picture is theirs, and only their own bodies hide their vertices.
-    width, height = (max(round(2 * side), 1) for side in np.asarray(arrays["K"], np.float64).reshape(3, 3)[:2, 2])
+    width, height = (max(round(2 * side), 1) for side in K[:2, 2])
 
     def tensor(values: Any) -> torch.Tensor:
         return torch.tensor(np.asarray(values, np.float64))
@@ -67,13 +71,25 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
         keypoints=torch.full((count, len(skeleton), 2), float("nan"), dtype=torch.float64),
         keypoint_confidence=torch.zeros(count, len(skeleton), dtype=torch.float64),
         skeleton=skeleton,
-        K=tensor(np.asarray(arrays["K"]).reshape(3, 3)),
+        K=tensor(K),
         masks=torch.ones(count, height, width, dtype=torch.bool),
-        scene_points=tensor(np.asarray(arrays["scene_points"]).reshape(-1, 3)),
-        scene_normals=tensor(np.asarray(arrays["scene_normals"]).reshape(-1, 3)),
+        scene_points=tensor(points),
+        scene_normals=tensor(normals),
         contact_probability=tensor(contact),
         observed=torch.zeros(count, 55, dtype=torch.bool),
     )
+
+
+def release_scene(arrays: Mapping[str, Any], path: Path) -> tuple[Array, Array, Array]:
+    """Return K (3, 3) px, scene points (M, 3) m and normals (M, 3) of a file of the release.
+
+    Raises:
+        DamagedFileError: an array is missing, not finite, or of another size.
+    """
+    K = require_finite(number_array(arrays, "K", path, (3, 3)), f"{path}: 'K'")
+    points = require_finite(number_array(arrays, "scene_points", path, (-1, 3)), f"{path}: 'scene_points'")
+    normals = number_array(arrays, "scene_normals", path, (len(points), 3))
+    return K, points, require_finite(normals, f"{path}: 'scene_normals'")
 
 
 def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
@@ -84,7 +100,8 @@ def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
         bodies: the user's body models.
 
     Raises:
-        InputError: the file is damaged or misses an array.
+        DamagedFileError: the file is damaged, or has no array that is needed.
+        InputError: there is no SMPL-X file.
     """
     from physic_core.engine.joint.solve import optimize
     from physic_core.engine.presets import PRESETS
@@ -93,13 +110,13 @@ def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
     problem = release_problem(arrays, file, bodies)
     result = optimize(problem, PRESETS["default"].joint.without("depth"))
     vertices = result.vertices.detach().cpu().numpy()
-    points = result.scene_scale * np.asarray(arrays["scene_points"], np.float64).reshape(-1, 3)
-    normals = np.asarray(arrays["scene_normals"], np.float64).reshape(-1, 3)
+    K, points, normals = release_scene(arrays, file)
+    points = result.scene_scale * points
     return {
         "vertices": vertices,
         "joints": result.joints.detach().cpu().numpy(),
         "contact": np.stack([point_contact(own, points, normals) for own in vertices]),
-        "K": np.asarray(arrays["K"], np.float64).reshape(3, 3),
+        "K": K,
         "scene_points": points,
         "failures": np.array(result.failures),
     }

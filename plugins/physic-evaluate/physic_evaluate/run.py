@@ -272,12 +272,14 @@ def _all_scores(
     known = {} if out is None else known_scores(out)
     scorer = FrameScorer(tuple(methods), rules, frozenset(known))
     records: dict[str, list[Record]] = {}
-    left_out, errors, old = dict(found.left_out), [], 0
+    left_out, old = dict(found.left_out), 0
+    errors: list[UnexpectedError] = []
     with nullcontext() if out is None else Journal(check_writable(out / SCORES) / "journal.jsonl") as journal:
         for scores in _scored(found.frames, scorer, workers):
             if scores.left_out:
                 left_out[scores.frame] = scores.left_out
-            errors += [entry.error for entry in (scores, *scores.methods) if entry.error is not None]
+            failed = [scores.error, *(score.error for score in scores.methods)]
+            errors += [error for error in failed if error is not None]
             for score in scores.methods:
                 if score.records is None:
                     old += 1

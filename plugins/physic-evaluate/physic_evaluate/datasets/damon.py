@@ -111,7 +111,7 @@ class Damon(DataSet):
         contact = as_numbers(_array(file, key), f"{file}: '{key}'")
         if contact.shape != (len(names), count):
             raise DamagedFileError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
-        known = np.isfinite(contact).all(axis=1)
+        known: Bools = np.asarray(np.isfinite(contact).all(axis=1))
         frames, left_out = [], {}
         for row in range(0, len(names), options.every):
             name, picture = names[row], _picture(root, names[row])

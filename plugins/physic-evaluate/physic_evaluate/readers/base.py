@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -111,6 +112,8 @@ def archive_arrays(path: Path) -> dict[str, Any]:
     Raises:
         DamagedFileError: it is missing, damaged, or holds Python objects.
     """
+    if path.is_file() and not zipfile.is_zipfile(path):
+        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again")
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
