@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.types import People
+from physic_core.types import SURFACE_NAMES, People, SurfaceLabels
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
 from physic_mock.noise import bernoulli, roughen_border, scale_to_image, seeded_rng
@@ -44,6 +44,7 @@ class SegmenterOptions(MockOptions):
         le=8,
         description="Mean number of bits of other things in the floor's mask, and of bits of floor left out.",
     )
+    surfaces: bool = Field(True, description="Whether surfaces are labelled, without errors; false answers None.")
 
 
 class MockSegmenter(interfaces.Segmenter):
@@ -72,6 +73,7 @@ class MockSegmenter(interfaces.Segmenter):
             boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
             scores=scores,
             floor=_floor(found, self.options),
+            surfaces=_surfaces(found) if self.options.surfaces else None,
         )
 
 
@@ -104,6 +106,12 @@ def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | Non
     seen = found.world.empty_floor_mask & ~found.people
     stray = options.noise * scale_to_image(options.raggedness_px, seen.shape)
     return draw_floor_mask(seen, stray, options.floor_spills, options.noise, rng) & ~found.people
+
+
+def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
+    """Return the true labels of the pixels."""
+    person = SURFACE_NAMES.index("person")
+    return SurfaceLabels(np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8))
 
 
 class InpainterOptions(MockOptions):

@@ -37,13 +37,17 @@ Blocks = tuple[Block, ...]
 Place = tuple[float, float]
 
 
-def move_blocks(blocks: Iterable[Block], place: Place, yaw: float, lift: float = 0.0) -> Blocks:
-    """Rotate blocks about the vertical by ``yaw`` radians, then move them to (x, z) and up by ``lift``."""
+def move_blocks(blocks: Iterable[Block], place: Place, yaw: float, lift: float = 0.0, surface: str = "") -> Blocks:
+    """Rotate blocks about the vertical by ``yaw`` radians, then move them to (x, z) and up by ``lift``.
+
+    With ``surface``, they become parts of such a surface.
+    """
     turn = yaw_matrix(yaw)
 
     def carried(block: Block) -> Block:
         x, y, z = apply(turn, np.array(block.centre)) + np.array([place[0], lift, place[1]])
-        return replace(block, centre=(float(x), float(y), float(z)), yaw=block.yaw + yaw)
+        name = surface or block.surface
+        return replace(block, centre=(float(x), float(y), float(z)), yaw=block.yaw + yaw, surface=name)
 
     return tuple(carried(block) for block in blocks)
 
@@ -82,7 +86,7 @@ def chair(
         _tipped((x, height - 0.02, -depth / 2 - 0.012), (0.03, 0.10, 0.024), recline, "wood")
         for x in (-width / 2 + 0.03, width / 2 - 0.03)
     ]
-    return move_blocks([*legs, seat, back, *posts], place, yaw)
+    return move_blocks([*legs, seat, back, *posts], place, yaw, surface="seat")
 
 
 def sofa(
@@ -119,7 +123,7 @@ def sofa(
         )
         for side in (1, -1)
     ]
-    return move_blocks([seat, back, *arms], place, yaw)
+    return move_blocks([seat, back, *arms], place, yaw, surface="seat")
 
 
 def stool(
@@ -133,9 +137,9 @@ def stool(
     """Build a stool or pouffe; the seat is the last box of the list."""
     height, width = _drawn(rng, height, 0.40, 0.50), _drawn(rng, width, 0.34, 0.44)
     if rng.random() < 0.4:
-        return move_blocks([_slab((0, height / 2, 0), (width, height, width), "fabric")], place, yaw)
+        return move_blocks([_slab((0, height / 2, 0), (width, height, width), "fabric")], place, yaw, surface="seat")
     legs = _legs(width - 0.02, width - 0.02, height - 0.04, 0.04)
-    return move_blocks([*legs, _slab((0, height - 0.02, 0), (width, 0.04, width), "wood")], place, yaw)
+    return move_blocks([*legs, _slab((0, height - 0.02, 0), (width, 0.04, width), "wood")], place, yaw, surface="seat")
 
 
 def bench(
@@ -156,7 +160,9 @@ def bench(
         _slab((x, (height - thick) / 2, 0), (0.07, height - thick, depth - 0.08), material)
         for x in (-width / 2 + 0.2, width / 2 - 0.2)
     ]
-    return move_blocks([*supports, _slab((0, height - thick / 2, 0), (width, thick, depth), material)], place, yaw)
+    return move_blocks(
+        [*supports, _slab((0, height - thick / 2, 0), (width, thick, depth), material)], place, yaw, surface="seat"
+    )
 
 
 def bed(
@@ -176,7 +182,7 @@ def bed(
     frame = _slab((0, (height - 0.20) / 2 + 0.04, 0), (width - 0.08, height - 0.28, length - 0.08), "wood")
     head = _slab((0, 0.5, -length / 2 - 0.03), (width, 1.0, 0.05), "wood")
     cushion = _slab((0, height + pillow / 2, -length / 2 + 0.22), (min(0.7, width - 0.2), pillow, 0.40), "fabric")
-    return move_blocks([mattress, frame, head, cushion], place, yaw)
+    return move_blocks([mattress, frame, head, cushion], place, yaw, surface="bed")
 
 
 def table(
@@ -195,7 +201,7 @@ def table(
     top = _slab((0, height - 0.018, 0), (width, 0.036, depth), "wood")
     legs = _legs(width - 0.06, depth - 0.06, height - 0.036, 0.06)
     front = [_slab((0, height / 2, depth / 2 - 0.02), (width - 0.02, height - 0.05, 0.02), "wood")] if panel else []
-    return move_blocks([top, *legs, *front], place, yaw)
+    return move_blocks([top, *legs, *front], place, yaw, surface="table")
 
 
 def counter(
@@ -212,7 +218,10 @@ def counter(
     height = _drawn(rng, height, 0.88, 1.08)
     top = _slab((0, height - 0.02, 0), (width, 0.04, depth), "stone")
     return move_blocks(
-        [top, _slab((0, (height - 0.04) / 2, 0), (width - 0.04, height - 0.04, depth - 0.06), "wood")], place, yaw
+        [top, _slab((0, (height - 0.04) / 2, 0), (width - 0.04, height - 0.04, depth - 0.06), "wood")],
+        place,
+        yaw,
+        surface="cabinet",
     )
 
 
@@ -235,7 +244,7 @@ def stairs(
         _slab((0, (k + 0.5) * rise, (k * going + long) / 2), (width, rise, long - k * going), material)
         for k in range(steps)
     ]
-    return move_blocks(risers, place, yaw)
+    return move_blocks(risers, place, yaw, surface="stairs")
 
 
 def shelf(
@@ -260,7 +269,7 @@ def shelf(
             free = (width - wide) / 2 - thick
             x = float(rng.uniform(-free, free))
             blocks.append(_slab((x, y + (thick + tall) / 2, 0), (wide, tall, depth - 0.08), "fabric"))
-    return move_blocks(blocks, place, yaw)
+    return move_blocks(blocks, place, yaw, surface="cabinet")
 
 
 def wall(
@@ -273,7 +282,7 @@ def wall(
 ) -> Blocks:
     """Build a wall segment whose front face, towards +z, passes through ``place``."""
     width, height = _drawn(rng, width, 1.4, 2.6), _drawn(rng, height, 2.2, 2.6)
-    return move_blocks([_slab((0, height / 2, -0.06), (width, height, 0.12), "plaster")], place, yaw)
+    return move_blocks([_slab((0, height / 2, -0.06), (width, height, 0.12), "plaster")], place, yaw, surface="wall")
 
 
 def railing(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import BodyParameters
+from physic_core.types import SURFACE_NAMES, BodyParameters
 from physic_testing.worlds.clothes import Clothes
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.ray_casting import RayCaster, RayHits
@@ -72,6 +72,8 @@ class Pictures:
     unoccluded_masks: BoolArray
     floor_mask: BoolArray
     empty_floor_mask: BoolArray
+    surfaces: UInt8Array
+    empty_surfaces: UInt8Array
     mesh: Mesh
     caster: RayCaster
 
@@ -167,6 +169,15 @@ def render_pictures(
     seen, empty = views
     owner = _person_ids(everything, seen)
 
+    def surfaces_of(seen: RenderedView) -> UInt8Array:
+        number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
+        names = np.array([SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8)
+        of_face = np.full(len(everything.faces) + 1, SURFACE_NAMES.index("person"), np.uint8)
+        of_face[: len(surface)] = names[number]
+        of_face[-1] = SURFACE_NAMES.index("sky")  # -1 is no face
+        labels: UInt8Array = of_face[seen.face]
+        return labels
+
     def ground_of(seen: RenderedView) -> BoolArray:
         on_scene = (seen.face >= 0) & (seen.face < len(surface))
         on_ground: BoolArray = on_scene & (surface[np.where(on_scene, seen.face, 0)] == 0)
@@ -181,6 +192,8 @@ def render_pictures(
         unoccluded_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
         floor_mask=ground_of(seen),
         empty_floor_mask=ground_of(empty),
+        surfaces=surfaces_of(seen),
+        empty_surfaces=surfaces_of(empty),
         mesh=everything,
         caster=casters[0],
     )

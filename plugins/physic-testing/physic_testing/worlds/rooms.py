@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.types import SURFACE_NAMES
 from physic_testing.worlds.reproducible_math import apply
-from physic_testing.worlds.solids import BOX_QUADS, Block, Ground, blocks_mesh, box_corners, signed_distance, yaw_matrix
+from physic_testing.worlds.solids import (
+    BOX_QUADS,
+    Block,
+    Ground,
+    SolidScene,
+    blocks_mesh,
+    box_corners,
+    signed_distance,
+    yaw_matrix,
+)
 from physic_testing.worlds.textures import Decoration, Patch, albedo
 
 if TYPE_CHECKING:
@@ -76,6 +86,25 @@ class Room:
         """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids."""
         distance = signed_distance(points, self.blocks, self.ground)
         return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
+
+    def nearest_surface(self, points: FloatArray) -> NDArray[np.uint8]:
+        """Return the surface nearest to each point (n, 3): (n,), index into ``physic_core.types.SURFACE_NAMES``."""
+        names = self.surface_names()
+        distance = SolidScene(self.blocks, self.ground).distances(points)
+        number = np.append(np.arange(len(self.blocks)) + 6, 0)[distance.argmin(axis=0)]
+        if self.walls is not None:
+            local = self.walls.to_local(points)
+            beside = self.walls.signed_distance(points)
+            number = np.where(beside < distance.min(axis=0), 1, number)
+            number = np.where((number == 1) & (self.walls.height - local[:, 1] <= beside), 5, number)
+        lookup = np.array([SURFACE_NAMES.index(name) for name in names], np.uint8)
+        found: NDArray[np.uint8] = lookup[number]
+        return found
+
+    def surface_names(self) -> tuple[str, ...]:
+        """Return the name of the ground, four walls, the ceiling and each block, in this order."""
+        ground = "floor" if self.walls is not None else "ground"
+        return (ground, "wall", "wall", "wall", "wall", "ceiling", *(block.surface for block in self.blocks))
 
     def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
         """Return vertices (V, 3), faces (F, 3), counter-clockwise from the air side, and surface index (F,) per face.

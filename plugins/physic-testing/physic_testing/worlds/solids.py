@@ -59,6 +59,7 @@ class Block:
         yaw: rotation about +y, radians.
         material: one of BLOCK_MATERIALS.
         pitch: rotation about the box's own +x before the yaw, radians; positive tips the top towards its own +z.
+        surface: what the box is part of, one of ``physic_core.types.SURFACE_NAMES``.
     """
 
     centre: tuple[float, float, float]
@@ -66,6 +67,7 @@ class Block:
     yaw: float = 0.0
     material: str = "wood"
     pitch: float = 0.0
+    surface: str = "object"
 
     def __post_init__(self) -> None:
         """Round all numbers to a grid."""

@@ -464,7 +464,8 @@ def lie(person: Person, rng: np.random.Generator) -> PosePlan:
     # From the pelvis to the middle of the head; somebody who lies on a side is curled up.
     head, front = (0.37 * person.stature, 0.0) if on_side else (0.40 * person.stature, 0.0)
     if place != "bed" and pillow:
-        cushion = Block((front, level + pillow / 2, -head), (0.26, pillow / 2, 0.18), material="fabric")
+        on = blocks[0].surface if blocks else "object"
+        cushion = Block((front, level + pillow / 2, -head), (0.26, pillow / 2, 0.18), material="fabric", surface=on)
         blocks = (*blocks, cushion)
     if place == "sofa":
         carried = move_plan(plan, (0.0, 0.04), -np.pi / 2, level)

@@ -31,6 +31,8 @@ _MAX_HIDDEN = 0.01  # share of a person's vertices that an added piece may hide
 _MAX_HIDDEN_LEGS = 0.15  # the same of legs, where a piece may stand in front
 _TALL = 1.6  # m; a block this high is a wall that the room lies along
 
+_SURFACES = {"hedge": "vegetation", "wood": "vegetation"}  # outdoors, by material; all others are walls
+
 Blocks = tuple[Block, ...]
 Place = tuple[float, float]
 
@@ -277,7 +279,8 @@ def _lower_onto_ground(blocks: Blocks, ground: Ground) -> Blocks:
 def _upright(place: Place, size: tuple[float, float, float], yaw: float, material: str, low: float = 0.0) -> Block:
     """Return an upright box that stands at a place."""
     x, y, z = size
-    return Block((place[0], low + y / 2, place[1]), (x / 2, y / 2, z / 2), yaw, material)
+    surface = _SURFACES.get(material, "wall")
+    return Block((place[0], low + y / 2, place[1]), (x / 2, y / 2, z / 2), yaw, material, surface=surface)
 
 
 def _hedge(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
@@ -303,6 +306,7 @@ def _house(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
                     (float(x), storey * 2.9 + 1.6, side * size[2] / 2),
                     (0.5, 0.65, 0.05),
                     material="metal",
+                    surface="window",
                 )
                 for side in (-1, 1)
             ]
@@ -324,7 +328,8 @@ def _tree(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
 def _box(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:
     size = (rng.uniform(0.4, 1.6), rng.uniform(0.35, 0.6), rng.uniform(0.4, 0.7))
     plants = (size[0] - 0.1, rng.uniform(0.15, 0.5), size[2] - 0.1)
-    return (_upright(place, size, yaw, "stone"), _upright(place, plants, yaw, "hedge", size[1]))
+    trough = replace(_upright(place, size, yaw, "stone"), surface="object")
+    return (trough, _upright(place, plants, yaw, "hedge", size[1]))
 
 
 def _bench(rng: np.random.Generator, place: Place, yaw: float) -> Blocks:

@@ -87,6 +87,8 @@ class World:
         boxes: (N, 4) float64 px, x0 y0 x1 y1 of ``masks``, end exclusive.
         floor_mask: (H, W) bool, visible ground.
         empty_floor_mask: (H, W) bool, visible ground without people.
+        surfaces: (H, W) uint8, what each pixel shows, index into ``physic_core.types.SURFACE_NAMES``.
+        empty_surfaces: (H, W) uint8, the same without people.
         floor: plane of the ground.
         keypoints: skeleton name -> (N, J, 2) float64 px.
         visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own skin or limb.
@@ -100,6 +102,9 @@ class World:
         vertices: (N, V, 3) float32.
         joints: (N, 55, 3) float32.
         contact: (N, V) bool, outer vertices within CONTACT_DISTANCE of the scene.
+        touched_surface: (N, V) uint8, the surface that a vertex in ``contact`` touches, index into ``SURFACE_NAMES``; 0
+            ("unknown") for the others.
+        touched_person: (N, V) int16, the person within CONTACT_DISTANCE of an outer vertex; -1 for none.
         distance: (N, V) float32, signed distance to the scene, negative inside.
         residual: (N,) m, largest contact gap or penetration depth of the fitted pose.
     """
@@ -121,6 +126,8 @@ class World:
     boxes: FloatArray
     floor_mask: BoolArray
     empty_floor_mask: BoolArray
+    surfaces: UInt8Array
+    empty_surfaces: UInt8Array
     floor: Plane
     keypoints: Mapping[str, FloatArray]
     visible: Mapping[str, BoolArray]
@@ -133,6 +140,8 @@ class World:
     vertices: FloatArray
     joints: FloatArray
     contact: BoolArray
+    touched_surface: UInt8Array
+    touched_person: NDArray[np.int16]
     distance: FloatArray
     residual: FloatArray
 
@@ -204,6 +213,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
     from physic_core.body import load_body
+    from physic_testing.worlds.contact_partners import touched_person, touched_surface
     from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
     from physic_testing.worlds.other_bodies import other_body
     from physic_testing.worlds.reproducible_math import apply, dot
@@ -219,7 +229,9 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = _with_same_pelvis(fitted, bodies) if other else bodies.parameters
     pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
-    distance = stage.room.signed_distance(stage.camera.to_room(bodies.vertices))
+    in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
+    distance = stage.room.signed_distance(in_room)
+    contact = (distance <= CONTACT_DISTANCE) & outer
     up = np.array(stage.room.ground.normal)
 
     def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
@@ -243,6 +255,8 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         boxes=np.stack([_box(mask) for mask in pictures.masks]),
         floor_mask=pictures.floor_mask,
         empty_floor_mask=pictures.empty_floor_mask,
+        surfaces=pictures.surfaces,
+        empty_surfaces=pictures.empty_surfaces,
         floor=Plane(apply(stage.camera.rotation, up), float(dot(stage.camera.position, up))),
         keypoints={name: project(points, intrinsics) for name, points in bodies.landmarks.items()},
         visible={name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()},
@@ -251,10 +265,12 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         body_model=model.name,
         topology=model.topology,
         faces=model.faces.numpy().astype(np.int32),
-        outer=model.outer.numpy().copy(),
+        outer=outer.copy(),
         vertices=bodies.vertices.astype(np.float32),
         joints=bodies.joints.astype(np.float32),
-        contact=(distance <= CONTACT_DISTANCE) & model.outer.numpy(),
+        contact=contact,
+        touched_surface=touched_surface(stage.room, in_room, contact),
+        touched_person=touched_person(bodies.vertices, model.faces.numpy(), outer, CONTACT_DISTANCE),
         distance=distance.astype(np.float32),
         residual=np.array([actor.residual for actor in stage.actors]),
     )
