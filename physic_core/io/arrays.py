@@ -122,7 +122,7 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
     ArraySpec("transl", "float32", (1, 3), "m, added after posing", "parameters.transl"),
     ArraySpec("vertices", "float32", ("V", 3), "m, camera frame", "vertices", compact="grid"),
     ArraySpec("joints", "float32", (55, 3), "m, camera frame, SMPL-X order", "joints", compact="grid"),
-    ArraySpec("contact", "bool", ("V",), "whether the vertex touches the scene or the floor", "contact"),
+    ArraySpec("contact", "bool", ("V",), "whether the vertex touches scene, floor or another person", "contact"),
     ArraySpec(
         "distance",
         "float32",
@@ -130,6 +130,22 @@ PERSON_ARRAYS: tuple[ArraySpec, ...] = (
         "signed distance to the scene or floor, m: < 0 inside, inf if none is near",
         "distance",
         compact="float16",
+    ),
+    ArraySpec(
+        "contact_probability",
+        "float16",
+        ("V",),
+        "probability that the vertex touches anything; absent if the preset estimates none",
+        "contact_probability",
+        optional=True,
+    ),
+    ArraySpec(
+        "contact_partner",
+        "int16",
+        ("V",),
+        "index into `contact_partners` of the JSON; -1 without contact",
+        "contact_partner",
+        optional=True,
     ),
 )
 """Specifications of the arrays of each person, stored as ``person_0_box``, ``person_1_box``, ..."""

@@ -19,6 +19,7 @@ from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, check_arrays, npz_checksum, number_of_people, to_arrays
 from physic_core.io.check_records import parse_checks, parse_grade
 from physic_core.io.compact import compact_arrays, expand_arrays, is_compact, specs_of
+from physic_core.io.contact_records import parse_contacts, parse_partners
 from physic_core.io.document import (
     decode_document,
     encode_document,
@@ -38,7 +39,17 @@ from physic_core.io.result_folder import (
     file_digest,
     unchanged_result_files,
 )
-from physic_core.types import BodyParameters, CheckState, Intrinsics, Lens, Person, Plane, Reconstruction, Scene
+from physic_core.types import (
+    NO_PARTNER,
+    BodyParameters,
+    CheckState,
+    Intrinsics,
+    Lens,
+    Person,
+    Plane,
+    Reconstruction,
+    Scene,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -293,6 +304,13 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
         vertices = len(arrays["person_0_vertices"])
         if faces.min() < 0 or faces.max() >= vertices:
             raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, and a person has {vertices}")
+    partners = len(document.get("contact_partners", ()))
+    for index in range(len(document["people"])):
+        partner = arrays.get(f"person_{index}_contact_partner")
+        if partner is not None and partner.size and not NO_PARTNER <= partner.min() <= partner.max() < partners:
+            raise ValueError(
+                f"contact_partner has {partner.min()} to {partner.max()}, and there are {partners} partners"
+            )
 
 
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
@@ -323,6 +341,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         photo=document.get("photo", ""),
         unposed=parse_unposed(document.get("unposed", ())),
         lens=_lens(document.get("lens")),
+        contact_partners=parse_partners(document),
     )
 
 
@@ -360,6 +379,7 @@ def _person(
         failed_checks=tuple(record["failed_checks"]),
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
         grade=parse_grade(record),
+        contacts=parse_contacts(record),
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
+from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Plane, Pointmap
 from physic_core.types.hints import Hints
 from physic_core.types.known_sizes import KnownLength, KnownSizes
@@ -28,14 +29,18 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import UInt8Array as UInt8Array
 
 __all__ = [
+    "NO_PARTNER",
+    "PARTNER_KINDS",
     "SKELETONS",
     "SURFACE_NAMES",
     "AffineAmbiguity",
     "Bodies",
+    "BodyContact",
     "BodyParameters",
     "CameraTrust",
     "CheckResult",
     "CheckState",
+    "ContactPartner",
     "ContactProbability",
     "DepthMap",
     "Grade",

@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING
 
 from physic_core.types.camera import CameraTrust
+from physic_core.types.contacts import PARTNER_KINDS
 
 if TYPE_CHECKING:
     from physic_core.types.records import CheckResult
@@ -27,6 +28,8 @@ SUMMARY_NUMBERS = (
     "nearest_person_m",
     "farthest_person_m",
     "contact_vertices",
+    "contact_parts",
+    *(f"contact_{kind}" for kind in PARTNER_KINDS),
     "failed_checks",
     "unknown_checks",
     "warnings",
@@ -41,6 +44,9 @@ def summarize(result: Reconstruction) -> dict[str, float | int | None]:
     import numpy as np
 
     camera, scene, checks = result.intrinsics, result.scene, result.checks
+    # Results of older versions have no partners.
+    known = all(person.contact_partner is not None for person in result.people)
+    kinds = [contact.partner.kind for person in result.people for contact in person.contacts]
     distances = [float(p.joints[0, 2]) for p in result.people if len(p.joints) and np.isfinite(p.joints[0]).all()]
     numbers: dict[str, float | int | None] = {
         "people": len(result.people),
@@ -56,6 +62,8 @@ def summarize(result: Reconstruction) -> dict[str, float | int | None]:
         "nearest_person_m": min(distances, default=None),
         "farthest_person_m": max(distances, default=None),
         "contact_vertices": sum(int(np.sum(person.contact)) for person in result.people),
+        "contact_parts": len(kinds) if known else None,
+        **{f"contact_{kind}": kinds.count(kind) if known else None for kind in PARTNER_KINDS},
         "failed_checks": sum(check.failed for check in checks),
         "unknown_checks": sum(not (check.ok or check.failed) for check in checks),
         "warnings": len(result.warnings),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics, Lens
+    from physic_core.types.contacts import BodyContact, ContactPartner
     from physic_core.types.depth import Plane
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, Grade, StageRecord
@@ -68,6 +69,11 @@ class Person(ShortRepr):
         contact: (V,) bool.
         distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf beyond the
             search radius.
+        contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
+            over ``[engine.contact] threshold``. None if the preset estimates none, or in an older result.
+        contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``, :data:`NO_PARTNER` for vertices
+            that are not in contact. None in an older result.
+        contacts: contacts by body part, most probable first.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None in a result that was written without grades.
@@ -88,11 +94,15 @@ class Person(ShortRepr):
     unknown_checks: tuple[str, ...] = ()
     grade: Grade | None = None
     faces: NDArray[np.int32] | None = None
+    contact_probability: NDArray[np.float16] | None = None
+    contact_partner: NDArray[np.int16] | None = None
+    contacts: tuple[BodyContact, ...] = ()
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
 
-        Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m.
+        Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m, and "contact_probability" (V,)
+        and "contact_partner" (V,) if the result has them.
 
         Raises:
             InputError: the person has no body, or is not part of a ``Reconstruction``.
@@ -105,6 +115,8 @@ class Person(ShortRepr):
         if not np.isfinite(self.vertices).all():
             raise InputError("this person has no body: the body estimator returned no finite values for them")
         attributes = {"contact": self.contact, "distance": self.distance}
+        optional = {"contact_probability": self.contact_probability, "contact_partner": self.contact_partner}
+        attributes |= {name: values for name, values in optional.items() if values is not None}
         return trimesh.Trimesh(self.vertices, self.faces, vertex_attributes=attributes, process=False)
 
 
@@ -132,6 +144,7 @@ class Reconstruction(ShortRepr):
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
+        contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
     """
 
     image: UInt8Array
@@ -151,6 +164,7 @@ class Reconstruction(ShortRepr):
     grade: Grade | None = None
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
+    contact_partners: tuple[ContactPartner, ...] = ()
 
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
@@ -190,8 +204,9 @@ class Reconstruction(ShortRepr):
 
         Keys: people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
         scene_valid_share, scene_scale, scale_sigma, nearest_person_m and farthest_person_m (depth of the pelvis),
-        contact_vertices, failed_checks, unknown_checks, warnings, seconds, load_seconds, and ``check_NAME`` for each
-        self-check, the worst value of all people.
+        contact_vertices, contact_parts (pairs of a body part and what it touches), ``contact_KIND`` (of these pairs,
+        those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,
+        load_seconds, and ``check_NAME`` for each self-check, the worst value of all people.
         """
         from physic_core.types.result_summary import summarize
 

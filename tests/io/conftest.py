@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from physic_core.types import (
+    BodyContact,
     BodyParameters,
+    ContactPartner,
     Grade,
     Intrinsics,
     Person,
@@ -18,6 +20,7 @@ from physic_core.types import (
     StageRecord,
 )
 
+FLOOR = ContactPartner("floor", "floor")
 CAMERA_HEIGHT = 1.4
 PITCH = np.deg2rad(12.0)  # the camera looks down by so much
 # Rows are the camera's axes in a world of x right, y up, z forward, whose origin is on the floor under the camera.
@@ -149,6 +152,9 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         failed_checks=("stands apart from the floor",),
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,
+        contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
+        contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
+        contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
     )
     return person, faces
 
@@ -178,6 +184,7 @@ def make_reconstruction(width: int = 160, height: int = 120, people: int = 2) ->
         warnings=("The focal length is a default – “0.95” of the long side.", "NaN"),
         notes=("read from a file",),
         grade=Grade.BAD,
+        contact_partners=(FLOOR, ContactPartner("person", person=1, part="left_hand")),
         config={"preset": "default", "engine": {"joint": {"steps": 100, "weight": 0.3}}, "floor": True},
     )
 

@@ -61,6 +61,8 @@ def test_a_result_of_the_pipeline_is_valid_and_has_no_key_that_the_schema_lacks(
     assert set(document) - set(SCHEMA["properties"]) == set()
     assert set(document["checks"][0]) == set(defined["check"]["properties"])
     assert set(document["people"][0]) == set(defined["person"]["properties"])
+    assert set(document["contact_partners"][0]) == set(defined["partner"]["properties"])
+    assert set(document["people"][0]["contacts"][0]) == set(defined["contact"]["properties"])
     assert set(document["intrinsics"]) == set(defined["intrinsics"]["properties"])
     assert set(document["stages"][0]) == set(defined["stage"]["properties"])
     assert set(document["stages"][0]["backend"]) == set(defined["backend"]["properties"])
@@ -98,7 +100,7 @@ def test_a_result_that_an_earlier_version_wrote_is_still_read(version: int):
 def test_every_key_is_on_the_page_with_the_words_of_the_schema():
     rows = dict(re.findall(r"^\| `([\w.]+)` \| ([^|]*) \|$", PAGE.read_text(), re.M))
     wanted = dict(properties(SCHEMA))
-    for name in ("intrinsics", "check", "person", "unposed", "stage", "backend"):
+    for name in ("intrinsics", "check", "person", "partner", "contact", "unposed", "stage", "backend"):
         wanted |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
     assert {name: one["description"] for name, one in wanted.items() if "description" in one} == rows
 
