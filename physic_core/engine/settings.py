@@ -39,6 +39,7 @@ class ContactSettings:
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
         observed: contact only on visible limbs.
+        people: contact with other people too.
         assume_supports: people whom nothing in the scene carries touch a hidden seat, or what their hands hold
             (:mod:`physic_core.engine.assumed_support`).
     """
@@ -47,6 +48,7 @@ class ContactSettings:
     inside_m: NotNegative = 0.05
     metric: Literal["plane", "point"] = "plane"
     observed: bool = True
+    people: bool = True
     assume_supports: bool = True
 
 

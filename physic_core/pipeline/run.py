@@ -398,6 +398,8 @@ def _result(
                 joints=solution.joints[i],
                 contact=solution.contact[i],
                 distance=solution.distance[i],
+                contact_partner=solution.contact_partner[i],
+                contacts=solution.contacts[i],
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
@@ -420,4 +422,5 @@ def _result(
         checks=checks,
         unposed=tuple(estimates.people.unposed),
         grade=grade_photo(checks, grades),
+        contact_partners=solution.partners,
     )

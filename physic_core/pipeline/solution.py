@@ -11,17 +11,12 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat
-from physic_core.engine.contact import SEARCH_RADIUS_M, contact_map, contact_surfaces
-from physic_core.engine.joint.limbs import observed_parts
-from physic_core.geometry.free_space import front_depth, in_free_space
-from physic_core.geometry.visibility import vertex_normals
-from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
-from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
-from physic_core.types import BodyParameters, CameraTrust, Intrinsics, Plane, Scene
+from physic_core.pipeline.contacts import classify_points, measure_contacts
+from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
@@ -29,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.types import BoolArray, FloatArray
+    from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray
 
 __all__ = ["Solution", "assemble_solution", "scene_alone"]
 
@@ -46,6 +41,9 @@ class Solution(ShortRepr):
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
+        contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
+        partners: everything that people touch.
+        contacts: per person, contacts by body part.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage; without people of the scene alone.
@@ -58,6 +56,9 @@ class Solution(ShortRepr):
     joints: FloatArray
     contact: BoolArray
     distance: FloatArray
+    contact_partner: NDArray[np.int16]
+    partners: tuple[ContactPartner, ...]
+    contacts: tuple[tuple[BodyContact, ...], ...]
     people: tuple[Mapping[str, Any], ...]
     failures: tuple[str, ...]
     diagnostics: Mapping[str, Any]
@@ -82,10 +83,10 @@ def assemble_solution(
         settings: of the engine.
     """
     s = result.scene_scale
-    contact, distance, measured = measure_contacts(problem, result, settings)
+    touch = measure_contacts(problem, result, settings, classify_points(estimates, scene))
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **end, **more}
-        for start, end, more in zip(placement["people"], result.diagnostics, measured, strict=True)
+        for start, end, more in zip(placement["people"], result.diagnostics, touch.measures, strict=True)
     )
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
@@ -93,8 +94,11 @@ def assemble_solution(
         parameters=parameters_from_rotations(result.rotations, result.betas, problem.expression0, result.transl),
         vertices=result.vertices.float().cpu().numpy(),
         joints=result.joints.float().cpu().numpy(),
-        contact=contact.cpu().numpy(),
-        distance=distance.float().cpu().numpy(),
+        contact=touch.contact.cpu().numpy(),
+        distance=touch.distance.float().cpu().numpy(),
+        contact_partner=touch.partners.index.cpu().numpy(),
+        partners=touch.partners.table,
+        contacts=touch.by_part,
         people=people,
         failures=result.failures,
         diagnostics={
@@ -122,6 +126,9 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
         contact=np.zeros((0, model.num_vertices), bool),
         distance=np.zeros((0, model.num_vertices), np.float32),
+        contact_partner=np.full((0, model.num_vertices), NO_PARTNER, np.int16),
+        partners=(),
+        contacts=(),
         people=(),
         failures=(),
         diagnostics={"scene": dict(scene.diagnostics)},
@@ -156,68 +163,3 @@ def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, f
         if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
             return camera.source, camera.trust, camera.focal_sigma
     return "point map and metric depth", CameraTrust.ESTIMATED, None
-
-
-def measure_contacts(
-    problem: JointProblem, result: JointResult, settings: EngineSettings
-) -> tuple[Tensor, Tensor, list[dict[str, float | None]]]:
-    """Compute contact (N, V) bool, signed distance (N, V) metres, and the measures of each person.
-
-    People with non-finite vertices get no contacts and infinite distance.
-    """
-    s, model = result.scene_scale, problem.model
-    finite = torch.isfinite(result.vertices).flatten(1).all(1)
-    rows = finite.nonzero(as_tuple=True)[0]
-    contact = torch.zeros(result.vertices.shape[:2], dtype=torch.bool, device=result.vertices.device)
-    distance = torch.full_like(result.vertices[..., 0], torch.inf)
-    measured: list[dict[str, float | None]] = [{} for _ in finite]
-    if not len(rows):
-        return contact, distance, measured
-    vertices = result.vertices[rows]
-    outward = vertex_normals(vertices, model.faces)
-    may_touch = model.outer.expand(len(rows), -1)
-    if settings.contact.observed:
-        may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
-    may_touch = may_touch & ~problem.feet_in_air()[rows]
-    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
-    scene, ground = contact_surfaces(problem, vertices, s, settings)
-    free = None
-    if settings.joint.energy_options.free_space and problem.scene_depth is not None:
-        free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
-    contact[rows], distance[rows] = contact_map(vertices, scene, ground, may_touch, settings.contact, free)
-    up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
-    up, soles = up.to(vertices), torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
-    silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, s))
-    for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
-        seen = problem.masks[i]
-        if settings.contact.assume_supports:
-            posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
-            lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
-            held = assumed_hold(model, contact[i], problem.contact_probability[i], lifted)
-            seat = assumed_seat(model, posed, contact[i], may_touch[row] & ~lifted.all(), up)
-            contact[i] |= held | seat
-            measured[i] = {"assumed_seat": float(seat.any()), "assumed_hold": float(held.any())}
-        measured[i] |= {
-            **silhouettes[i],
-            "clearance_m": clearance(body, distance[i], up, height),
-            "sole_height_m": sole_height(body, soles, up, height),
-            "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
-            "support_gap_m": support_gap(
-                body, result.joints[i], normals, may_touch[row], distance[i], up, height, SEARCH_RADIUS_M
-            ),
-        }
-        if problem.human_depth is not None:
-            depth = problem.human_depth * s
-            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
-    return contact, distance, measured
-
-
-def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
-    """Return masks and depths of the problem, with the final scale of the scene."""
-    scene, photo = problem.scene_depth, problem.human_depth
-    return PhotoEvidence(
-        masks=problem.masks,
-        scene_depth=None if scene is None else scene * scale,
-        photo_depth=None if photo is None else photo * scale,
-        K=problem.K,
-    )

@@ -209,8 +209,8 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
 def test_no_vertex_of_the_contact_map_differs(published: Published, whose: str) -> None:
     vertices, scale = whose_body(published, whose)
     problem = published.problem()
-    scene, floor = contact_surfaces(problem, vertices, scale, RELEASE)
-    contact, _ = contact_map(vertices, scene, floor, problem.model.outer, RELEASE.contact)
+    around = contact_surfaces(problem, vertices, scale, RELEASE)
+    contact, _ = contact_map(vertices, around.scene, around.floor, problem.model.outer, RELEASE.contact)
     assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 
@@ -250,8 +250,8 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     )
     for whose in WHOSE:
         vertices, scale = whose_body(published, whose)
-        around, floor = contact_surfaces(problem, vertices, scale, RELEASE)
-        contact, _ = contact_map(vertices, around, floor, problem.model.outer, RELEASE.contact)
+        around = contact_surfaces(problem, vertices, scale, RELEASE)
+        contact, _ = contact_map(vertices, around.scene, around.floor, problem.model.outer, RELEASE.contact)
         assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 

@@ -232,8 +232,8 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
     outer = torch.ones(2, dtype=torch.bool)
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
         settings = PRESETS[preset]
-        scene, plane = contact_surfaces(problem, over, 1.0, settings)
-        assert contact_map(over, scene, plane, outer, settings.contact)[0][0].tolist() == expected
+        around = contact_surfaces(problem, over, 1.0, settings)
+        assert contact_map(over, around.scene, around.floor, outer, settings.contact)[0][0].tolist() == expected
 
 
 def test_the_grid_takes_the_point_nearest_to_the_closest_node() -> None:

@@ -1,0 +1,119 @@
+"""With what each contact vertex is in contact: floor, part of the scene, another person, or a hidden support."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.people import PeopleDistances
+from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
+
+__all__ = ["ContactPartners", "assign_partners", "body_contacts"]
+
+_MIN_VERTICES = 3  # of a contact that is listed
+_TOP_SHARE = 10  # vertices whose mean probability is that of the body part
+
+
+@dataclass(frozen=True)
+class ContactPartners:
+    """Partners of the contacts of N people.
+
+    Attributes:
+        table: all partners.
+        index: (N, V) int16, index into ``table``; :data:`NO_PARTNER` without contact.
+    """
+
+    table: tuple[ContactPartner, ...]
+    index: Tensor
+
+
+def assign_partners(
+    contact: Tensor,
+    surfaces: SurfaceDistances,
+    parts: SceneParts,
+    people: PeopleDistances,
+    on_person: Tensor,
+    hidden: Tensor,
+    region_names: Sequence[str],
+    region: Tensor,
+) -> ContactPartners:
+    """Name the partner of each contact vertex.
+
+    Args:
+        contact: (N, V) bool.
+        surfaces: distances (N, V) to scene and floor.
+        parts: of the scene's points, to which ``surfaces.point`` refers.
+        people: distances (N, V) to other people.
+        on_person: (N, V) bool, contacts with another person.
+        hidden: (N, V) int64, contacts with an assumed support: 0 none, 1 seat, 2 anything that a hand holds.
+        region_names: of the body parts.
+        region: (V,) int64, body part of each vertex, index into ``region_names``.
+    """
+    index = torch.full(contact.shape, NO_PARTNER, dtype=torch.int16, device=contact.device)
+    table: list[ContactPartner] = []
+
+    def add(rows: Tensor, partner: ContactPartner) -> None:
+        if bool(rows.any()):
+            index[rows] = len(table)
+            table.append(partner)
+
+    on_person, assumed = on_person & contact, (hidden > 0) & contact
+    on_scene = contact & ~on_person & ~assumed
+    ground = surfaces.on_floor
+    if len(parts.ground):
+        ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
+    add(on_scene & ground, ContactPartner("floor", "floor"))
+    on_scene = on_scene & ~ground
+    if bool(on_scene.any()):
+        touched = parts.surface[surfaces.point]
+        for number, surface in enumerate(torch.unique(touched[on_scene]).tolist()):
+            rows = on_scene & (touched == surface)
+            label = int(parts.label[surfaces.point[rows]].mode().values)
+            add(rows, ContactPartner("scene", parts.names[label] if label >= 0 else "", id=number))
+    if bool(on_person.any()):
+        pair = people.person * len(region_names) + region[people.vertex]
+        for code in torch.unique(pair[on_person]).tolist():
+            other, part = divmod(code, len(region_names))
+            add(on_person & (pair == code), ContactPartner("person", person=other, part=region_names[part]))
+    add(assumed & (hidden == 1), ContactPartner("hidden", "seat"))
+    add(assumed & (hidden == 2), ContactPartner("hidden"))
+    return ContactPartners(tuple(table), index)
+
+
+def body_contacts(
+    index: Tensor,
+    probability: Tensor | None,
+    table: Sequence[ContactPartner],
+    region_names: Sequence[str],
+    region: Tensor,
+) -> tuple[BodyContact, ...]:
+    """List the contacts of one person by body part, most probable first.
+
+    The probability of a part is the mean of its ten most probable vertices. Contacts of fewer than three vertices are
+    not listed.
+
+    Args:
+        index: (V,) index into ``table``, :data:`NO_PARTNER` without contact.
+        probability: (V,) of contact, or None.
+        table: partners.
+        region_names: of the body parts.
+        region: (V,) int64, body part of each vertex.
+    """
+    touching = index >= 0
+    code = index.long() * len(region_names) + region
+    found = []
+    for value, count in zip(*(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True):
+        if count < _MIN_VERTICES:
+            continue
+        partner, part = divmod(value, len(region_names))
+        sure = None
+        if probability is not None:
+            likely = probability[touching & (code == value)]
+            sure = round(float(likely.topk(min(_TOP_SHARE, len(likely))).values.mean()), 4)
+        found.append(BodyContact(region_names[part], table[partner], sure, count))
+    return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))

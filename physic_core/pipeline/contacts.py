@@ -1,0 +1,155 @@
+"""Contact of the reconstructed people: per vertex, by body part, and the numbers that checks need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M, contact_surfaces, surface_distances
+from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
+from physic_core.engine.contact.people import people_distances
+from physic_core.engine.contact.regions import contact_regions
+from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
+from physic_core.engine.joint.distances import plane_height
+from physic_core.engine.joint.limbs import observed_parts
+from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.geometry.tensors import tensor
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+from physic_core.types.contacts import NO_PARTNER
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.types import BodyContact
+
+__all__ = ["Contacts", "classify_points", "measure_contacts"]
+
+_SEAT, _HELD = 1, 2  # assumed supports, as in assign_partners
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of N people.
+
+    Attributes:
+        contact: (N, V) bool.
+        distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
+        partners: of the contact vertices.
+        by_part: per person, contacts by body part.
+        measures: per person, measured numbers by name.
+    """
+
+    contact: Tensor
+    distance: Tensor
+    partners: ContactPartners
+    by_part: tuple[tuple[BodyContact, ...], ...]
+    measures: list[dict[str, float | None]]
+
+
+def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints | None:
+    """Return the classes of the valid scene points; None if the segmenter labels no surfaces."""
+    surfaces = estimates.people.surfaces
+    if surfaces is None:
+        return None
+    label = tensor(surfaces.labels).long()[scene.valid]
+    return ClassifiedPoints(surfaces.names, label, ~tensor(estimates.hole)[scene.valid])
+
+
+def measure_contacts(
+    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints | None = None
+) -> Contacts:
+    """Compute contacts of all people, and the measures of each.
+
+    People with non-finite vertices get no contacts and infinite distance.
+
+    Args:
+        problem: with the final scene.
+        result: of stage 3.
+        settings: of the engine.
+        classes: of ``problem.scene_points``, or None.
+    """
+    s, model = result.scene_scale, problem.model
+    finite = torch.isfinite(result.vertices).flatten(1).all(1)
+    rows = finite.nonzero(as_tuple=True)[0]
+    contact = torch.zeros(result.vertices.shape[:2], dtype=torch.bool, device=result.vertices.device)
+    distance = torch.full_like(result.vertices[..., 0], torch.inf)
+    index = torch.full(contact.shape, NO_PARTNER, dtype=torch.int16, device=contact.device)
+    measured: list[dict[str, float | None]] = [{} for _ in finite]
+    if not len(rows):
+        return Contacts(contact, distance, ContactPartners((), index), ((),) * len(finite), measured)
+    vertices = result.vertices[rows]
+    outward = vertex_normals(vertices, model.faces)
+    may_touch = model.outer.expand(len(rows), -1)
+    if settings.contact.observed:
+        may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
+    may_touch = may_touch & ~problem.feet_in_air()[rows]
+    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
+    around = contact_surfaces(problem, vertices, s, settings)
+    free = None
+    if settings.joint.energy_options.free_space and problem.scene_depth is not None:
+        free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
+    near = surface_distances(vertices, around.scene, around.floor, settings.contact, free)
+    distance[rows] = near.nearest
+    reach = settings.contact
+    touches = (near.nearest <= reach.distance_m) & (near.nearest >= -reach.inside_m) & may_touch
+    others = people_distances(vertices, outward, model.outer, SEARCH_RADIUS_M)
+    on_person = torch.zeros_like(touches)
+    if reach.people:
+        on_person = (others.distance <= reach.distance_m) & (others.distance >= -reach.inside_m) & may_touch
+        on_person &= ~touches | (others.distance.abs() < near.nearest.abs())
+    hidden = torch.zeros(touches.shape, dtype=torch.int64, device=touches.device)
+    up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
+    up = up.to(vertices)
+    soles = torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
+    silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, s))
+    for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
+        seen = problem.masks[i]
+        if settings.contact.assume_supports:
+            posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
+            lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
+            held = assumed_hold(model, touches[row], problem.contact_probability[i], lifted)
+            seat = assumed_seat(model, posed, touches[row], may_touch[row] & ~lifted.all(), up)
+            hidden[row, seat & ~touches[row]] = _SEAT
+            hidden[row, held & ~touches[row]] = _HELD
+            measured[i] = {"assumed_seat": float(seat.any()), "assumed_hold": float(held.any())}
+        measured[i] |= {
+            **silhouettes[i],
+            "clearance_m": clearance(body, distance[i], up, height),
+            "sole_height_m": sole_height(body, soles, up, height),
+            "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
+            "support_gap_m": support_gap(
+                body, result.joints[i], normals, may_touch[row], distance[i], up, height, SEARCH_RADIUS_M
+            ),
+        }
+        if problem.human_depth is not None:
+            depth = problem.human_depth * s
+            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
+    contact[rows] = touches | on_person | (hidden > 0)
+    above = None if plane is None else plane_height(around.scene.points, up, up.new_tensor(plane[1]))
+    parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
+    names, region = contact_regions(model)
+    everybody = replace(others, person=rows[others.person])
+    partners = assign_partners(contact[rows], near, parts, everybody, on_person, hidden, names, region)
+    index[rows] = partners.index
+    by_part = tuple(body_contacts(own, None, partners.table, names, region) for own in index)
+    return Contacts(contact, distance, ContactPartners(partners.table, index), by_part, measured)
+
+
+def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
+    """Return masks and depths of the problem, with the final scale of the scene."""
+    scene, photo = problem.scene_depth, problem.human_depth
+    return PhotoEvidence(
+        masks=problem.masks,
+        scene_depth=None if scene is None else scene * scale,
+        photo_depth=None if photo is None else photo * scale,
+        K=problem.K,
+    )
