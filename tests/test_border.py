@@ -131,7 +131,7 @@ def test_bodies() -> None:
 
 
 def test_numbers_that_are_lost_for_some_people_only_are_no_fault() -> None:
-    """They are dealt with one by one; see physic_core.pipeline.nonfinite_results."""
+    """They are dealt with one by one; see physic_core.pipeline.invalid_results."""
     transl = np.zeros((2, 3), np.float32)
     transl[1] = np.nan
     assert violations(BodyEstimator, Bodies(replace(parameters(), transl=transl), "embedded"), people=2) == []

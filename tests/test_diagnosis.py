@@ -240,7 +240,7 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
         ),
         (
             {"lost": ("body_estimator", "contact_prior")},
-            "person 0: no finite values for this person from body_estimator, contact_prior: results that need them are "
+            "person 0: no valid values for this person from body_estimator, contact_prior: results that need them are "
             "left out; try another backend",
         ),
         (

@@ -19,9 +19,9 @@ from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import pack, read_archive, unpack, write_archive
 from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
-from physic_core.pipeline.nonfinite_results import (
-    invalidate_nonfinite_bodies,
-    invalidate_nonfinite_hands,
+from physic_core.pipeline.invalid_results import (
+    discard_invalid_bodies,
+    discard_invalid_hands,
     select_people,
 )
 from physic_core.types import (
@@ -90,7 +90,7 @@ def test_faces_may_be_integers_of_any_width() -> None:
         ({"joints": np.zeros((2, 55, 3), int)}, "joints must be float, got int64"),
         (
             {"joints": np.full((2, 55, 3), np.inf)},
-            "joints must be metres, or NaN where unknown, 330 are infinite",
+            "joints must be within +-10000 m, or NaN where unknown, 330 are beyond",
         ),
         ({"mesh": np.zeros((2, 4, 3))}, "mesh must be Mesh, got ndarray"),
         ({"mesh": Mesh("mhr", np.zeros((1, 4, 3)), FACES)}, "mesh.vertices must be (2, 4, 3), got (1, 4, 3)"),
@@ -156,7 +156,7 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
     assert told.mesh is not None
     told.mesh.vertices[0, 2] = np.nan
     assert violations(BodyEstimator, told, people=2) == []
-    kept, lost = invalidate_nonfinite_bodies(told)
+    kept, lost = discard_invalid_bodies(told)
     assert lost.tolist() == [True, False]
     assert kept.mesh is not None
     assert kept.joints is not None
@@ -170,9 +170,9 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
 def test_hands_whose_wrists_are_nan_are_not_found() -> None:
     wrists = np.zeros((2, 2, 3))
     wrists[0, 1] = np.nan  # of a hand that was not found: means nothing
-    assert not invalidate_nonfinite_hands(replace(hands(), wrists=wrists))[1].any()
+    assert not discard_invalid_hands(replace(hands(), wrists=wrists))[1].any()
     wrists[0, 0] = np.nan
-    kept, lost = invalidate_nonfinite_hands(replace(hands(), wrists=wrists))
+    kept, lost = discard_invalid_hands(replace(hands(), wrists=wrists))
     assert lost.tolist() == [True, False]
     assert kept.confidence[0].tolist() == [0, 0]
     assert kept.wrists is not None

@@ -16,11 +16,11 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.pipeline.nonfinite_results import (
+from physic_core.pipeline.invalid_results import (
+    discard_invalid_bodies,
+    discard_invalid_hands,
+    discard_invalid_keypoints,
     expand_contact,
-    invalidate_nonfinite_bodies,
-    invalidate_nonfinite_hands,
-    invalidate_nonfinite_keypoints,
     select_people,
 )
 from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
@@ -129,7 +129,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert np.isposinf(lost.distance).all()
     assert {"missing_outputs", "placed", "optimised"} <= set(lost.failed_checks)
     assert result.warnings[-3:] == (
-        "person 0: no finite values for this person from body_estimator: results that need them are left out; "
+        "person 0: no valid values for this person from body_estimator: results that need them are left out; "
         "try another backend",
         "person 0: the body has non-finite vertices: its translation was not changed",
         "person 0: pose and position are those of the placement: the start has non-finite parameters or is behind "
@@ -168,7 +168,7 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     result = run(world, kind, interface)
     told = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
     assert [(c.person, c.value) for c in told] == [(LOST, 1)]
-    assert f"person 0: no finite values for this person from {interface}" in "\n".join(result.warnings)
+    assert f"person 0: no valid values for this person from {interface}" in "\n".join(result.warnings)
     assert all(np.isfinite(person.vertices).all() for person in result.people)
     # The two share the scale of their scene: what one of them no longer says of it moves the other.
     moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
@@ -226,21 +226,19 @@ def test_a_body_for_nobody_is_still_refused(world: World) -> None:
 def test_lost_rows_become_what_stands_for_nothing() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan
-    keypoints, lost = invalidate_nonfinite_keypoints(
-        Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0))
-    )
+    keypoints, lost = discard_invalid_keypoints(Keypoints(points, np.full((3, 4), 0.5), "x", np.full((3, 4, 3), 2.0)))
     assert lost.tolist() == [False, True, False]
     assert keypoints.confidence[:, 0].tolist() == [0.5, 0, 0.5]
     np.testing.assert_array_equal(keypoints.points[1], points[0])
     assert np.isfinite(keypoints.points).all()
     assert np.isnan(points[1, 2]).all()  # the backend's own array is left alone
-    unseen, lost = invalidate_nonfinite_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
+    unseen, lost = discard_invalid_keypoints(Keypoints(points, np.zeros((3, 4)), "x"))
     assert not lost.any()
     assert unseen.points is points
 
     hands = Hands(np.full((2, 2, 15, 3), 0.5), np.array([[0.9, 0.0], [0.9, 0.9]]))
     hands.rotvecs[0, 1] = hands.rotvecs[1, 0] = np.nan
-    hands, lost = invalidate_nonfinite_hands(hands)
+    hands, lost = discard_invalid_hands(hands)
     assert lost.tolist() == [False, True]
     assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
 
@@ -268,7 +266,7 @@ def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
 
     values = {f.name: np.zeros((2, 3), np.float32) for f in fields(BodyParameters)}
     values["betas"][1, 2] = np.inf
-    bodies, lost = invalidate_nonfinite_bodies(Bodies(BodyParameters(**values), "embedded"))
+    bodies, lost = discard_invalid_bodies(Bodies(BodyParameters(**values), "embedded"))
     assert lost.tolist() == [False, True]
     assert np.isnan(bodies.parameters.transl[1]).all()
     assert (bodies.parameters.transl[0] == 0).all()

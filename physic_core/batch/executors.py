@@ -14,6 +14,7 @@ from physic_core.batch.run import local_executor
 from physic_core.batch.workers import WorkerSettings
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.executors import InstalledExecutor, find_executor
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import ConfigError, PluginError
 
 if TYPE_CHECKING:
@@ -78,8 +79,9 @@ def _import(executor: InstalledExecutor) -> Callable[[ExecutorSettings], Executo
     record = executor.record
     module, _, attribute = record.target.partition(":")
     try:
-        found: Callable[[ExecutorSettings], Executor] = getattr(import_module(module), attribute)
-    except (Exception, SystemExit) as error:
+        with plugin_code():
+            found: Callable[[ExecutorSettings], Executor] = getattr(import_module(module), attribute)
+    except Exception as error:
         raise PluginError(
             f"the executor '{record.name}' of {executor.distribution} cannot be imported: "
             f"{describe_error(error, module)}"

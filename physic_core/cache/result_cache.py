@@ -10,6 +10,7 @@ folder, or to "off".
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -189,13 +190,15 @@ class ResultCache:
 def canonicalize(result: T) -> T:
     """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
 
-    Arrays become C-contiguous, since their order in memory changes sums; NumPy scalars become Python numbers. A result
-    that cannot be stored is returned unchanged.
+    Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
+    arrays again; NumPy scalars become Python numbers. Of a result that cannot be stored, a deep copy is returned.
     """
     try:
-        same: T = _unpack(*_pack(result))
+        arrays, document = _pack(result)
     except TypeError:
-        return result
+        return copy.deepcopy(result)
+    copies = {name: np.array(array, order="C") for name, array in arrays.items()}
+    same: T = _unpack(copies, document)
     return same
 
 

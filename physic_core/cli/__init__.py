@@ -19,8 +19,11 @@ __all__ = ["main"]
 class _Main(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; print a PhysicError, and exit with the code of its class."""
+        from physic_core.discovery.plugin_code import own_stdout
+
         try:
-            return super().invoke(ctx)
+            with own_stdout():
+                return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
             click.echo("Aborted!", err=True)
             ctx.exit(INTERRUPTED)

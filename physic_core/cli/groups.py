@@ -104,13 +104,15 @@ def _load(command: InstalledCommand) -> click.Command:
         PluginError: it cannot be imported, or is not a ``click.Command``.
     """
     from physic_core.discovery.error_text import describe_error
+    from physic_core.discovery.plugin_code import plugin_code
     from physic_core.errors import PluginError
 
     record = command.record
     module, _, attribute = record.target.partition(":")
     try:
-        found = getattr(import_module(module), attribute)
-    except (Exception, SystemExit) as error:
+        with plugin_code():
+            found = getattr(import_module(module), attribute)
+    except Exception as error:
         raise PluginError(
             f"the command '{record.name}' of {command.origin} cannot be imported: {describe_error(error, module)}"
         ) from error

@@ -23,6 +23,7 @@ from physic_core.configuration.problems import (
 )
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import GIVEN_IN_PYTHON, BackendOffer
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.readiness import has_gpu, missing_requirements
 from physic_core.discovery.records import BackendRecord
 from physic_core.errors import (
@@ -303,10 +304,11 @@ def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[st
 def _construct(interface: str, choice: _Choice) -> ResolvedBackend:
     record, origin = choice.offer.record, choice.offer.origin
     try:
-        backend = choice.kind(choice.options) if choice.instance is None else choice.instance
+        with plugin_code():
+            backend = choice.kind(choice.options) if choice.instance is None else choice.instance
     except PhysicError:
         raise
-    except (Exception, SystemExit) as cause:  # a plugin may raise anything
+    except Exception as cause:  # a plugin may raise anything
         raise BackendError(f"{choice.offer} cannot be constructed: {describe_error(cause, choice.kind)}") from cause
     return ResolvedBackend(
         backend,

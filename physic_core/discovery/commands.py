@@ -9,6 +9,7 @@ from contextlib import redirect_stdout, suppress
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, NamedTuple
 
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import CommandRecord
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
 
@@ -45,7 +46,7 @@ def find_commands(
     """
     commands: list[InstalledCommand] = []
     for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
-        with suppress(Exception, SystemExit), redirect_stdout(sys.stderr):
+        with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
             commands += [
                 InstalledCommand(r, entry) for r in call_hook(load_plugin(entry), "physic_commands", CommandRecord)
             ]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
@@ -70,7 +71,7 @@ def find_plugins(
         start = clock()
         try:
             # Output of a plugin must not mix with the output of a command.
-            with redirect_stdout(sys.stderr):
+            with plugin_code(), redirect_stdout(sys.stderr):
                 manager = load_plugin(entry)
                 records = call_hook(manager, "physic_backends", BackendRecord)
                 call_hook(manager, "physic_commands", CommandRecord)  # only checked here
@@ -80,8 +81,7 @@ def find_plugins(
             offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]
             manifests += [Manifest(origin, path) for path in weights]
             broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
-        # SystemExit too: a plugin that calls sys.exit() at import must not end `physic plugins`.
-        except (Exception, SystemExit) as error:
+        except Exception as error:
             cause = str(error) if isinstance(error, InvalidPluginError) else describe_error(error, module_of(entry))
             broken.append(BrokenPlugin(origin_of(entry), cause, error))
     return FoundPlugins(tuple(offers), tuple(broken), tuple(manifests), environment.get(PLUGINS_VARIABLE))
@@ -101,8 +101,9 @@ def _manifests(
     complaints: list[tuple[str, BaseException | None]] = []
     for implementation in manager.hook.physic_weights.get_hookimpls():
         try:
-            returned: Any = implementation.function()
-        except (Exception, SystemExit) as error:
+            with plugin_code():
+                returned: Any = implementation.function()
+        except Exception as error:
             complaints.append((f"physic_weights() fails: {describe_error(error, module_of(entry))}", error))
             continue
         if not isinstance(returned, (str, os.PathLike)):

@@ -7,6 +7,8 @@ import traceback
 from collections.abc import Iterator
 from pathlib import PurePath
 
+from physic_core.discovery.plugin_code import plugin_error
+
 __all__ = ["describe_error", "is_debugging", "traceback_text"]
 
 _SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")
@@ -22,6 +24,7 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
         error: the exception.
         owners: the plugin's modules, by name, or its classes.
     """
+    error = plugin_error(error)
     message = str(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     # The message of a SyntaxError contains its place.

@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint
 from typing import NamedTuple
 
 from physic_core.discovery.catalog import EXECUTORS, how_to_install
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import ExecutorRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
@@ -41,7 +42,7 @@ def find_executors(
     """
     found: list[InstalledExecutor] = []
     for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
-        with suppress(Exception, SystemExit), redirect_stdout(sys.stderr):
+        with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
             records = call_hook(load_plugin(entry), "physic_executors", ExecutorRecord)
             found += [InstalledExecutor(record, distribution_of(entry)[0]) for record in records]
     return tuple(found)

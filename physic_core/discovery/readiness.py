@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendError, PhysicError, WeightsMissingError
 
 if TYPE_CHECKING:
@@ -112,12 +113,13 @@ def missing_requirements(backend: Backend) -> tuple[str, ...]:
         PhysicError: raised by the backend itself.
     """
     try:
-        messages: object = backend.missing()
+        with plugin_code():
+            messages: object = backend.missing()
     except WeightsMissingError as error:
         return (str(error),)
     except PhysicError:
         raise
-    except (Exception, SystemExit) as error:
+    except Exception as error:
         raise BackendError(f"missing() fails: {describe_error(error, type(backend))}") from error
     if not isinstance(messages, (tuple, list)) or not all(isinstance(text, str) for text in messages):
         raise BackendError(f"missing() must return a tuple of texts, got {messages!r}")

@@ -24,6 +24,7 @@ from physic_core.discovery.offers import (
     canonicalize_name,
     record_problem,
 )
+from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import BackendRecord
 from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
 
@@ -299,10 +300,11 @@ def _import_target(target: str, title: str, origin: Origin) -> object:
     module, _, path = target.partition(":")
     found: object = None
     try:
-        found = importlib.import_module(module) if folder is None else local_modules.load_module(folder, module)
-        for part in path.split("."):
-            found = getattr(found, part)
-    except (Exception, SystemExit) as cause:  # any error of a plugin's module: name the plugin
+        with plugin_code():
+            found = importlib.import_module(module) if folder is None else local_modules.load_module(folder, module)
+            for part in path.split("."):
+                found = getattr(found, part)
+    except Exception as cause:  # any error of a plugin's module: name the plugin
         advice = _advice(origin, folder, module, cause)
         named_wrong = found is not None or _is_not_found(module, cause)
         kind = BackendNotFoundError if origin in (NAMED_IN_CONFIG, UNREGISTERED_CLASS) and named_wrong else BackendError

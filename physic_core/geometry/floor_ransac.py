@@ -113,7 +113,10 @@ def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Te
     Returns:
         (3,) plane a, b, c, which points down; None without a valid hypothesis.
     """
-    slope = least_rise / float(samples.rays[:, 1].max() - samples.rays[:, 1].min())
+    height = float(samples.rays[:, 1].max() - samples.rays[:, 1].min())
+    if not height > 0:
+        return None
+    slope = least_rise / height
     generator = torch.Generator().manual_seed(_SEED)
     planes = _draw_planes(samples, slope, up, generator)
     if not len(planes):

@@ -98,7 +98,8 @@ class Backend(ABC):
     def check(cls, result: Any, request: Any) -> Iterator[str]:
         """Yield one sentence per violation of the interface: what was expected and what was returned.
 
-        Non-finite values are a violation only if no person has finite ones: the pipeline continues with the others.
+        Numbers of people that are not finite, or beyond :mod:`physic_core.interfaces.limits`, are a violation only if
+        no person has valid ones: the pipeline continues with the others.
         """
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from physic_core.interfaces.backend import Backend, Request
-from physic_core.interfaces.checks import check_array, check_faces, check_finite, check_type, finite_rows
+from physic_core.interfaces.checks import check_array, check_faces, check_limit, check_type, valid_rows, within
+from physic_core.interfaces.limits import METRES, RADIANS, SHAPE
 from physic_core.types import Bodies, BodyParameters, Mesh
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["BodyEstimator", "BodyEstimatorRequest", "finite_bodies"]
+__all__ = ["BodyEstimator", "BodyEstimatorRequest", "valid_bodies"]
 
 _JOINTS = 55  # of SMPL-X
 
@@ -66,7 +66,7 @@ class BodyEstimator(Backend):
 
     @classmethod
     def check(cls, result: Bodies, request: BodyEstimatorRequest) -> Iterator[str]:
-        """Check the parameters, joints and mesh of N bodies; at least one body must be finite."""
+        """Check the parameters, joints and mesh of N bodies; at least one body must be within limits."""
         n = len(request.people)
         wrong_type = [
             *check_type(result.parameters, BodyParameters, "parameters"),
@@ -85,14 +85,26 @@ class BodyEstimator(Backend):
             yield from wrong_type or _check_mesh(result.mesh, n)
 
 
-def finite_bodies(bodies: Bodies) -> BoolArray:
-    """Return (N,) bool: True for people with finite parameters and finite mesh vertices.
+def valid_bodies(bodies: Bodies) -> BoolArray:
+    """Return (N,) bool: True for people whose parameters, joints and mesh vertices are within limits.
 
     ``joints`` may be NaN where the backend does not know them.
     """
-    parameters = bodies.parameters
-    arrays = [getattr(parameters, field.name) for field in fields(parameters)]
-    return finite_rows(arrays if bodies.mesh is None else [*arrays, bodies.mesh.vertices], len(parameters))
+    parameters, joints = bodies.parameters, bodies.joints
+    arrays = [(getattr(parameters, field.name), _limit(field.name)[0]) for field in fields(parameters)]
+    if bodies.mesh is not None:
+        arrays.append((bodies.mesh.vertices, METRES))
+    valid = valid_rows(arrays, len(parameters))
+    if joints is not None:
+        valid &= (within(joints, METRES) | (joints != joints)).all((1, 2))
+    return valid
+
+
+def _limit(name: str) -> tuple[float, str]:
+    """Return the limit of a parameter, and its unit."""
+    if name == "transl":
+        return METRES, "m"
+    return (SHAPE, "") if name in ("betas", "expression") else (RADIANS, "rad")
 
 
 def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
@@ -104,16 +116,19 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
         yield from wrong
         if not wrong:
             readable[field.name] = value
-    if people and not finite_rows(readable.values(), people).any():
+    if people and not valid_rows([(value, _limit(name)[0]) for name, value in readable.items()], people).any():
         for name, value in readable.items():
-            yield from check_finite(name, value)
+            yield from check_limit(name, value, *_limit(name))
 
 
 def _check_joints(joints: Any, people: int) -> Iterator[str]:
     wrong = list(check_array("joints", joints, (people, _JOINTS, 3), "float"))
     yield from wrong
-    if not wrong and (count := int((abs(joints) == math.inf).sum())):
-        yield f"joints must be metres, or NaN where unknown, {count} are infinite"
+    if wrong or not people:
+        return
+    beyond = ~(within(joints, METRES) | (joints != joints))
+    if beyond.any((1, 2)).all():
+        yield f"joints must be within +-{METRES:g} m, or NaN where unknown, {int(beyond.sum())} are beyond"
 
 
 def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:
@@ -123,9 +138,9 @@ def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:
         *check_array("mesh.vertices", mesh.vertices, (people, vertices, 3), "float"),
     ]
     yield from wrong
-    if not wrong and people and not finite_rows([mesh.vertices], people).any():
-        yield from check_finite("mesh.vertices", mesh.vertices)
+    if not wrong and people and not valid_rows([(mesh.vertices, METRES)], people).any():
+        yield from check_limit("mesh.vertices", mesh.vertices, METRES, "m")
     if mesh.rest is not None:
         wrong = list(check_array("mesh.rest", mesh.rest, (vertices, 3), "float"))
-        yield from wrong or check_finite("mesh.rest", mesh.rest)
+        yield from wrong or check_limit("mesh.rest", mesh.rest, METRES, "m")
     yield from check_faces("mesh.faces", mesh.faces, vertices)

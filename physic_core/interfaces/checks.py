@@ -11,6 +11,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
+from physic_core.interfaces.limits import FOCAL_SHARE, PRINCIPAL_SHARE, SIGMA
 from physic_core.types import Intrinsics
 
 if TYPE_CHECKING:
@@ -21,15 +22,19 @@ __all__ = [
     "check_camera",
     "check_faces",
     "check_finite",
+    "check_limit",
+    "check_median",
     "check_notes",
+    "check_sigma",
     "check_type",
     "check_unit_range",
-    "finite_rows",
     "is_finite",
     "length",
     "require_image",
     "rows_to_check",
     "tensor_advice",
+    "valid_rows",
+    "within",
 ]
 
 
@@ -55,8 +60,9 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Ite
     """Check the type, shape and dtype of a numpy array; dtype "float" accepts a float of any width."""
     import numpy as np
 
-    if not isinstance(value, np.ndarray):
-        yield f"{name} must be a numpy array {_text(shape)}, got {type(value).__name__}{tensor_advice(value)}"
+    # Subclasses change the meaning of operators, and a masked array has values that are no results.
+    if type(value) not in (np.ndarray, np.memmap):
+        yield f"{name} must be a numpy array {_text(shape)}, got {type(value).__name__}{_array_advice(value)}"
         return
     if tuple(value.shape) != shape:
         yield f"{name} must be {_text(shape)}, got {_text(tuple(value.shape))}"
@@ -69,6 +75,24 @@ def check_finite(name: str, value: Any) -> Iterator[str]:
     finite = is_finite(value)
     if not finite.all():
         yield f"{name} must be finite, {int((~finite).sum())} values are not"
+
+
+def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator[str]:
+    """Check that all values of an array are finite, and at most ``limit`` in magnitude."""
+    yield from check_finite(name, value)
+    known = value[is_finite(value)]
+    if not within(known, limit).all():
+        extreme = max(known.min(), known.max(), key=abs)
+        yield f"{name} must lie within +-{limit:g}{unit and ' ' + unit}, got {float(extreme):g}"
+
+
+def check_median(name: str, value: Any, limits: tuple[float, float], unit: str = "") -> Iterator[str]:
+    """Check that the median of an array lies within limits."""
+    import numpy as np
+
+    (low, high), median = limits, float(np.median(value))
+    if not low <= median <= high:
+        yield f"the median of {name} must lie between {low:g} and {high:g}{unit and ' ' + unit}, got {median:g}"
 
 
 def check_unit_range(name: str, value: Any) -> Iterator[str]:
@@ -102,9 +126,28 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
     if not all(isinstance(v, Real) and math.isfinite(v) for v in numbers) or min(camera.fx, camera.fy) <= 0:
         given = ", ".join(map(str, numbers))
         yield f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {given}"
+    else:
+        yield from _check_camera_limits(camera, max(height, width))
     if (camera.width, camera.height) != (width, height):
         yield f"intrinsics must be for {width} x {height} px, got {camera.width} x {camera.height}"
     yield from check_type(camera.source, str, "intrinsics.source")
+    if camera.focal_sigma is not None:
+        yield from check_sigma("intrinsics.focal_sigma", camera.focal_sigma)
+
+
+def _check_camera_limits(camera: Intrinsics, side: int) -> Iterator[str]:
+    low, high = (share * side for share in FOCAL_SHARE)
+    if not low <= min(camera.fx, camera.fy) <= max(camera.fx, camera.fy) <= high:
+        yield f"fx and fy must lie between {low:g} and {high:g} px for this image, got {camera.fx:g}, {camera.fy:g}"
+    if max(abs(camera.cx), abs(camera.cy)) > PRINCIPAL_SHARE * side:
+        limit = f"+-{PRINCIPAL_SHARE * side:g} px"
+        yield f"cx and cy must lie within {limit} for this image, got {camera.cx:g}, {camera.cy:g}"
+
+
+def check_sigma(name: str, sigma: Any) -> Iterator[str]:
+    """Check that a standard deviation of a logarithm is a number from 0 to the limit."""
+    if not (isinstance(sigma, Real) and 0 <= float(sigma) <= SIGMA):
+        yield f"{name} must be a number from 0 to {SIGMA:g} or None, got {sigma!r}"
 
 
 def check_notes(notes: Any) -> Iterator[str]:
@@ -121,19 +164,27 @@ def is_finite(value: Any) -> BoolArray:
     return finite
 
 
-def finite_rows(arrays: Iterable[Any], rows: int) -> BoolArray:
-    """Return (rows,) bool: True for rows that are finite in every one of the arrays (rows, ...)."""
+def within(value: Any, limit: float) -> BoolArray:
+    """Return a bool array: True for values that are finite, and at most ``limit`` in magnitude."""
     import numpy as np
 
-    finite = np.ones(rows, bool)
-    for array in arrays:
-        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
-    return finite
+    inside: BoolArray = (value >= -limit) & (value <= limit) & np.isfinite(value)
+    return inside
 
 
-def rows_to_check(finite: BoolArray) -> BoolArray:
-    """Return a mask of the rows to validate: the finite rows, or all rows if no row is finite."""
-    return finite if finite.any() else ~finite
+def valid_rows(arrays: Iterable[tuple[Any, float]], rows: int) -> BoolArray:
+    """Return (rows,) bool: True for rows that are within its limit in every one of the arrays (rows, ...)."""
+    import numpy as np
+
+    valid = np.ones(rows, bool)
+    for array, limit in arrays:
+        valid &= within(array, limit).all(axis=tuple(range(1, array.ndim)))
+    return valid
+
+
+def rows_to_check(valid: BoolArray) -> BoolArray:
+    """Return a mask of the rows to validate: the valid rows, or all rows if no row is valid."""
+    return valid if valid.any() else ~valid
 
 
 def length(value: Any) -> int:
@@ -144,6 +195,14 @@ def length(value: Any) -> int:
 def tensor_advice(value: object) -> str:
     """Return advice to convert a torch tensor to numpy; "" if the value is not a tensor."""
     return ": write .detach().cpu().numpy()" if type(value).__module__.partition(".")[0] == "torch" else ""
+
+
+def _array_advice(value: object) -> str:
+    import numpy as np
+
+    if isinstance(value, np.ma.MaskedArray):
+        return ": write .filled(...), with NaN or False where it is masked"
+    return ": write numpy.asarray(...)" if isinstance(value, np.ndarray) else tensor_advice(value)
 
 
 def _text(shape: tuple[int, ...]) -> str:

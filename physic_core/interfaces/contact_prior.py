@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,19 +12,20 @@ from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import (
     check_array,
     check_faces,
-    check_finite,
+    check_limit,
     check_type,
     check_unit_range,
-    finite_rows,
     length,
     rows_to_check,
+    valid_rows,
 )
+from physic_core.interfaces.limits import METRES
 from physic_core.types import ContactProbability, RestMesh
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, People, UInt8Array
 
-__all__ = ["ContactPrior", "ContactPriorRequest", "finite_contact"]
+__all__ = ["ContactPrior", "ContactPriorRequest", "valid_contact"]
 
 
 @dataclass(frozen=True)
@@ -75,12 +77,12 @@ class ContactPrior(Backend):
                 return
             vertices = len(result.rest.vertices)
         wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
-        yield from wrong or check_unit_range("probability", result.probability[rows_to_check(finite_contact(result))])
+        yield from wrong or check_unit_range("probability", result.probability[rows_to_check(valid_contact(result))])
 
 
-def finite_contact(contact: ContactProbability) -> BoolArray:
+def valid_contact(contact: ContactProbability) -> BoolArray:
     """Return (N,) bool: True for people with finite probabilities."""
-    return finite_rows([contact.probability], len(contact.probability))
+    return valid_rows([(contact.probability, math.inf)], len(contact.probability))
 
 
 def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
@@ -92,5 +94,5 @@ def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
     if rest.topology != topology:
         yield f"rest must be the mesh {topology!r} that the probabilities are on, got {rest.topology!r}"
     wrong = list(check_array("rest.vertices", rest.vertices, (vertices, 3), "float"))
-    yield from wrong or check_finite("rest.vertices", rest.vertices)
+    yield from wrong or check_limit("rest.vertices", rest.vertices, METRES, "m")
     yield from check_faces("rest.faces", rest.faces, vertices)

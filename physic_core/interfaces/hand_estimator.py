@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,18 +11,19 @@ from typing import TYPE_CHECKING
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import (
     check_array,
-    check_finite,
+    check_limit,
     check_unit_range,
-    finite_rows,
-    is_finite,
     rows_to_check,
+    valid_rows,
+    within,
 )
+from physic_core.interfaces.limits import RADIANS
 from physic_core.types import Hands
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Keypoints, People, UInt8Array
 
-__all__ = ["HandEstimator", "HandEstimatorRequest", "finite_hands"]
+__all__ = ["HandEstimator", "HandEstimatorRequest", "valid_hands"]
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class HandEstimator(Backend):
 
     @classmethod
     def check(cls, result: Hands, request: HandEstimatorRequest) -> Iterator[str]:
-        """Check N x 2 hands; rotations with a confidence above 0 must be finite."""
+        """Check N x 2 hands; rotations with a confidence above 0 must be within limits."""
         n = len(request.people)
         wrong = [
             *check_array("rotvecs", result.rotvecs, (n, 2, 15, 3), "float"),
@@ -60,19 +62,19 @@ class HandEstimator(Backend):
         yield from wrong
         if wrong:
             return
-        rows = rows_to_check(finite_hands(result))
+        rows = rows_to_check(valid_hands(result))
         confidence = result.confidence[rows]
         yield from check_unit_range("confidence", confidence)
-        yield from check_finite("rotvecs", result.rotvecs[rows][confidence > 0])
+        yield from check_limit("rotvecs", result.rotvecs[rows][confidence > 0], RADIANS, "rad")
         if result.wrists is not None:
-            yield from check_finite("wrists", result.wrists[rows][confidence > 0])
+            yield from check_limit("wrists", result.wrists[rows][confidence > 0], RADIANS, "rad")
 
 
-def finite_hands(hands: Hands) -> BoolArray:
-    """Return (N,) bool: True for people with finite confidence and finite rotations of all detected hands."""
+def valid_hands(hands: Hands) -> BoolArray:
+    """Return (N,) bool: True for people with finite confidence, and rotations of all detected hands within limits."""
     undetected = hands.confidence <= 0
-    finite = finite_rows([hands.confidence], len(hands.confidence))
-    finite &= (is_finite(hands.rotvecs).all((-2, -1)) | undetected).all(1)
+    valid = valid_rows([(hands.confidence, math.inf)], len(hands.confidence))
+    valid &= (within(hands.rotvecs, RADIANS).all((-2, -1)) | undetected).all(1)
     if hands.wrists is not None:
-        finite &= (is_finite(hands.wrists).all(-1) | undetected).all(1)
-    return finite
+        valid &= (within(hands.wrists, RADIANS).all(-1) | undetected).all(1)
+    return valid

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,18 +11,19 @@ from typing import TYPE_CHECKING
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import (
     check_array,
-    check_finite,
+    check_limit,
     check_unit_range,
-    finite_rows,
-    is_finite,
     rows_to_check,
+    valid_rows,
+    within,
 )
+from physic_core.interfaces.limits import METRES, PIXELS
 from physic_core.types import Keypoints, Skeleton, skeleton_named
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-__all__ = ["KeypointDetector", "KeypointDetectorRequest", "check_keypoints", "finite_keypoints"]
+__all__ = ["KeypointDetector", "KeypointDetectorRequest", "check_keypoints", "valid_keypoints"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class KeypointDetector(Backend):
 
     @classmethod
     def check(cls, result: Keypoints, request: KeypointDetectorRequest) -> Iterator[str]:
-        """Check the keypoints of N people; points with a confidence above 0 must be finite."""
+        """Check the keypoints of N people; points with a confidence above 0 must be within limits."""
         yield from check_keypoints(result, len(request.people))
 
 
@@ -62,12 +64,12 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     yield from wrong
     if wrong:
         return
-    rows = rows_to_check(finite_keypoints(keypoints))
+    rows = rows_to_check(valid_keypoints(keypoints))
     confidence = keypoints.confidence[rows]
     yield from check_unit_range("confidence", confidence)
-    yield from check_finite("points", keypoints.points[rows][confidence > 0])
+    yield from check_limit("points", keypoints.points[rows][confidence > 0], PIXELS, "px")
     if keypoints.world is not None:
-        yield from check_finite("world", keypoints.world[rows][confidence > 0])
+        yield from check_limit("world", keypoints.world[rows][confidence > 0], METRES, "m")
 
 
 def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
@@ -83,11 +85,11 @@ def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
         yield f"points must be those of the skeleton, {len(names)} a person, got {joints}"
 
 
-def finite_keypoints(keypoints: Keypoints) -> BoolArray:
-    """Return (N,) bool: True for people with finite confidence and finite points where confidence > 0."""
+def valid_keypoints(keypoints: Keypoints) -> BoolArray:
+    """Return (N,) bool: True for people with finite confidence, and points within limits where confidence > 0."""
     undetected = keypoints.confidence <= 0
-    finite = finite_rows([keypoints.confidence], len(keypoints.points))
-    finite &= (is_finite(keypoints.points).all(-1) | undetected).all(1)
+    valid = valid_rows([(keypoints.confidence, math.inf)], len(keypoints.points))
+    valid &= (within(keypoints.points, PIXELS).all(-1) | undetected).all(1)
     if keypoints.world is not None:
-        finite &= (is_finite(keypoints.world).all(-1) | undetected).all(1)
-    return finite
+        valid &= (within(keypoints.world, METRES).all(-1) | undetected).all(1)
+    return valid

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from numbers import Real
 from typing import TYPE_CHECKING
 
 from physic_core.interfaces.backend import Backend, Request
-from physic_core.interfaces.checks import check_array, check_camera, check_notes, is_finite
+from physic_core.interfaces.checks import check_array, check_camera, check_median, check_notes, check_sigma, is_finite
+from physic_core.interfaces.limits import DEPTH_M
 from physic_core.types import DepthMap
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ class MetricDepth(Backend):
 
     @classmethod
     def check(cls, result: DepthMap, request: MetricDepthRequest) -> Iterator[str]:
-        """Check depth (H, W), positive or NaN, with at least one known pixel; camera, scale_sigma and notes."""
+        """Check depth (H, W), within limits or NaN, with at least one known pixel; camera, scale_sigma and notes."""
         height, width = request.image.shape[:2]
         wrong = list(check_array("depth", result.depth, (height, width), "float"))
         yield from wrong
@@ -59,8 +58,9 @@ class MetricDepth(Backend):
                 yield "depth is NaN or infinite everywhere"
             elif (known <= 0).any():
                 yield f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}"
-        sigma = result.scale_sigma
-        if sigma is not None and not (isinstance(sigma, Real) and 0 <= sigma < math.inf):
-            yield f"scale_sigma must be a number >= 0 or None, got {sigma!r}"
+            else:
+                yield from check_median("depth", known, DEPTH_M, "m")
+        if result.scale_sigma is not None:
+            yield from check_sigma("scale_sigma", result.scale_sigma)
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 from physic_core.interfaces.backend import Backend, Request
-from physic_core.interfaces.checks import check_array, check_camera, check_finite, check_notes
+from physic_core.interfaces.checks import check_array, check_camera, check_finite, check_median, check_notes
+from physic_core.interfaces.limits import RELATIVE_DEPTH
 from physic_core.types import AffineAmbiguity, Pointmap
 
 if TYPE_CHECKING:
-    from physic_core.types import Hints, UInt8Array
+    from physic_core.types import FloatArray, Hints, UInt8Array
 
 __all__ = ["RelativePointmap", "RelativePointmapRequest"]
 
@@ -47,7 +48,7 @@ class RelativePointmap(Backend):
 
     @classmethod
     def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:
-        """Check points (H, W, 3), finite and in front of the camera where valid; camera and notes."""
+        """Check points (H, W, 3), within limits and in front of the camera where valid; camera and notes."""
         height, width = request.image.shape[:2]
         wrong = [
             *check_array("points", result.points, (height, width, 3), "float"),
@@ -55,15 +56,23 @@ class RelativePointmap(Backend):
         ]
         yield from wrong
         if not wrong:
-            points = result.points[result.valid]
-            if not len(points):
-                yield "no pixel is valid"
-            else:
-                yield from check_finite("points", points)
-                if (points[:, 2] <= 0).any():
-                    share = float((points[:, 2] <= 0).mean())
-                    yield f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind"
+            yield from _check_points(result.points[result.valid])
         if result.unknown not in get_args(AffineAmbiguity):
             yield f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {result.unknown!r}"
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
+
+
+def _check_points(points: FloatArray) -> Iterator[str]:
+    """Check the valid points (M, 3)."""
+    if not len(points):
+        yield "no pixel is valid"
+        return
+    not_finite = list(check_finite("points", points))
+    if not_finite:
+        yield from not_finite
+    elif (points[:, 2] <= 0).any():
+        share = float((points[:, 2] <= 0).mean())
+        yield f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind"
+    else:
+        yield from check_median("z", points[:, 2], RELATIVE_DEPTH)

@@ -24,17 +24,17 @@ from physic_core.interfaces import (
     SegmenterRequest,
 )
 from physic_core.interfaces.backend import interface_of, violations
-from physic_core.interfaces.body_estimator import finite_bodies
+from physic_core.interfaces.body_estimator import valid_bodies
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
-from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
-from physic_core.pipeline.nonfinite_results import (
+from physic_core.pipeline.invalid_results import (
+    discard_invalid_bodies,
+    discard_invalid_hands,
+    discard_invalid_keypoints,
     expand_contact,
-    invalidate_nonfinite_bodies,
-    invalidate_nonfinite_hands,
-    invalidate_nonfinite_keypoints,
     select_people,
 )
+from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
     Bodies,
@@ -75,7 +75,7 @@ class Estimates(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        missing_results: per person, the interfaces whose backend returned no finite values for them. Such a person has
+        missing_results: per person, the interfaces whose backend returned no valid values for them. Such a person has
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
@@ -198,7 +198,7 @@ class _BackendCalls:
     """Calls the backends, and records people with non-finite results.
 
     Attributes:
-        missing: interface -> (N,) bool, people without finite values from its backend.
+        missing: interface -> (N,) bool, people without valid values from its backend.
     """
 
     backends: Mapping[str, ResolvedBackend]
@@ -221,7 +221,7 @@ class _BackendCalls:
         if prompt is not None and not takes_prompt:
             people = select_chosen(people, prompt)
         if people.keypoints is not None:
-            own, self.missing["segmenter"] = invalidate_nonfinite_keypoints(people.keypoints)
+            own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
         return people
 
@@ -231,7 +231,7 @@ class _BackendCalls:
             return Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
         detector, request = self.backends["keypoint_detector"], KeypointDetectorRequest(image, people)
         found = self.stages.call_backend("keypoints", detector, request)
-        keypoints, self.missing["keypoint_detector"] = invalidate_nonfinite_keypoints(found)
+        keypoints, self.missing["keypoint_detector"] = discard_invalid_keypoints(found)
         return keypoints
 
     def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
@@ -248,10 +248,10 @@ class _BackendCalls:
             self.missing["body_estimator"] = np.zeros(0, bool)
             return _no_bodies(self.model)
         found = self.stages.call_backend("bodies", estimator, request)
-        bodies, missing = invalidate_nonfinite_bodies(found)
+        bodies, missing = discard_invalid_bodies(found)
         if bodies.body_model != self.model.name:
             bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
-            missing |= ~finite_bodies(bodies)
+            missing |= ~valid_bodies(bodies)
         self.missing["body_estimator"] = missing
         return bodies
 
@@ -266,7 +266,7 @@ class _BackendCalls:
         if found is None:
             self.missing["hand_estimator"] = np.ones(len(request.people), bool)
             return bodies
-        hands, self.missing["hand_estimator"] = invalidate_nonfinite_hands(found)
+        hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
         return replace_hands(bodies, hands, self.model)
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
@@ -297,7 +297,7 @@ class _BackendCalls:
             return guess_metric_depth(scene, request.hints.floor, camera)
 
     def missing_per_person(self, people: int) -> tuple[tuple[str, ...], ...]:
-        """Return for each person the interfaces without finite values for them."""
+        """Return for each person the interfaces without valid values for them."""
         return tuple(tuple(name for name, who in self.missing.items() if who[i]) for i in range(people))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from physic_core import errors
 from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
@@ -56,10 +57,11 @@ class LoadedBackends:
 def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
     """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
     try:
-        yield
+        with plugin_code():
+            yield
     except PhysicError as error:
         kind = type(error)
         known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
         raise known(f"{title}: {error}") from error
-    except (Exception, SystemExit) as cause:
-        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from cause
+    except Exception as cause:
+        raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)

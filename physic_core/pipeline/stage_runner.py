@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import sys
 import time
@@ -127,8 +128,13 @@ class StageRunner:
                 with wrap_plugin_errors(title, resolved):
                     loading = self._loaded.load(resolved)
                     start = time.perf_counter()
-                    result = call(resolved.backend, request)
-                result = _require_valid(title, result, find_faults(result))
+                    # A copy: the backend may write to its input, and later stages get the same arrays.
+                    result = call(resolved.backend, copy.deepcopy(request))
+                if found := find_faults(result):
+                    message = f"{title} returned what the interface does not allow:\n  "
+                    raise BackendOutputError(message + "\n  ".join(found))
+                with wrap_plugin_errors(title, resolved):
+                    result = _copy(result)
             seconds, failed = time.perf_counter() - start, False
             if key is not None and not cached:
                 assert self._cache is not None
@@ -196,11 +202,10 @@ class StageRunner:
         return result
 
 
-def _require_valid(title: str, result: object, wrong: list[str]) -> object:
+def _copy(result: object) -> object:
+    """Return a copy of a result, since the backend may write to its arrays later."""
     from physic_core.cache.result_cache import canonicalize
 
-    if wrong:
-        raise BackendOutputError(f"{title} returned what the interface does not allow:\n  " + "\n  ".join(wrong))
     return canonicalize(result)
 
 

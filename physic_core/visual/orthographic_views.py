@@ -33,6 +33,7 @@ _SIDE_MARGIN = 0.4  # metres beside the people that the side view shows in full 
 _FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
+_MOST_TICKS = 100
 _OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame
@@ -70,7 +71,7 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     picture = _render(
         geometry, view, near < high[0] + _SIDE_MARGIN, near < low[0] - _SIDE_MARGIN, surface, low[0] - _SIDE_MARGIN
     )
-    metres = range(max(0, math.ceil(ahead[0])), math.floor(ahead[1]) + 1)
+    metres = _ticks(max(0.0, ahead[0]), ahead[1])
     columns = {metre: _project(geometry, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
     floor_row = _project(geometry, view, (0.0, 0.0, 0.0))[1] if geometry.has_floor else None
     return LabeledView(picture, view.pixels_per_metre, floor_row, _camera_pixel(geometry, view), columns)
@@ -85,6 +86,14 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     near = transform_points(geometry.upright, geometry.points)[:, 1]
     picture = _render(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
     return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(geometry, view), {})
+
+
+def _ticks(low: float, high: float) -> range:
+    """Return whole metres of a range, each 1, 10, 100, ... so that there are at most ``_MOST_TICKS``."""
+    step = 1
+    while high - low > _MOST_TICKS * step:
+        step *= 10
+    return range(math.ceil(low / step) * step, math.floor(high) + 1, step)
 
 
 def _include_camera(

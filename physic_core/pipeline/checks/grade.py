@@ -15,7 +15,7 @@ _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
 def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
     """Grade one person by the checks of this person.
 
-    Bad if a backend gave no finite values or two checks contradict the body; doubtful if one does, if the evidence is
+    Bad if a backend gave no valid values or two checks contradict the body; doubtful if one does, if the evidence is
     weak, or if a check that the grade needs was not measured; good otherwise.
     """
     return _grade([check for check in checks if check.person == person])

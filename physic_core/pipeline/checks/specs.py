@@ -104,7 +104,7 @@ _ALL = (
     ),
     _photo("unposed_people", "at most", 0, "count", "person-like boxes without a body"),
     _person(
-        "missing_outputs", "at most", 0, "count", "backends without finite values for this person", "bad", warns=True
+        "missing_outputs", "at most", 0, "count", "backends without valid values for this person", "bad", warns=True
     ),
     _person(
         "placed", "at least", 1, _YES, "whether keypoints, depth and floor placed the body", needed=True, warns=True

@@ -105,7 +105,8 @@ def pose_rig(model: BodyModel, person: Person, frame: Frame) -> Rig:
     shape = torch.cat([betas, expression], 1) if model.num_expression else betas
     posed = model(rotations, betas, transl, expression if model.num_expression else None)
     apart = float(np.abs(posed.vertices[0].numpy() - person.vertices).max())
-    if not apart < _SAME_BODY_M:
+    rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
+    if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(
             f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
             "give the SMPL-X file that the result was made with (--body-model FILE)"

@@ -1,0 +1,123 @@
+"""Replace invalid backend results of people, so that the pipeline continues with the other people.
+
+Each function takes a checked result. It returns the result with the rows of people with invalid numbers replaced
+by values for "unknown", and a mask (N,) bool of these people. :func:`select_people` selects the rows of some people.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from physic_core.interfaces.body_estimator import valid_bodies
+from physic_core.interfaces.contact_prior import valid_contact
+from physic_core.interfaces.hand_estimator import valid_hands
+from physic_core.interfaces.keypoint_detector import valid_keypoints
+from physic_core.types import BodyParameters
+
+if TYPE_CHECKING:
+    from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints, People
+
+__all__ = [
+    "discard_invalid_bodies",
+    "discard_invalid_hands",
+    "discard_invalid_keypoints",
+    "expand_contact",
+    "select_people",
+]
+
+Result = TypeVar("Result", "People", "Keypoints", "Bodies")
+
+
+_SHARED = ("floor", "labels", "faces", "rest", "unposed_mask")
+"""Names of arrays without a row for each person."""
+
+
+def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
+    """Set the confidence of people with invalid keypoints to 0.
+
+    Their points are replaced by those of another person, since the optimisation needs finite start points that form a
+    pose.
+
+    Returns:
+        Keypoints of N people, and (N,) bool, people with invalid ones.
+    """
+    valid = valid_keypoints(keypoints)
+    if valid.all():
+        return keypoints, ~valid
+    one = int(valid.argmax())
+    confidence = np.where(valid[:, None], keypoints.confidence, 0)
+    points, world = keypoints.points.copy(), keypoints.world
+    points[~valid] = points[one]
+    if world is not None:
+        world = world.copy()
+        world[~valid] = world[one]
+    return replace(keypoints, points=points, confidence=confidence, world=world), ~valid
+
+
+def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
+    """Set all values of invalid bodies to NaN; also return the mask (N,) bool of these bodies."""
+    invalid = ~valid_bodies(bodies)
+    if not invalid.any():
+        return bodies, invalid
+    names = [field.name for field in fields(BodyParameters)]
+    blank = replace(bodies, parameters=_fill_rows(bodies.parameters, invalid, **dict.fromkeys(names, np.nan)))
+    mesh = None if bodies.mesh is None else _fill_rows(bodies.mesh, invalid, vertices=np.nan)
+    return _fill_rows(replace(blank, mesh=mesh), invalid, joints=np.nan), invalid
+
+
+def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
+    """Set the confidence of invalid hands to 0; also return the mask (N,) bool of people with such hands."""
+    invalid = ~valid_hands(hands)
+    return (_fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0) if invalid.any() else hands), invalid
+
+
+def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[ContactProbability, BoolArray]:
+    """Expand contact of some people to all N people, with 0 for the others and for invalid rows.
+
+    Args:
+        contact: of the people selected by ``called``.
+        called: (N,) bool.
+
+    Returns:
+        Contact of N people, and (N,) bool, people with invalid rows.
+    """
+    probability = contact.probability
+    valid = valid_contact(contact)
+    invalid = np.zeros(len(called), bool)
+    invalid[called] = ~valid
+    expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)
+    expanded[called & ~invalid] = probability[valid]
+    return replace(contact, probability=expanded), invalid
+
+
+def select_people(result: Result, rows: BoolArray) -> Result:
+    """Select the people of a result by ``rows``, (N,) bool; fields without rows per person are unchanged."""
+    if rows.all():
+        return result
+    selected: Result = replace(result, **_select(result, rows))
+    return selected
+
+
+def _select(result: Any, rows: BoolArray) -> dict[str, Any]:
+    changed: dict[str, Any] = {}
+    for field in fields(result):
+        value = getattr(result, field.name)
+        if isinstance(value, np.ndarray) and field.name not in _SHARED:
+            changed[field.name] = value[rows]
+        elif is_dataclass(value) and not isinstance(value, type):
+            changed[field.name] = replace(value, **_select(value, rows))
+    return changed
+
+
+def _fill_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:
+    """Return a copy of a result with the rows of some people set to one number per field."""
+    changed = {}
+    for name, blank in blanks.items():
+        value = getattr(result, name)
+        if value is not None:
+            changed[name] = value.copy()
+            changed[name][invalid] = blank
+    return replace(result, **changed)

@@ -1,0 +1,78 @@
+"""Numbers of backends at and beyond every bound: refused with the backend's name, or a complete result."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from degenerate import CONFIG, DEVIATIONS, Deviation, deviating_backends, record
+from physic_core import Pipeline, Reconstruction
+from physic_core.errors import BackendOutputError
+from physic_core.visual.export.formats import FORMATS
+from physic_testing.worlds import build_world
+
+REFUSED = [deviation for deviation in DEVIATIONS if deviation.refused]
+USED = [deviation for deviation in DEVIATIONS if not deviation.refused]
+EXTREME = (  # every file is written of them
+    "keypoint_detector-all_in_one_place",
+    "body_estimator-betas_of_100",
+)
+
+
+@pytest.fixture(scope="module")
+def image() -> np.ndarray:
+    return build_world("stand", size=(96, 72)).image
+
+
+@pytest.fixture(scope="module")
+def recorded(image: np.ndarray) -> dict[str, list[Any]]:
+    return record(image)
+
+
+def run(deviation: Deviation, image: np.ndarray, recorded: dict[str, list[Any]]) -> Reconstruction:
+    with Pipeline(CONFIG, backends=deviating_backends(deviation, recorded)) as pipeline:
+        return pipeline(image)
+
+
+@pytest.mark.parametrize("deviation", REFUSED, ids=str)
+def test_refused_with_the_name_of_the_backend(
+    deviation: Deviation, image: np.ndarray, recorded: dict[str, list[Any]]
+) -> None:
+    with pytest.raises(BackendOutputError) as error:
+        run(deviation, image, recorded)
+    head, *sentences = str(error.value).splitlines()
+    assert head.startswith(f"{deviation.interface} ")
+    assert head.endswith(" returned what the interface does not allow:")
+    assert any(deviation.refused in sentence for sentence in sentences)
+
+
+@pytest.mark.parametrize("deviation", USED, ids=str)
+def test_used_results_give_finite_or_unknown_numbers(
+    deviation: Deviation, image: np.ndarray, recorded: dict[str, list[Any]], tmp_path: Path
+) -> None:
+    result = run(deviation, image, recorded)
+    for person in result.people:
+        assert np.isfinite(person.vertices).all()
+        assert np.isfinite(person.keypoints[person.keypoint_confidence > 0]).all()
+        assert not np.isnan(person.distance).any()
+        assert ("missing_outputs" in person.failed_checks) == deviation.missing
+    assert np.isfinite(result.scene.points[result.scene.valid]).all()
+    assert np.isfinite(result.intrinsics.matrix).all()
+    assert result.grade is not None
+    if str(deviation) in EXTREME:
+        assert result.grade != "good"
+        write_everything(result, tmp_path)
+
+
+def write_everything(result: Reconstruction, folder: Path) -> None:
+    result.save(str(folder))
+    result.report(str(folder / "report.html"))
+    json.loads((folder / "reconstruction.json").read_text(), parse_constant=pytest.fail)
+    assert len(Reconstruction.load(str(folder)).people) == len(result.people)
+    for kind in FORMATS:
+        if kind.name != "amass":  # needs a model file of the user's
+            result.export(str(folder / kind.name), kind.name)
