@@ -38,7 +38,7 @@ class WorldCase:
     """Name, seed and photo size of a world.
 
     Attributes:
-        name: one of ``physic_testing.worlds.WORLDS``.
+        name: one of ``physic_testing.worlds.WORLDS`` or ``CONTACT_WORLDS``.
         seed: seed of the world.
         size: width and height of the photo, px.
     """
@@ -139,17 +139,19 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
 
 
-def benchmark_cases(count: int, seed: int, size: tuple[int, int]) -> tuple[WorldCase, ...]:
+def benchmark_cases(count: int, seed: int, size: tuple[int, int], *, contact: bool = False) -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 
     Args:
         count: number of worlds; the actions take turns.
         seed: seed of the random world seeds.
         size: width and height of the photos, px.
+        contact: whether the actions are those of ``CONTACT_WORLDS``.
     """
-    from physic_testing.worlds import benchmark_worlds
+    from physic_testing.worlds import CONTACT_WORLDS, WORLDS, benchmark_worlds
 
-    return tuple(WorldCase(name, number, size) for name, number in benchmark_worlds(count, seed))
+    names = CONTACT_WORLDS if contact else WORLDS
+    return tuple(WorldCase(name, number, size) for name, number in benchmark_worlds(count, seed, names))
 
 
 def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:

@@ -60,6 +60,13 @@ def bench() -> None:
 @click.option(
     "--other-bodies", is_flag=True, help="Give people proportions and skin that no shape of the body model has."
 )
+@click.option(
+    "--actions",
+    type=click.Choice(["default", "contact"]),
+    default="default",
+    show_default=True,
+    help="Everyday actions, or those that touch the own body, other people, hidden or soft supports and small objects.",
+)
 @click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
 @click.option(
     "--set",
@@ -94,6 +101,7 @@ class _AccuracyOptions:
     noise_seed: int
     noise_version: int
     other_bodies: bool
+    actions: str
     rows: str
     overrides: tuple[str, ...]
     jobs: int
@@ -128,7 +136,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
-    cases = benchmark_cases(options.worlds, options.seed, options.size)
+    cases = benchmark_cases(options.worlds, options.seed, options.size, contact=options.actions == "contact")
     cases = with_other_bodies(cases) if options.other_bodies else cases
     settings = {
         "worlds": options.worlds,
@@ -138,6 +146,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         "noise_seed": options.noise_seed,
         "noise_version": options.noise_version,
         "other_bodies": options.other_bodies,
+        "actions": options.actions,
         "set": list(options.overrides),
         "config": noisy.as_dict(),
     }

@@ -3,6 +3,7 @@
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
 from physic_testing.worlds.world import (
     CONTACT_DISTANCE,
+    CONTACT_WORLDS,
     OTHER_BODIES,
     WORLDS,
     World,
@@ -14,6 +15,7 @@ from physic_testing.worlds.world import (
 __all__ = [
     "BLAZEPOSE",
     "CONTACT_DISTANCE",
+    "CONTACT_WORLDS",
     "OTHER_BODIES",
     "SKELETONS",
     "WORLDS",

@@ -13,8 +13,11 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_testing.worlds import group_actions
-from physic_testing.worlds.contact_fit import ContactFit, PosePlan, fit_contacts
+from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
+from physic_testing.worlds.contact_fit import ContactFit, PosePlan, fit_contacts, pose_body
+from physic_testing.worlds.contact_groups import CONTACT_GROUPS
 from physic_testing.worlds.group_actions import FittedGroup
+from physic_testing.worlds.small_objects import ball_between_palms, cup_in_hand
 from physic_testing.worlds.solids import GROUND_MATERIALS, LEVEL_GROUND, Block, Ground
 from physic_testing.worlds.solo_actions import SOLO_ACTIONS, draw_person, move_plan
 
@@ -22,9 +25,10 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
-__all__ = ["ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
+__all__ = ["ACTIONS", "TOUCHING_ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
 
 _TRIES = 3
+_SOLO = SOLO_ACTIONS | CONTACT_ACTIONS
 _DEPTH, _GAP, _CROSSING = 0.008, 0.015, 0.02  # metres beyond which another draw is tried
 
 
@@ -53,7 +57,7 @@ class ActionScene:
 
     Attributes:
         actors: the people.
-        blocks: furniture that supports or hides them.
+        blocks: furniture that supports or hides them, and small objects that they hold.
         ground: ground plane.
         outdoors: whether the scene is outdoors.
         azimuth: range of camera directions, degrees, 0 from +z, 90 from +x.
@@ -72,19 +76,20 @@ def draw_action(name: str, model: BodyModel, rng: np.random.Generator) -> Action
     """Draw up to three random action scenes with fitted poses, and return the best one.
 
     Args:
-        name: key of ACTIONS.
+        name: key of ACTIONS or TOUCHING_ACTIONS.
         model: body model in float64.
         rng: random generator of people, furniture and poses.
 
     Raises:
         InputError: no action has this name.
     """
-    if name not in ACTIONS:
-        raise InputError(f"There is no action named {name!r}: choose one of {', '.join(ACTIONS)}.")
+    actions = ACTIONS | TOUCHING_ACTIONS
+    if name not in actions:
+        raise InputError(f"There is no action named {name!r}: choose one of {', '.join(actions)}.")
     best: tuple[float, ActionScene] | None = None
     seeds = rng.integers(2**63, size=_TRIES)
     for seed in seeds:
-        drawn = ACTIONS[name](model, np.random.default_rng(seed))
+        drawn = actions[name](model, np.random.default_rng(seed))
         if best is None or drawn.badness < best[0]:
             best = drawn.badness, drawn.action_scene
         if best[0] <= 1:
@@ -117,15 +122,26 @@ def _one_person_action(
     """Return a function that draws one person's action, rotated by up to ``turn`` degrees, sometimes outdoors."""
 
     def draw(model: BodyModel, rng: np.random.Generator) -> _ActionDraw:
-        plan = SOLO_ACTIONS[action](draw_person(model, rng), rng)
+        plan = _SOLO[action](draw_person(model, rng), rng)
         plan = move_plan(plan, (0.0, 0.0), float(np.radians(rng.uniform(-turn, turn))))
         settled = fit_contacts(model, plan)
+        blocks = (*plan.blocks, *_held(model, plan, settled))
         outside = bool(rng.random() < outdoors)
         ground = Ground(material=str(rng.choice(GROUND_MATERIALS[1:]))) if outside else LEVEL_GROUND
-        shown = ActionScene((_actor(plan, settled),), plan.blocks, ground, outside, plan.azimuth or azimuth, fills)
+        shown = ActionScene((_actor(plan, settled),), blocks, ground, outside, plan.azimuth or azimuth, fills)
         return _ActionDraw(shown, _badness([settled]))
 
     return draw
+
+
+def _held(model: BodyModel, plan: PosePlan, settled: ContactFit) -> tuple[Block, ...]:
+    """Return the small object in the hands of a person with a fitted pose."""
+    if plan.action not in ("hold_ball", "hold_cup"):
+        return ()
+    vertices, _ = pose_body(model, settled.pose, plan.betas, settled.transl)
+    if plan.action == "hold_ball":
+        return (ball_between_palms(model, vertices),)
+    return (cup_in_hand(model, vertices, settled.pose),)
 
 
 def _climb_step(model: BodyModel, rng: np.random.Generator) -> _ActionDraw:
@@ -176,3 +192,25 @@ ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _ActionDraw]] = {
     "outdoor_steps": _group_action(group_actions.outdoor_steps, (-60, 60), outdoors=1.0),
 }
 """Action name -> function that draws it."""
+
+TOUCHING_ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _ActionDraw]] = {
+    "cross_arms": _one_person_action("cross_arms", 40, (-70, 70), outdoors=0.3),
+    "hands_on_hips": _one_person_action("hands_on_hips", 40, (-180, 180), outdoors=0.3),
+    "hands_on_knees": _one_person_action("hands_on_knees", 40, (-120, 120), outdoors=0.3),
+    "clasp_hands": _one_person_action("clasp_hands", 30, (-70, 70)),
+    "chin_on_hand": _one_person_action("chin_on_hand", 0, (-35, 35), fills="upper"),
+    "lean_on_post": _one_person_action("lean_on_post", 0, (-12, 12), outdoors=0.5),
+    "sit_on_pedestal": _one_person_action("sit_on_pedestal", 0, (-12, 12), outdoors=0.3),
+    "hang_from_bar": _one_person_action("hang_from_bar", 20, (-120, 120), outdoors=0.6),
+    "on_all_fours": _one_person_action("on_all_fours", 40, (-130, 130)),
+    "sit_on_cushion": _one_person_action("sit_on_cushion", 15, (-60, 60)),
+    "lie_on_mattress": _one_person_action("lie_on_mattress", 15, (-60, 60)),
+    "laptop_on_lap": _one_person_action("laptop_on_lap", 20, (-80, 80)),
+    "hold_ball": _one_person_action("hold_ball", 30, (-80, 80)),
+    "hold_cup": _one_person_action("hold_cup", 30, (-80, 80)),
+    "hand_on_shoulder": _group_action(CONTACT_GROUPS["hand_on_shoulder"], (-180, 180), outdoors=0.4),
+    "hold_hands": _group_action(CONTACT_GROUPS["hold_hands"], (-180, 180), outdoors=0.4),
+    "back_to_back": _group_action(CONTACT_GROUPS["back_to_back"], (-180, 180), outdoors=0.3),
+    "child_on_lap": _group_action(CONTACT_GROUPS["child_on_lap"], (-70, 70)),
+}
+"""Action name -> function that draws it: contact with people, the own body, hidden or soft supports, small objects."""

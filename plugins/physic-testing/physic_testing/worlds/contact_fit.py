@@ -49,6 +49,7 @@ __all__ = [
     "OtherPerson",
     "PosePlan",
     "PositionTarget",
+    "centre_of_mass",
     "fit_contacts",
     "largest_penetration",
     "pose_body",
@@ -199,6 +200,12 @@ def pose_body(
     return Skinner(model, betas)(rotation_matrix(np.asarray(pose, np.float64)), np.asarray(transl, np.float64))
 
 
+def centre_of_mass(joints: FloatArray) -> FloatArray:
+    """Return the centre of mass (3,) of a body with joints (55, 3), m."""
+    centre: FloatArray = (_MASS[:, None] * joints).sum(axis=0)
+    return centre
+
+
 def fit_contacts(
     model: BodyModel,
     plan: PosePlan,
@@ -207,7 +214,7 @@ def fit_contacts(
     ground: Ground = LEVEL_GROUND,
     neighbours: Sequence[OtherPerson] = (),
 ) -> ContactFit:
-    """Fit the pose of one person to its contact targets.
+    """Fit the pose of one person to its contact targets; soft blocks have given way completely.
 
     Args:
         model: body model in float64.
@@ -217,7 +224,8 @@ def fit_contacts(
         neighbours: other people, who do not move.
     """
     near = [block for block in around if _within_reach(plan, block)]
-    fit = _ContactEnergy(model, plan, (*plan.blocks, *near), ground, neighbours)
+    blocks = tuple(block.pressed() for block in (*plan.blocks, *near))
+    fit = _ContactEnergy(model, plan, blocks, ground, neighbours)
     x: FloatArray = np.zeros(fit.size)
     for number, (gap, depth, steps) in enumerate(_ROUNDS):
         fit.look_around(x, gap, depth)

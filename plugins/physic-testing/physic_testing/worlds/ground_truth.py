@@ -30,7 +30,7 @@ from physic_testing.worlds.solids import yaw_matrix
 from physic_testing.worlds.textures import sky
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -74,8 +74,24 @@ class Pictures:
     empty_floor_mask: BoolArray
     surfaces: UInt8Array
     empty_surfaces: UInt8Array
+    item_masks: BoolArray
     mesh: Mesh
     caster: RayCaster
+
+
+@dataclass(frozen=True)
+class _RoomMesh:
+    """Result of ``Room.mesh``."""
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    surface: NDArray[np.int64]
+
+
+def _surface_ids(room: _RoomMesh, seen: RenderedView) -> NDArray[np.int64]:
+    """Return the surface (H, W) of the room that each pixel shows, numbered as in ``Room.mesh``; -1 for none."""
+    in_room = (seen.face >= 0) & (seen.face < len(room.faces))
+    return np.where(in_room, room.surface[np.where(in_room, seen.face, 0)], -1)
 
 
 def place_bodies(model: BodyModel, stage: StagedScene, skeletons: tuple[Skeleton, ...]) -> PosedBodies:
@@ -133,24 +149,28 @@ def render_pictures(
         vertices: (N, V, 3) camera frame.
         rng: random generator of clothes, lamps, sky and sensor noise.
     """
-    room_vertices, room_faces, surface = stage.room.mesh()
-    scene = _scene_mesh(stage.camera.to_camera(room_vertices), room_faces)
-    everything = _with_people(scene, model, vertices)
+    shell, occupied = (_RoomMesh(*stage.room.mesh(occupied=with_people)) for with_people in (False, True))
+    scene, furnished = (_scene_mesh(stage.camera.to_camera(part.vertices), part.faces) for part in (shell, occupied))
+    everything = _with_people(furnished, model, vertices)
     surfaces, clothes = SurfaceColours(stage.room), [Clothes(model, rng) for _ in vertices]
     sky_seed, per_person = int(rng.integers(1 << 30)), len(model.faces)
     lighting = _lighting(stage, vertices, rng)
     noise = rng.normal(0, _SENSOR_NOISE, (intrinsics.height, intrinsics.width, 3))
 
-    def albedo(hits: RayHits, points: FloatArray, blur: FloatArray) -> FloatArray:
-        colour = np.zeros((len(points), 3))
-        person = np.maximum(hits.face - len(room_faces), -1) // per_person  # -1 the scene
-        here = person < 0
-        colour[here] = surfaces.albedo(stage.camera.to_room(points[here]), surface[hits.face[here]], blur[here])
-        for i, worn in enumerate(clothes):
-            here = person == i
-            face = hits.face[here] - len(room_faces) - i * per_person
-            colour[here] = worn.albedo(face, hits.corners[here], blur[here])
-        return colour
+    def albedo(room: _RoomMesh) -> Callable[[RayHits, FloatArray, FloatArray], FloatArray]:
+        def colours(hits: RayHits, points: FloatArray, blur: FloatArray) -> FloatArray:
+            colour = np.zeros((len(points), 3))
+            person = np.maximum(hits.face - len(room.faces), -1) // per_person  # -1 the scene
+            here = person < 0
+            on_room = room.surface[hits.face[here]]
+            colour[here] = surfaces.albedo(stage.camera.to_room(points[here]), on_room, blur[here])
+            for i, worn in enumerate(clothes):
+                here = person == i
+                face = hits.face[here] - len(room.faces) - i * per_person
+                colour[here] = worn.albedo(face, hits.corners[here], blur[here])
+            return colour
+
+        return colours
 
     def overhead(rays: FloatArray) -> FloatArray:
         x, y, z = (apply(stage.camera.rotation.T, rays) / norm(rays)[:, None]).T
@@ -159,29 +179,27 @@ def render_pictures(
         return light
 
     views, lights, casters = [], [], []
-    for mesh in (everything, scene):
+    for mesh, room in ((everything, occupied), (scene, shell)):
         caster = RayCaster(mesh.vertices, mesh.faces)
         views.append(render_view(mesh, caster, intrinsics))
-        lights.append(render_shaded(mesh, caster, intrinsics, views[-1], lighting, albedo, overhead))
+        lights.append(render_shaded(mesh, caster, intrinsics, views[-1], lighting, albedo(room), overhead))
         casters.append(caster)
     gain = exposure_gain(lights[0])
     images = [to_srgb(light, gain, noise) for light in lights]
     seen, empty = views
     owner = _person_ids(everything, seen)
 
-    def surfaces_of(seen: RenderedView) -> UInt8Array:
-        number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
+    def labels_of(surface: NDArray[np.int64], seen: RenderedView) -> UInt8Array:
         names = np.array([SURFACE_NAMES.index(name) for name in stage.room.surface_names()], np.uint8)
-        of_face = np.full(len(everything.faces) + 1, SURFACE_NAMES.index("person"), np.uint8)
-        of_face[: len(surface)] = names[number]
-        of_face[-1] = SURFACE_NAMES.index("sky")  # -1 is no face
-        labels: UInt8Array = of_face[seen.face]
-        return labels
+        number = np.where(surface >= 6, (surface - 6) // 6 + 6, surface)
+        nothing = np.where(seen.face >= 0, SURFACE_NAMES.index("person"), SURFACE_NAMES.index("sky"))
+        return np.where(surface >= 0, names[np.maximum(number, 0)], nothing).astype(np.uint8)
 
-    def ground_of(seen: RenderedView) -> BoolArray:
-        on_scene = (seen.face >= 0) & (seen.face < len(surface))
-        on_ground: BoolArray = on_scene & (surface[np.where(on_scene, seen.face, 0)] == 0)
-        return on_ground
+    surface, empty_surface = _surface_ids(occupied, seen), _surface_ids(shell, empty)
+    of_item = [
+        np.isin((surface - 6) // 6, [i for i, block in enumerate(stage.room.blocks) if block.item == item])
+        for item in stage.room.items
+    ]
 
     return Pictures(
         image=images[0],
@@ -190,10 +208,11 @@ def render_pictures(
         empty=empty,
         masks=np.stack([owner == i for i in range(len(vertices))]),
         unoccluded_masks=np.stack([_silhouette(person, model.faces.numpy(), intrinsics) for person in vertices]),
-        floor_mask=ground_of(seen),
-        empty_floor_mask=ground_of(empty),
-        surfaces=surfaces_of(seen),
-        empty_surfaces=surfaces_of(empty),
+        floor_mask=surface == 0,
+        empty_floor_mask=empty_surface == 0,
+        surfaces=labels_of(surface, seen),
+        empty_surfaces=labels_of(empty_surface, empty),
+        item_masks=np.array(of_item, bool).reshape(-1, *surface.shape),
         mesh=everything,
         caster=casters[0],
     )

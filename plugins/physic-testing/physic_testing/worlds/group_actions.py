@@ -23,7 +23,16 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
 
-__all__ = ["FittedGroup", "group", "hug", "on_slope", "outdoor_steps", "sit_side_by_side"]
+__all__ = [
+    "FittedGroup",
+    "draw_pair",
+    "fit_in_turns",
+    "group",
+    "hug",
+    "on_slope",
+    "outdoor_steps",
+    "sit_side_by_side",
+]
 
 
 @dataclass(frozen=True)
@@ -45,7 +54,7 @@ class FittedGroup:
 
 def hug(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
     """Fit two people who hug face to face, or stand side by side with an arm around each other."""
-    first, second = _pair(model, rng)
+    first, second = draw_pair(model, rng)
     if rng.random() < 0.6:
         apart = first.behind + second.behind + rng.uniform(0.10, 0.14)
         aside = rng.uniform(0.03, 0.06)  # heads pass each other
@@ -53,10 +62,10 @@ def hug(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
         plans = [move_plan(plans[0], (aside, -apart / 2), 0.0), move_plan(plans[1], (-aside, apart / 2), np.pi)]
     else:
         plans = _arm_in_arm(first, second, rng)
-    return _fit_in_turns(model, plans, rounds=2)
+    return fit_in_turns(model, plans, rounds=2)
 
 
-def _pair(model: BodyModel, rng: np.random.Generator) -> tuple[Person, Person]:
+def draw_pair(model: BodyModel, rng: np.random.Generator) -> tuple[Person, Person]:
     """Draw two people of similar size and different shape."""
     first = draw_person(model, rng, adult=True)
     betas = draw_person(model, rng, adult=True).betas.copy()
@@ -107,7 +116,7 @@ def _arm_in_arm(first: Person, second: Person, rng: np.random.Generator) -> list
 
 def sit_side_by_side(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
     """Fit two people who sit close together on a sofa or bench."""
-    people = _pair(model, rng)
+    people = draw_pair(model, rng)
     size = sum(person.stature for person in people) / 3.4
     half = size * float(rng.uniform(0.28, 0.35))
     small = min(people, key=lambda person: person.stature)
@@ -127,7 +136,7 @@ def sit_side_by_side(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
         seat = furniture.bench(rng, height=height)
         plans = [solo_actions.sit_on_bench(p, rng, x, seat) for p, x in zip(people, (-half, half), strict=True)]
     plans = [replace(plan, action="sit_side_by_side") for plan in plans]
-    return _fit_in_turns(model, plans, rounds=1, shared=seat)
+    return fit_in_turns(model, plans, rounds=1, shared=seat)
 
 
 def group(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
@@ -143,7 +152,7 @@ def group(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
             plan = SOLO_ACTIONS[names[k]](draw_person(model, rng), rng)
             yaw = float(np.radians(rng.uniform(-25, 25)))
             plans.append(move_plan(plan, (float(x), float(row + rng.uniform(-0.1, 0.1))), yaw))
-    return _fit_in_turns(model, plans, rounds=1)
+    return fit_in_turns(model, plans, rounds=1)
 
 
 def on_slope(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
@@ -158,7 +167,7 @@ def on_slope(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
         place = (float(x), float(rng.uniform(-0.2, 0.2)))
         plan = SOLO_ACTIONS[name](draw_person(model, rng), rng)
         plans.append(move_plan(plan, place, float(np.radians(rng.uniform(-60, 60))), ground.height_at(*place)))
-    return _fit_in_turns(model, plans, rounds=1, ground=ground)
+    return fit_in_turns(model, plans, rounds=1, ground=ground)
 
 
 def outdoor_steps(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
@@ -174,10 +183,10 @@ def outdoor_steps(model: BodyModel, rng: np.random.Generator) -> FittedGroup:
         else:
             plans.append(solo_actions.stand_on_steps(person, rng, blocks, at, int(rng.integers(0, 4))))
     ground = Ground(material=str(rng.choice(["grass", "paving"])))
-    return _fit_in_turns(model, plans, rounds=1, ground=ground, shared=blocks)
+    return fit_in_turns(model, plans, rounds=1, ground=ground, shared=blocks)
 
 
-def _fit_in_turns(
+def fit_in_turns(
     model: BodyModel,
     plans: Sequence[PosePlan],
     rounds: int,

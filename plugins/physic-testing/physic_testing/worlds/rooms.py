@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.types import SURFACE_NAMES
+from physic_testing.worlds.dents import Dent, dented_distance, dented_mesh
 from physic_testing.worlds.reproducible_math import apply
 from physic_testing.worlds.solids import (
     BOX_QUADS,
@@ -74,6 +75,7 @@ class Room:
         walls: walls and ceiling; None outdoors.
         floor: material of the ground, with its rugs.
         seed: seed of the colours.
+        dents: dents of soft blocks under people.
     """
 
     ground: Ground
@@ -81,17 +83,33 @@ class Room:
     walls: Walls | None
     floor: Patch
     seed: int = 0
+    dents: tuple[Dent, ...] = ()
 
-    def signed_distance(self, points: FloatArray) -> FloatArray:
-        """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids."""
-        distance = signed_distance(points, self.blocks, self.ground)
+    @property
+    def items(self) -> tuple[str, ...]:
+        """Names of the small objects in people's hands and on their laps."""
+        return tuple(dict.fromkeys(block.item for block in self.blocks if block.item))
+
+    def signed_distance(self, points: FloatArray, *, dented: bool = True) -> FloatArray:
+        """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids.
+
+        Small objects are no surface of the room. Soft blocks have their dents, unless ``dented`` is False.
+        """
+        bent = {dent.block: dent for dent in self.dents} if dented else {}
+        rigid = [block for i, block in enumerate(self.blocks) if not block.item and i not in bent]
+        distance = signed_distance(points, rigid, self.ground)
+        flat = np.asarray(points, np.float64).reshape(-1, 3)
+        for i, dent in bent.items():
+            to_dent = dented_distance(self.blocks[i], dent.depth, flat).reshape(distance.shape)
+            distance = np.minimum(distance, to_dent)
         return distance if self.walls is None else np.minimum(distance, self.walls.signed_distance(points))
 
     def nearest_surface(self, points: FloatArray) -> NDArray[np.uint8]:
         """Return the surface nearest to each point (n, 3): (n,), index into ``physic_core.types.SURFACE_NAMES``."""
         names = self.surface_names()
-        distance = SolidScene(self.blocks, self.ground).distances(points)
-        number = np.append(np.arange(len(self.blocks)) + 6, 0)[distance.argmin(axis=0)]
+        scene = [i for i, block in enumerate(self.blocks) if not block.item]
+        distance = SolidScene([self.blocks[i].pressed() for i in scene], self.ground).distances(points)
+        number = np.array([*(i + 6 for i in scene), 0])[distance.argmin(axis=0)]
         if self.walls is not None:
             local = self.walls.to_local(points)
             beside = self.walls.signed_distance(points)
@@ -106,14 +124,26 @@ class Room:
         ground = "floor" if self.walls is not None else "ground"
         return (ground, "wall", "wall", "wall", "wall", "ceiling", *(block.surface for block in self.blocks))
 
-    def mesh(self) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    def surface_normals(self, points: FloatArray) -> FloatArray:
+        """Return the normal (n, 3) of the surface nearest to each of n points; of undented blocks."""
+        blocks = [block for block in self.blocks if not block.item]
+        solid = SolidScene([block.pressed() for block in blocks], self.ground)
+        distance = solid.distances(points)
+        normals = solid.normals(points, distance.argmin(axis=0))
+        if self.walls is not None:
+            # Beside a wall the normal is level: the exact direction is of no use.
+            wall = self.walls.signed_distance(points) < distance.min(axis=0)
+            normals[wall] = apply(yaw_matrix(self.walls.yaw), np.array([1.0, 0.0, 0.0]))
+        return normals
+
+    def mesh(self, *, occupied: bool = False) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
         """Return vertices (V, 3), faces (F, 3), counter-clockwise from the air side, and surface index (F,) per face.
 
         Surface 0 is the ground, 1 to 5 are left, right, back, front wall and ceiling, 6 + 6 i + k is side k of block
-        i, in the order of ``solids.BOX_QUADS``.
+        i, in the order of ``solids.BOX_QUADS``. With ``occupied`` the mesh has dents and small objects, as in the photo
+        of the people; without it has neither.
         """
-        vertices, faces, block = blocks_mesh(self.blocks)
-        surface = 6 + 6 * block + np.tile(np.repeat(np.arange(6), 2), len(self.blocks))
+        vertices, faces, side = self._blocks_mesh(occupied=occupied)
         if self.walls is None:
             shell, quads, outer = _ground_corners(self.ground), np.array([[0, 1, 2, 3]]), np.array([0])
         else:
@@ -128,8 +158,21 @@ class Room:
         return (
             np.concatenate([shell, vertices]),
             np.concatenate([inner, faces + len(shell)]),
-            np.concatenate([np.repeat(outer, 2), surface]),
+            np.concatenate([np.repeat(outer, 2), 6 + side]),
         )
+
+    def _blocks_mesh(self, *, occupied: bool) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+        """Return vertices, faces and sides of all blocks, in the order of the blocks."""
+        bent = {dent.block: dent for dent in self.dents} if occupied else {}
+        parts, count = [], 0
+        for i, block in enumerate(self.blocks):
+            if block.item and not occupied:
+                continue
+            vertices, faces, side = dented_mesh(block, bent[i].depth) if i in bent else blocks_mesh((block,))
+            parts.append((vertices, faces + count, side + 6 * i))
+            count += len(vertices)
+        vertices, faces, side = (np.concatenate(part) for part in zip(blocks_mesh(()), *parts, strict=True))
+        return vertices, faces, side
 
 
 class SurfaceColours:

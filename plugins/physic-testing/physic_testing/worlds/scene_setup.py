@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_testing.worlds import disk_cache
-from physic_testing.worlds.action_scenes import ActionScene, PosedPerson, draw_action
+from physic_testing.worlds.action_scenes import TOUCHING_ACTIONS, ActionScene, PosedPerson, draw_action
 from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, find_camera
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.solids import Block, Ground
@@ -28,7 +28,9 @@ __all__ = ["StagedScene", "set_up_scene"]
 _ATTEMPTS = 12
 _UNRELATED_MODULES = (
     "cameras",
+    "body_contacts",
     "clothes",
+    "dents",
     "disk_cache",
     "ground_truth",
     "labels",
@@ -42,6 +44,9 @@ _UNRELATED_MODULES = (
     "world",
 )
 """Modules that do not affect an action scene and its cache key."""
+
+_CONTACT_MODULES = ("contact_actions", "contact_groups", "small_objects")
+"""Modules that affect no scene of ``ACTIONS``."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +103,12 @@ def set_up_scene(
 
 
 def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
+    unrelated: tuple[str, ...] = _UNRELATED_MODULES
+    if name not in TOUCHING_ACTIONS:
+        unrelated += _CONTACT_MODULES
     if not other_bodies:
-        return disk_cache.cache_key("action_scene", name, seed, take, without=_UNRELATED_MODULES)
-    unrelated = tuple(module for module in _UNRELATED_MODULES if module != "other_bodies")
+        return disk_cache.cache_key("action_scene", name, seed, take, without=unrelated)
+    unrelated = tuple(module for module in unrelated if module != "other_bodies")
     return disk_cache.cache_key("action_scene", f"{name}+other", seed, take, without=unrelated)
 
 

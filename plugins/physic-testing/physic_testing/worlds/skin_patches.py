@@ -42,8 +42,8 @@ class ContactSkin:
         part_names: names of the body parts.
         patches: name -> ids: "left_sole", "left_ball", "left_heel", "left_instep", "left_knee", "left_lap",
             "left_shin", "left_calf", "left_thigh", "left_hip", "left_leg_side", "left_foot_side", "left_palm",
-            "left_forearm", "left_shoulder", "left_temple", the same of the right, and "gluteus", "back", "upper_back",
-            "head_back".
+            "left_forearm", "left_lower_arm", "left_elbow", "left_waist", "left_shoulder", "left_temple", the same of
+            the right, and "gluteus", "back", "upper_back", "head_back", "chest", "lap", "chin".
     """
 
     faces: NDArray[np.int64]
@@ -134,12 +134,17 @@ def _patches(model: BodyModel, rest: FloatArray, joints: FloatArray, normals: Fl
     found: dict[str, Ids] = {"gluteus": given["gluteus"], "back": given["back"]}
     found["upper_back"] = given["back"][rest[given["back"], 1] > at("spine3")[1]]
     found["head_back"] = np.flatnonzero(of("head") & (normals[:, 2] < -0.5) & (y > at("head")[1]))
+    found["chest"] = np.flatnonzero(
+        of("torso") & (normals[:, 2] > 0.4) & (y > at("spine2")[1]) & (y < at("neck")[1] - 0.06)
+    )
+    mouth = rest[model.surface_points["left_mouth_corner_surface"].numpy(), 1].mean()
+    found["chin"] = np.flatnonzero(of("head") & (z > at("head")[2] + 0.04) & (y < mouth - 0.01) & (normals[:, 1] < 0.2))
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         sideways = sign * normals[:, 0]
         hip, knee, ankle = (at(f"{side}_{name}") for name in ("hip", "knee", "ankle"))
         foot, shoulder = at(f"{side}_foot"), at(f"{side}_shoulder")
         upper, lower = of(f"{side}_upper_leg"), of(f"{side}_lower_leg")
-        sole = given[f"{side}_sole"]
+        lower_arm, sole = of(f"{side}_lower_arm"), given[f"{side}_sole"]
         masks = {
             "instep": of(f"{side}_foot") & (normals[:, 1] > 0.5) & (z > ankle[2] + 0.03),
             "knee": (upper | lower) & (normals[:, 2] > 0.5) & (y < knee[1] + 0.02) & (y > knee[1] - 0.12),
@@ -149,7 +154,10 @@ def _patches(model: BodyModel, rest: FloatArray, joints: FloatArray, normals: Fl
             "hip": (upper | of("torso")) & (sideways > 0.6) & (np.abs(y - hip[1]) < 0.14) & (sign * x > 0),
             "leg_side": (upper | lower) & (sideways > 0.6) & (y < hip[1] - 0.1),
             "foot_side": of(f"{side}_foot") & (sideways > 0.5),
-            "forearm": of(f"{side}_lower_arm") & (normals[:, 1] < -0.3),
+            "elbow": of(f"{side}_upper_arm", f"{side}_lower_arm") & (norm(rest - at(f"{side}_elbow")) < 0.09),
+            "waist": of("torso") & (sideways > 0.5) & (y > hip[1] + 0.04) & (y < at("spine2")[1]),
+            "lower_arm": lower_arm,
+            "forearm": lower_arm & (normals[:, 1] < -0.3),
             "shoulder": of("torso", f"{side}_upper_arm")
             & (normals[:, 1] > 0.0)
             & (np.linalg.norm(rest - shoulder - [sign * 0.03, 0.03, 0], axis=1) < 0.09),
@@ -162,4 +170,5 @@ def _patches(model: BodyModel, rest: FloatArray, joints: FloatArray, normals: Fl
         found[f"{side}_palm"] = given[f"{side}_hand"]
         thighs = given["thighs"]
         found[f"{side}_thigh"] = thighs[sign * rest[thighs, 0] > 0]
+    found["lap"] = np.union1d(found["left_lap"], found["right_lap"])
     return found

@@ -6,7 +6,7 @@ The room's frame (x right, y up, z towards the camera's side), metres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +47,7 @@ Bits 0, 1 and 2 of a corner index are set where x, y and z are at their maximum.
 """
 
 _CHUNK = 1 << 20  # points times blocks at once
+_ROUND_STEPS = 4  # quads from the middle of a rounded side to its edge
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,11 @@ class Block:
         material: one of BLOCK_MATERIALS.
         pitch: rotation about the box's own +x before the yaw, radians; positive tips the top towards its own +z.
         surface: what the box is part of, one of ``physic_core.types.SURFACE_NAMES``.
+        rounding: radius of the edges, m, at most the smallest half extent; a cube of this half extent is a ball.
+        soft: depth by which the top gives way under a person, m; 0 for a rigid block. Only blocks without pitch and
+            rounding give way.
+        item: name of the small object that the block is part of, such as "ball"; "" for a block of the scene. Items
+            belong to the photo of people, not to the empty scene.
     """
 
     centre: tuple[float, float, float]
@@ -68,13 +74,16 @@ class Block:
     material: str = "wood"
     pitch: float = 0.0
     surface: str = "object"
+    rounding: float = 0.0
+    soft: float = 0.0
+    item: str = ""
 
     def __post_init__(self) -> None:
         """Round all numbers to a grid."""
         for name in ("centre", "half"):
             x, y, z = round_to_grid(np.array(getattr(self, name))).tolist()
             object.__setattr__(self, name, (x, y, z))
-        for name in ("yaw", "pitch"):
+        for name in ("yaw", "pitch", "rounding", "soft"):
             object.__setattr__(self, name, float(round_to_grid(getattr(self, name))))
 
     @property
@@ -88,10 +97,18 @@ class Block:
         return apply(self.rotation.T, points - np.array(self.centre))
 
     def corners(self) -> FloatArray:
-        """Return the corners (8, 3) in the room frame."""
+        """Return the corners (8, 3) of the box before rounding, in the room frame."""
         half = np.array(self.half)
         corners: FloatArray = apply(self.rotation, box_corners(-half, half)) + np.array(self.centre)
         return corners
+
+    def pressed(self) -> Block:
+        """Return the block with its top lowered by ``soft``."""
+        if not self.soft:
+            return self
+        x, y, z = self.centre
+        a, b, c = self.half
+        return replace(self, centre=(x, y - self.soft / 2, z), half=(a, b - self.soft / 2, c))
 
 
 @dataclass(frozen=True)
@@ -127,7 +144,8 @@ class SolidScene:
         count = len(blocks)
         self._rotation = np.array([block.rotation for block in blocks]).reshape(count, 3, 3)
         self._centre = np.array([block.centre for block in blocks], np.float64).reshape(count, 3)
-        self._half = np.array([block.half for block in blocks], np.float64).reshape(count, 3)
+        self._rounding = np.array([block.rounding for block in blocks], np.float64)
+        self._half = np.array([block.half for block in blocks], np.float64).reshape(count, 3) - self._rounding[:, None]
         self._normal = np.array(ground.normal, np.float64)
 
     def distances(self, points: FloatArray) -> FloatArray:
@@ -143,7 +161,7 @@ class SolidScene:
             x, y, z = (np.abs(local[j]) - self._half[:, j, None] for j in range(3))
             inside = np.minimum(np.maximum(np.maximum(x, y), z), 0)
             x, y, z = (np.maximum(beyond, 0) for beyond in (x, y, z))
-            found[:-1] = np.sqrt(x * x + y * y + z * z) + inside
+            found[:-1] = np.sqrt(x * x + y * y + z * z) + inside - self._rounding[:, None]
         return found
 
     def normals(self, points: FloatArray, which: NDArray[np.int64]) -> FloatArray:
@@ -185,12 +203,50 @@ def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground)
 
 
 def blocks_mesh(blocks: Sequence[Block]) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
-    """Return vertices (8 n, 3), faces (12 n, 3), counter-clockwise from outside, and block index (12 n,) per face."""
-    if not blocks:
-        return np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(0, np.int64)
-    quads = np.concatenate([BOX_QUADS + 8 * i for i in range(len(blocks))])
-    faces = np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3)
-    return np.concatenate([block.corners() for block in blocks]), faces, np.repeat(np.arange(len(blocks)), 12)
+    """Return the mesh of blocks.
+
+    Returns:
+        Vertices (V, 3), faces (F, 3), counter-clockwise from outside, and the side (F,) of each face: 6 i + k for side
+        k of block i, in the order of BOX_QUADS.
+    """
+    vertices: list[FloatArray] = [np.zeros((0, 3))]
+    faces: list[NDArray[np.int64]] = [np.zeros((0, 3), np.int64)]
+    sides: list[NDArray[np.int64]] = [np.zeros(0, np.int64)]
+    count = 0
+    for i, block in enumerate(blocks):
+        corners, quads, side = _rounded_box(block) if block.rounding else (block.corners(), BOX_QUADS, np.arange(6))
+        vertices.append(corners)
+        faces.append(np.stack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]], axis=1).reshape(-1, 3) + count)
+        sides.append(np.repeat(6 * i + side, 2))
+        count += len(corners)
+    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(sides)
+
+
+def _rounded_box(block: Block) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Return vertices (V, 3) in the room frame, quads (Q, 4) and the side (Q,) of each, of a box with round edges."""
+    core = np.array(block.half) - block.rounding
+    # Along each axis the round edges in steps of equal angle; between them the flat part as one step.
+    bend, _ = sin_cos(np.linspace(0, np.pi / 4, _ROUND_STEPS + 1))
+    edge = bend / np.sqrt(1 - bend * bend)
+    line = np.concatenate([-edge[::-1], edge])
+    flat = np.repeat([-1.0, 1.0], len(edge))
+    rows, columns = (index.reshape(-1) for index in np.mgrid[: len(line), : len(line)])
+    i, j = (index.reshape(-1) for index in np.mgrid[: len(line) - 1, : len(line) - 1])
+    first = i * len(line) + j
+    grid = np.stack([first, first + len(line), first + len(line) + 1, first + 1], axis=1)
+    vertices = []
+    for quad in BOX_QUADS:
+        a, b, _, d = box_corners(-np.ones(3), np.ones(3))[quad]
+        middle, u, v = (b + d) / 2, (b - a) / 2, (d - a) / 2
+        cube = middle + line[rows, None] * u + line[columns, None] * v
+        inner = (middle + flat[rows, None] * u + flat[columns, None] * v) * core
+        vertices.append(inner + block.rounding * cube / norm(cube)[:, None])
+    quads = np.concatenate([grid + k * len(rows) for k in range(6)])
+    places = np.concatenate(vertices)
+    a, b, c, d = (places[quads[:, k]] for k in range(4))
+    full = norm(np.cross(c - a, d - b)) > 0
+    found: FloatArray = apply(block.rotation, places) + np.array(block.centre)
+    return found, quads[full], np.repeat(np.arange(6), len(grid))[full]
 
 
 def yaw_matrix(yaw: float) -> FloatArray:

@@ -28,8 +28,11 @@ __all__ = [
     "Person",
     "draw_person",
     "knee_hollow_height",
+    "lay_hand_on_thigh",
+    "lie_on_back",
     "measure_person",
     "move_plan",
+    "seated_legs",
     "sit_on_bench",
     "sit_on_sofa",
     "sit_on_steps",
@@ -152,7 +155,7 @@ def _turn_head(posture: PoseBuilder, rng: np.random.Generator, nod: float = 3.0,
     posture.head(nod + rng.uniform(-8, 10), rng.uniform(-wide, wide), rng.uniform(-6, 6))
 
 
-def _lay_hand_on_thigh(posture: PoseBuilder, side: str, rng: np.random.Generator) -> tuple[ContactTarget, ...]:
+def lay_hand_on_thigh(posture: PoseBuilder, side: str, rng: np.random.Generator) -> tuple[ContactTarget, ...]:
     """Pose an arm with the hand on the thigh of a sitting person."""
     posture.arm(side, (0.22, -1, rng.uniform(0.25, 0.5)), (rng.uniform(-0.12, 0.02), -0.42, 1), (0, -1, 0))
     posture.fingers(side, rng.uniform(8, 20), rng)
@@ -269,7 +272,7 @@ def kneel(person: Person, rng: np.random.Generator) -> PosePlan:
     for side in _SIDES:
         if kind == "heels" or rng.random() < 0.3:
             if kind == "heels":
-                touches += _lay_hand_on_thigh(posture, side, rng)
+                touches += lay_hand_on_thigh(posture, side, rng)
             else:
                 posture.arm(side, (0.18, -1, 0.32), (-0.08, -0.55, 1), (0, -1, 0)).fingers(side, 12, rng)
         else:
@@ -298,7 +301,7 @@ def _knees_free(person: Person, front: float) -> float:
     return front + 0.095 * person.stature / 1.7 - 0.96 * person.thigh
 
 
-def _seated_legs(
+def seated_legs(
     posture: PoseBuilder, person: Person, rng: np.random.Generator, seat: float
 ) -> tuple[ContactTarget, ...]:
     """Pose the legs of a person on a seat of height ``seat``, feet flat on the floor."""
@@ -322,7 +325,7 @@ def _sitting_arms(posture: PoseBuilder, rng: np.random.Generator) -> tuple[Conta
     touches: tuple[ContactTarget, ...] = ()
     for side in _SIDES:
         if kind == "thighs" or (kind == "mixed" and side == "left") or rng.random() < 0.25:
-            touches += _lay_hand_on_thigh(posture, side, rng)
+            touches += lay_hand_on_thigh(posture, side, rng)
         else:
             up = rng.uniform(-0.25, 0.5)
             posture.arm(side, (0.3, -1, 0.3), (rng.uniform(-0.15, 0.35), up, 1), (-0.7, -0.2, 0.2))
@@ -335,7 +338,7 @@ def sit_on_stool(person: Person, rng: np.random.Generator) -> PosePlan:
     seat = _seat_height(person, rng, 0.40, 0.50)
     blocks = furniture.stool(rng, (0.0, 0.0), rng.uniform(-0.2, 0.2), height=seat)
     posture = PoseBuilder((rng.uniform(-4, 8), 0, 0)).trunk(rng.uniform(2, 18), rng.uniform(-8, 8), rng.uniform(-3, 3))
-    touches = _seated_legs(posture, person, rng, seat)
+    touches = seated_legs(posture, person, rng, seat)
     _turn_head(posture, rng)
     touches += _sitting_arms(posture, rng)
     pelvis = (0.0, seat + person.seat + 0.02, rng.uniform(-0.06, 0.0))
@@ -351,7 +354,7 @@ def sit_on_chair(person: Person, rng: np.random.Generator) -> PosePlan:
     lean = {"back": -rng.uniform(10, 15), "upright": rng.uniform(-3, 4), "forward": rng.uniform(12, 24)}[kind]
     bend = {"back": rng.uniform(2, 8), "upright": rng.uniform(2, 10), "forward": rng.uniform(12, 26)}[kind]
     posture = PoseBuilder((lean, 0, 0)).trunk(bend, rng.uniform(-7, 7))
-    touches = _seated_legs(posture, person, rng, seat)
+    touches = seated_legs(posture, person, rng, seat)
     back = -half + person.behind + {"back": 0.02, "upright": 0.05, "forward": 0.07}[kind]
     if kind == "back":
         touches = (*touches, ContactTarget("back", 0.12, blocks=(5,)))
@@ -380,14 +383,14 @@ def sit_on_sofa(person: Person, rng: np.random.Generator, x: float = 0.0, sofa: 
         x = float(rng.uniform(-room, room))
     lean = np.degrees(recline)
     posture = PoseBuilder((-lean - 9, 0, 0)).trunk(rng.uniform(0, 8), rng.uniform(-5, 5))
-    touches = _seated_legs(posture, person, rng, seat)
+    touches = seated_legs(posture, person, rng, seat)
     posture.head(rng.uniform(10, 26), rng.uniform(-30, 30), rng.uniform(-5, 5))
     for side, sign in zip(_SIDES, (1, -1), strict=True):
         beside = blocks[0].half[0] - sign * x
         if not sofa and beside < 0.42:  # the arm of the sofa is at hand
             posture.arm(side, (0.45, -0.85, 0.15), (0.12, -0.12, 1), (0, -1, 0)).fingers(side, 12, rng)
         else:
-            touches += _lay_hand_on_thigh(posture, side, rng)
+            touches += lay_hand_on_thigh(posture, side, rng)
     rest, free = -deep / 2 + person.behind + 0.01, _knees_free(person, deep / 2)
     pelvis = (x, seat + person.seat + 0.01, float(max(rest, free)))
     if free < rest + 0.12:
@@ -399,7 +402,7 @@ def sit_on_bench(person: Person, rng: np.random.Generator, x: float, bench: tupl
     """Plan a person sitting at ``x`` on a bench, upright or bent forward."""
     seat = bench[-1].centre[1] + bench[-1].half[1]
     posture = PoseBuilder((rng.uniform(-3, 10), 0, 0)).trunk(rng.uniform(4, 18), rng.uniform(-8, 8), rng.uniform(-3, 3))
-    touches = _seated_legs(posture, person, rng, seat)
+    touches = seated_legs(posture, person, rng, seat)
     _turn_head(posture, rng)
     touches += _sitting_arms(posture, rng)
     pelvis = (x, seat + person.seat + 0.02, float(max(rng.uniform(-0.06, 0.0), _knees_free(person, bench[-1].half[2]))))
@@ -460,7 +463,7 @@ def lie(person: Person, rng: np.random.Generator) -> PosePlan:
         level = 0.42
     if place != "bed" and (on_side or rng.random() < 0.6 or place == "sofa"):
         pillow = float(rng.uniform(0.05, 0.08)) + (0.05 if on_side else 0.0)
-    plan = _lie_on_side(person, rng, pillow) if on_side else _lie_on_back(person, rng, pillow)
+    plan = _lie_on_side(person, rng, pillow) if on_side else lie_on_back(person, rng, pillow)
     # From the pelvis to the middle of the head; somebody who lies on a side is curled up.
     head, front = (0.37 * person.stature, 0.0) if on_side else (0.40 * person.stature, 0.0)
     if place != "bed" and pillow:
@@ -479,7 +482,7 @@ def lie(person: Person, rng: np.random.Generator) -> PosePlan:
     return replace(shifted, blocks=blocks)
 
 
-def _lie_on_back(person: Person, rng: np.random.Generator, pillow: float) -> PosePlan:
+def lie_on_back(person: Person, rng: np.random.Generator, pillow: float) -> PosePlan:
     """Plan a person lying on the back."""
     posture = PoseBuilder((-90, 0, 0)).trunk(rng.uniform(-2, 3), 0)
     touches = [ContactTarget("back", 0.25), ContactTarget("gluteus", 0.2), ContactTarget("head_back", 0.10)]
@@ -702,7 +705,7 @@ def sit_behind_table(person: Person, rng: np.random.Generator) -> PosePlan:
     top = len(plan.blocks)
     size = person.stature / 1.7
     posture = PoseBuilder((rng.uniform(0, 8), 0, 0)).trunk(rng.uniform(6, 18), rng.uniform(-5, 5))
-    touches = list(_seated_legs(posture, person, rng, seat))
+    touches = list(seated_legs(posture, person, rng, seat))
     _turn_head(posture, rng)
     reaches = []
     for side, sign in zip(_SIDES, (1, -1), strict=True):

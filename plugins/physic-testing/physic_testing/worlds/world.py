@@ -31,7 +31,16 @@ if TYPE_CHECKING:
     from physic_testing.worlds.ground_truth import PosedBodies
     from physic_testing.worlds.rooms import Room
 
-__all__ = ["CONTACT_DISTANCE", "OTHER_BODIES", "WORLDS", "World", "benchmark_worlds", "build_world", "is_world"]
+__all__ = [
+    "CONTACT_DISTANCE",
+    "CONTACT_WORLDS",
+    "OTHER_BODIES",
+    "WORLDS",
+    "World",
+    "benchmark_worlds",
+    "build_world",
+    "is_world",
+]
 
 WORLDS: tuple[str, ...] = (
     "stand",
@@ -56,6 +65,28 @@ WORLDS: tuple[str, ...] = (
 )
 """Names of the worlds; each names the action of its people."""
 
+CONTACT_WORLDS: tuple[str, ...] = (
+    "cross_arms",
+    "hands_on_hips",
+    "hands_on_knees",
+    "clasp_hands",
+    "chin_on_hand",
+    "lean_on_post",
+    "sit_on_pedestal",
+    "hang_from_bar",
+    "on_all_fours",
+    "sit_on_cushion",
+    "lie_on_mattress",
+    "laptop_on_lap",
+    "hold_ball",
+    "hold_cup",
+    "hand_on_shoulder",
+    "hold_hands",
+    "back_to_back",
+    "child_on_lap",
+)
+"""Names of the worlds whose people touch themselves, each other, hidden or soft supports, or small objects."""
+
 OTHER_BODIES = "+other"
 """At the end of a world's name: its people have other proportions and skin than any shape of the body model."""
 
@@ -70,7 +101,7 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS, followed by OTHER_BODIES or nothing.
+        name: one of WORLDS or CONTACT_WORLDS, followed by OTHER_BODIES or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
         empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
@@ -104,7 +135,16 @@ class World:
         contact: (N, V) bool, outer vertices within CONTACT_DISTANCE of the scene.
         touched_surface: (N, V) uint8, the surface that a vertex in ``contact`` touches, index into ``SURFACE_NAMES``; 0
             ("unknown") for the others.
-        touched_person: (N, V) int16, the person within CONTACT_DISTANCE of an outer vertex; -1 for none.
+        touched_own_part: (N, V) int16, part of the own body, index into ``parts``, that an outer vertex touches; -1 for
+            none.
+        touched_person: (N, V) int16, other person whom an outer vertex touches; -1 for none.
+        touched_person_part: (N, V) int16, part of that person, index into ``parts``; -1 for none.
+        touched_item: (N, V) int16, small object within CONTACT_DISTANCE, index into ``items``; -1 for none.
+        support: (N, V) bool, vertices that carry the person (``body_contacts.supporting_vertices``).
+        dent: (N, V) float32 m, depth of each vertex below the undented surface of a soft block; 0 elsewhere.
+        parts: names of the body parts.
+        items: names of the small objects, which belong to the photo and not to the empty scene.
+        item_masks: (K, H, W) bool, visible pixels of each small object.
         distance: (N, V) float32, signed distance to the scene, negative inside.
         residual: (N,) m, largest contact gap or penetration depth of the fitted pose.
     """
@@ -141,7 +181,15 @@ class World:
     joints: FloatArray
     contact: BoolArray
     touched_surface: UInt8Array
+    touched_own_part: NDArray[np.int16]
     touched_person: NDArray[np.int16]
+    touched_person_part: NDArray[np.int16]
+    touched_item: NDArray[np.int16]
+    support: BoolArray
+    dent: FloatArray
+    parts: tuple[str, ...]
+    items: tuple[str, ...]
+    item_masks: BoolArray
     distance: FloatArray
     residual: FloatArray
 
@@ -158,7 +206,8 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
-        name: one of WORLDS; followed by OTHER_BODIES, people have bodies that no shape of the body model has.
+        name: one of WORLDS or CONTACT_WORLDS; with OTHER_BODIES after it, people have bodies that no shape of the
+            body model has.
         seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
@@ -166,7 +215,8 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
         InputError: no world has this name, or the size is too small for a label.
     """
     if not is_world(name):
-        raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
+        known = ", ".join((*WORLDS, *CONTACT_WORLDS))
+        raise InputError(f"There is no world named {name!r}: choose one of {known}.")
     if min(size) < labels.SMALLEST_PX:
         raise InputError(
             f"A world needs a photo of at least {labels.SMALLEST_PX} x {labels.SMALLEST_PX} px, "
@@ -181,19 +231,26 @@ _BODY_STREAM = 10  # of those of other bodies
 
 def is_world(name: str) -> bool:
     """Return whether a world has this name."""
-    return name.removesuffix(OTHER_BODIES) in WORLDS
+    return name.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS)
 
 
-def benchmark_worlds(count: int, seed: int) -> tuple[tuple[str, int], ...]:
-    """Return names and seeds of ``count`` benchmark worlds: all names in cyclic order, with random seeds."""
+def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> tuple[tuple[str, int], ...]:
+    """Return names and seeds of ``count`` benchmark worlds: all names in cyclic order, with random seeds.
+
+    Args:
+        count: of worlds.
+        seed: of the seeds.
+        names: WORLDS or CONTACT_WORLDS.
+    """
     seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
-    return tuple((WORLDS[i % len(WORLDS)], int(own)) for i, own in enumerate(seeds))
+    return tuple((names[i % len(names)], int(own)) for i, own in enumerate(seeds))
 
 
 @lru_cache(maxsize=24)
 def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
     """Load a world from the disk cache, or build it."""
     from physic_testing.worlds.cameras import Camera
+    from physic_testing.worlds.dents import Dent
     from physic_testing.worlds.rooms import Room, Walls
     from physic_testing.worlds.solids import Block, Ground
     from physic_testing.worlds.textures import Decoration, Patch
@@ -201,7 +258,7 @@ def _cached_world(name: str, seed: int, size: tuple[int, int]) -> World:
     world = disk_cache.load_or_build(
         disk_cache.cache_key("world", name, seed, *size),
         World,
-        (Intrinsics, Camera, Room, Walls, Ground, Block, Patch, Decoration, Plane, BodyParameters),
+        (Intrinsics, Camera, Room, Walls, Dent, Ground, Block, Patch, Decoration, Plane, BodyParameters),
         lambda: _build(name, seed, size),
     )
     _make_read_only(world)
@@ -213,7 +270,14 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     import torch
 
     from physic_core.body import load_body
-    from physic_testing.worlds.contact_partners import touched_person, touched_surface
+    from physic_testing.worlds.body_contacts import (
+        supporting_vertices,
+        touched_item,
+        touched_own_part,
+        touched_people,
+        touched_surface,
+    )
+    from physic_testing.worlds.dents import press_dents
     from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
     from physic_testing.worlds.other_bodies import other_body
     from physic_testing.worlds.reproducible_math import apply, dot
@@ -228,10 +292,13 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = _with_same_pelvis(fitted, bodies) if other else bodies.parameters
-    pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
     in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
+    dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
+    stage = replace(stage, room=replace(stage.room, dents=dents))
+    pictures = render_pictures(model, stage, intrinsics, bodies.vertices, rng)
     distance = stage.room.signed_distance(in_room)
     contact = (distance <= CONTACT_DISTANCE) & outer
+    person, person_part = touched_people(model, in_room, CONTACT_DISTANCE)
     up = np.array(stage.room.ground.normal)
 
     def seen(points: FloatArray, names: tuple[str, ...]) -> BoolArray:
@@ -270,10 +337,26 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         joints=bodies.joints.astype(np.float32),
         contact=contact,
         touched_surface=touched_surface(stage.room, in_room, contact),
-        touched_person=touched_person(bodies.vertices, model.faces.numpy(), outer, CONTACT_DISTANCE),
+        touched_own_part=touched_own_part(model, in_room, CONTACT_DISTANCE),
+        touched_person=person,
+        touched_person_part=person_part,
+        touched_item=touched_item(stage.room, outer, in_room, CONTACT_DISTANCE),
+        support=supporting_vertices(stage.room, model, in_room, stage.camera.to_room(bodies.joints), contact, person),
+        dent=_dent(stage.room, in_room).astype(np.float32),
+        parts=model.part_names,
+        items=stage.room.items,
+        item_masks=pictures.item_masks,
         distance=distance.astype(np.float32),
         residual=np.array([actor.residual for actor in stage.actors]),
     )
+
+
+def _dent(room: Room, vertices: FloatArray) -> FloatArray:
+    """Return the depth (N, V) of vertices (N, V, 3) below the undented surfaces of soft blocks, m."""
+    if not room.dents:
+        return np.zeros(vertices.shape[:2])
+    depth = np.maximum(-room.signed_distance(vertices, dented=False), 0)
+    return np.where(np.maximum(-room.signed_distance(vertices), 0) < depth, depth, 0)
 
 
 def _with_same_pelvis(model: BodyModel, bodies: PosedBodies) -> BodyParameters:

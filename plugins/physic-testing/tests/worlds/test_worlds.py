@@ -10,7 +10,16 @@ from scipy.spatial import KDTree
 
 from physic_core.body import load_body
 from physic_core.errors import InputError
-from physic_testing.worlds import CONTACT_DISTANCE, WORLDS, World, benchmark_worlds, build_world, disk_cache, labels
+from physic_testing.worlds import (
+    CONTACT_DISTANCE,
+    CONTACT_WORLDS,
+    WORLDS,
+    World,
+    benchmark_worlds,
+    build_world,
+    disk_cache,
+    labels,
+)
 from physic_testing.worlds import world as worlds
 from physic_testing.worlds.action_scenes import ACTIONS
 from physic_testing.worlds.cameras import CameraShot, in_frame
@@ -254,7 +263,8 @@ def test_the_worlds_are_what_is_performed():
 def test_an_unknown_world_is_refused():
     with pytest.raises(InputError) as caught:
         build_world("flying")
-    assert str(caught.value) == f"There is no world named 'flying': choose one of {', '.join(WORLDS)}."
+    known = ", ".join((*WORLDS, *CONTACT_WORLDS))
+    assert str(caught.value) == f"There is no world named 'flying': choose one of {known}."
 
 
 def test_a_photo_without_room_for_a_label_is_refused():
