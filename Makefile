@@ -55,6 +55,8 @@ kernels: $(VENV)/test.stamp
 
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
+	$(BIN)/python tests/attacks/kill_runs.py
+	ATTACK_EVERY_STEP=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
 # Without a network: warnings are errors, links within the site are followed, addresses of other sites are only listed.
 docs: $(VENV)/test.stamp

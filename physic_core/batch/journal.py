@@ -8,11 +8,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from physic_core.errors import OutputError
+from physic_core.files.atomic import sync_folder
+from physic_core.files.locks import try_lock
 from physic_core.files.strict_json import from_json, to_json
 
 __all__ = ["COLUMNS", "Journal", "last_rows", "read_rows"]
@@ -55,15 +57,17 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            self._lock = _lock(path.with_suffix(".lock"))
-            self._file = path.open("ab+")
-        except OSError as error:
-            raise self._error(error) from error
-        if self._lock is None:
-            self._file.close()
-            raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder")
-        self._end_torn_line()
+        with ExitStack() as opened:
+            try:
+                self._lock = opened.enter_context(path.with_suffix(".lock").open("ab"))
+                if try_lock(self._lock.fileno()) is False:
+                    raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder")
+                self._file = opened.enter_context(path.open("ab+"))
+                self._end_torn_line()
+                sync_folder(path.parent)
+            except OSError as error:
+                raise self._error(error) from error
+            opened.pop_all()
 
     def __enter__(self) -> Journal:
         return self
@@ -71,8 +75,7 @@ class Journal:
     def __exit__(self, *_: object) -> None:
         with suppress(OSError):  # a line that could not be written has been reported
             self._file.close()
-        if self._lock is not None:
-            self._lock.close()
+        self._lock.close()
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Write a row, and wait until it is on the disk.
@@ -133,18 +136,3 @@ def _all_rows(folder: Path) -> Iterator[dict[str, Any]]:
                     continue  # cut off
                 if isinstance(row, dict) and all(isinstance(row.get(name), str) for name in _ALWAYS):
                     yield row
-
-
-def _lock(folder: Path) -> IO[bytes] | None:
-    """Lock a file until it is closed or the process ends; None if another process has locked it."""
-    file = folder.open("ab")
-    try:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        return None
-    except (ImportError, OSError):  # Windows, or a file system without locks
-        pass
-    return file

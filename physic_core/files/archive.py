@@ -115,6 +115,8 @@ def read_archive(path: Path) -> tuple[Arrays, Any]:
 def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any, *, stored: str = "") -> None:
     """Write arrays and a document to a file, completely or not at all; its folder is created if missing.
 
+    A loss of power can damage the file, which :func:`read_archive` reports: it does not wait for the disk.
+
     Args:
         path: file to write.
         arrays: by name.
@@ -126,5 +128,5 @@ def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any,
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     text = np.frombuffer(json.dumps(document, allow_nan=False).encode(), np.uint8)
-    with atomic_write(path.parent) as temporary:
+    with atomic_write(path.parent, durable=False) as temporary:
         write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)

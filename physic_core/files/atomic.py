@@ -26,7 +26,15 @@ from physic_core.errors import OutputError
 from physic_core.files.locks import LockTimeoutError, lock_folder
 from physic_core.files.regular import read_regular
 
-__all__ = ["COMMIT_FILE", "AtomicWrite", "atomic_write", "check_writable", "committed_path", "read_while_written"]
+__all__ = [
+    "COMMIT_FILE",
+    "AtomicWrite",
+    "atomic_write",
+    "check_writable",
+    "committed_path",
+    "read_while_written",
+    "sync_folder",
+]
 
 T = TypeVar("T")
 
@@ -91,11 +99,11 @@ class AtomicWrite:
             self._committing = True
             os.replace(part, self.folder / COMMIT_FILE)
             if durable:
-                _sync_folder(self.folder)
+                sync_folder(self.folder)
             _finish(self.folder, durable)
             return
         if durable:
-            _sync_folder(self.folder)
+            sync_folder(self.folder)
 
     def clean(self) -> None:
         """Delete the temporary files, unless the write has happened and waits for its end."""
@@ -182,10 +190,22 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
         finally:
             probe.unlink(missing_ok=True)
         for part in new:
-            _sync_folder(part.parent)
+            sync_folder(part.parent)
     except OSError as error:
         raise _refusal(folder, error) from error
     return folder
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until renames in a folder are on the disk, where the system can."""
+    if sys.platform == "win32":
+        return
+    file = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network file systems refuse it for folders
+            os.fsync(file)
+    finally:
+        os.close(file)
 
 
 def _part_name(name: str, token: str) -> str:
@@ -246,7 +266,7 @@ def _finish(folder: Path, durable: bool) -> None:
     for name in waiting:
         os.replace(folder / rename[name], folder / name)
     if durable:
-        _sync_folder(folder)
+        sync_folder(folder)
     os.unlink(folder / COMMIT_FILE)
 
 
@@ -269,18 +289,6 @@ def _sync_file(path: Path) -> None:
             fcntl.fcntl(file, fcntl.F_FULLFSYNC)  # fsync leaves it in the memory of the drive
         else:
             os.fsync(file.fileno())
-
-
-def _sync_folder(folder: Path) -> None:
-    """Wait until renames in a folder are on the disk, where the system can."""
-    if sys.platform == "win32":
-        return
-    file = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # some network file systems refuse it for folders
-            os.fsync(file)
-    finally:
-        os.close(file)
 
 
 def _refusal(folder: Path, error: OSError) -> OutputError:

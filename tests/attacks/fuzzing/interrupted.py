@@ -1,0 +1,133 @@
+"""End a write at any of its steps: as a killed process, as a loss of power, or as a full disk."""
+
+from __future__ import annotations
+
+import builtins
+import errno
+import io
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+class Killed(BaseException):
+    """The process has ended: nothing that it does from here on has an effect."""
+
+
+class Steps:
+    """Counts the steps of a write (open, write, synchronise, rename, delete), and ends it at one of them.
+
+    Args:
+        folder: whose files count.
+        last: number of the step that fails; None for a count only.
+        how: "killed": the step and all after it do nothing. "power": besides, files that were not synchronised are
+            empty. "full": this one step raises OSError, and only writes are steps.
+    """
+
+    def __init__(self, folder: Path, last: int | None = None, how: str = "killed") -> None:
+        self.folder, self.last, self.how = str(folder), last, how
+        self.count = 0
+        self.writes: dict[str, list[int]] = {}
+        self.is_dead = False
+        self._unsynced: dict[str, str] = {}
+
+    def step(self, path: Any, *, is_write: bool = False) -> None:
+        """Count a step on a path, and fail if it is the last one."""
+        if not str(path).startswith(self.folder) or (self.how == "full" and not is_write):
+            return
+        if self.is_dead:
+            raise Killed
+        if is_write:
+            self.writes.setdefault(str(path), []).append(self.count)
+        if self.count == self.last:
+            self.count += 1
+            if self.how == "full":
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            self.is_dead = True
+            raise Killed
+        self.count += 1
+
+    def chosen(self) -> list[int]:
+        """Return the steps that were counted; of many writes to one file the first, the last, and some between."""
+        middle = {n for writes in self.writes.values() for n in writes[1:-1] if (n - writes[0]) % 31}
+        return [number for number in range(self.count) if number not in middle]
+
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Count and fail within the block; a loss of power takes effect at its end."""
+        with pytest.MonkeyPatch.context() as patch:
+            opened: dict[int, str] = {}
+            real_open, real_replace = io.open, os.replace
+
+            def open_(path: Any, mode: str = "r", *args: Any, **options: Any) -> Any:
+                is_ours = isinstance(path, str | os.PathLike) and str(path).startswith(self.folder)
+                if not is_ours or not set(mode) & set("wax+"):
+                    return real_open(path, mode, *args, **options)
+                self.step(path)
+                file = real_open(path, mode, *args, **options)
+                opened[file.fileno()] = str(path)
+                return _File(file, str(path), self)
+
+            def fsync(file: int) -> None:
+                path = opened.get(file) or os.readlink(f"/proc/self/fd/{file}")
+                self.step(path)
+                self._unsynced.pop(path, None)
+
+            def replace(source: Any, target: Any) -> None:
+                self.step(source)
+                real_replace(source, target)
+                if str(source) in self._unsynced:
+                    self._unsynced[str(target)] = self._unsynced.pop(str(source))
+
+            def deleting(real: Callable[..., None]) -> Callable[..., None]:
+                def unlink(path: Any, *args: Any, **options: Any) -> None:
+                    self.step(path)
+                    real(path, *args, **options)
+
+                return unlink
+
+            for module in (io, builtins):
+                patch.setattr(module, "open", open_)
+            patch.setattr(os, "fsync", fsync)
+            patch.setattr(os, "replace", replace)
+            patch.setattr(os, "unlink", deleting(os.unlink))
+            try:
+                yield
+            except Killed:
+                assert self.is_dead
+        if self.is_dead and self.how == "power":
+            for path in self._unsynced:
+                if os.path.exists(path):
+                    os.truncate(path, 0)
+
+    def written(self, path: str) -> None:
+        """Note that a file has content that a loss of power would lose."""
+        self._unsynced[path] = path
+
+
+class _File:
+    """A file whose writes are steps."""
+
+    def __init__(self, file: Any, path: str, steps: Steps) -> None:
+        self._file, self._path, self._steps = file, path, steps
+
+    def write(self, content: Any) -> Any:
+        self._steps.step(self._path, is_write=True)
+        self._steps.written(self._path)
+        return self._file.write(content)
+
+    def __enter__(self) -> _File:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def __iter__(self) -> Any:
+        return iter(self._file)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
