@@ -97,7 +97,7 @@ def parse_shard(text: str) -> tuple[int, int]:
     Raises:
         ConfigError: it is no shard.
     """
-    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
     shard, count = (int(part) for part in match.groups()) if match else (0, 0)
     if not 1 <= shard <= count:
         raise ConfigError(f"a shard is written 3/16, with a first number from 1 to the second (got {quoted(text)})")

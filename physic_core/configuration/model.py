@@ -94,24 +94,35 @@ class BackendChoice(_Table):
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
 
 
+_MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
+_Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
+_Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
+_Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
+_Distortion = Annotated[float, Field(ge=-1000, le=1000)]  # strong lenses of telephones have coefficients of tens
+
+
 class PhotoSettings(_Table):
     """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to reconstruct."""
 
-    max_side: int = Field(default=1280, ge=128, description="longer photos are reduced to this long side, px; 640-1920")
-    focal_px: float | None = Field(
-        default=None, gt=0, allow_inf_nan=False, description="focal length, px of the upright photo file"
+    max_side: int = Field(
+        default=1280, ge=128, le=10_000, description="longer photos are reduced to this long side, px; 640-1920"
     )
-    intrinsics: tuple[float, float, float, float] | None = Field(
+    focal_px: float | None = Field(default=None, ge=1, le=1e6, description="focal length, px of the upright photo file")
+    intrinsics: tuple[_Focal, _Focal, _Pixel, _Pixel] | None = Field(
         default=None, description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers"
     )
-    distortion: tuple[float, float, float, float, float] | None = Field(
+    distortion: tuple[_Distortion, _Distortion, _Distortion, _Distortion, _Distortion] | None = Field(
         default=None, description="lens distortion k1, k2, p1, p2, k3 of the intrinsics, in OpenCV's order"
     )
-    person: tuple[tuple[float, float], ...] = Field(
-        default=(), description="a pixel x, y on each person to reconstruct, px of the upright photo file"
+    person: tuple[tuple[_Pixel, _Pixel], ...] = Field(
+        default=(),
+        max_length=_MAX_PROMPTS,
+        description="a pixel x, y on each person to reconstruct, px of the upright photo file",
     )
-    box: tuple[tuple[float, float, float, float], ...] = Field(
-        default=(), description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file"
+    box: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel], ...] = Field(
+        default=(),
+        max_length=_MAX_PROMPTS,
+        description="x0, y0, x1, y1 around each person to reconstruct, px of the upright photo file",
     )
     masks: _FilePath = Field(
         default=None,
@@ -121,14 +132,18 @@ class PhotoSettings(_Table):
     require_people: bool = Field(
         default=False, description="whether a photo without people is an error, instead of a scene alone"
     )
-    stature: tuple[float, ...] | None = Field(
+    stature: tuple[Annotated[float, Field(ge=0, le=2.6)], ...] | None = Field(
         default=None,
+        max_length=_MAX_PROMPTS,
         description="known standing heights, metres: one for all people, or one per person from left to right, or in "
         "the order of the chosen people; 0 where unknown",
     )
-    camera_height: float | None = Field(default=None, description="known height of the camera over the floor, metres")
-    known_length: tuple[tuple[float, float, float, float, float], ...] | None = Field(
+    camera_height: float | None = Field(
+        default=None, ge=0.01, le=1000, description="known height of the camera over the floor, metres"
+    )
+    known_length: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel, _Length], ...] | None = Field(
         default=None,
+        max_length=_MAX_PROMPTS,
         description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true distance of their "
         "points; or a list of such",
     )
@@ -189,8 +204,6 @@ class PhotoSettings(_Table):
             raise ValueError("has both focal_px and intrinsics: give one of them")
         if self.distortion is not None and self.intrinsics is None:
             raise ValueError("has distortion without intrinsics: give both, of the same calibration")
-        if self.distortion is not None and not all(map(math.isfinite, self.distortion)):
-            raise ValueError(f"distortion should be five finite numbers (got {quoted(self.distortion)})")
         return self
 
 
@@ -243,11 +256,12 @@ class RunSettings(_Table):
     threads: int = Field(
         default=1,
         ge=1,
+        le=256,
         description="CPU threads of engine and fits; more than 1 is rarely faster and can change last bits",
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="cache the outputs of backends, and reuse those of earlier runs")
-    cache_mb: int = Field(default=2000, ge=0, description="maximum size of the cache, megabytes")
+    cache_mb: int = Field(default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes")
 
     @field_validator("device")
     @classmethod
@@ -452,4 +466,5 @@ def settings_model(kind: Any) -> type[_Table]:
 
 def _accept_list(hint: Any) -> Any:
     """Make a tuple annotation accept a list, as TOML has no tuples."""
-    return Annotated[hint, Strict(False)] if get_origin(hint) is tuple else hint
+    kind = hint.__origin__ if get_origin(hint) is Annotated else hint
+    return Annotated[hint, Strict(False)] if get_origin(kind) is tuple else hint

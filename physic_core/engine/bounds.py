@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval, MaxLen
 
 __all__ = [
     "Count",
     "Degrees",
+    "FrozenGroups",
     "NearestStrategy",
     "NotNegative",
     "Positive",
@@ -19,13 +19,18 @@ __all__ = [
     "Share",
 ]
 
-# Bounds are part of the field's type: config readers check values without a separate list of names.
-Positive = Annotated[float, Interval(gt=0, lt=math.inf)]
-PositiveOrInfinite = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Interval(ge=0, lt=math.inf)]
+# Bounds are part of the field's type: config readers check values without a separate list of names. At both ends,
+# squares, quotients of two settings and their sums stay within float32.
+Positive = Annotated[float, Interval(ge=1e-6, le=1e6)]
+PositiveOrInfinite = Annotated[float, Ge(1e-6)]
+NotNegative = Annotated[float, Interval(ge=0, le=1e8)]
 Share = Annotated[float, Interval(ge=0, le=1)]
-Degrees = Annotated[float, Interval(gt=0, le=180)]
-Count = Annotated[int, Ge(0)]
-PositiveCount = Annotated[int, Gt(0)]
+Degrees = Annotated[float, Interval(ge=1e-6, le=180)]
+# A run of 10,000 steps takes hours; every preset has converged after 1,000.
+Count = Annotated[int, Interval(ge=0, le=10_000)]
+PositiveCount = Annotated[int, Interval(ge=1, le=10_000)]
+FrozenGroups = Annotated[
+    tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset", "warp"], ...], MaxLen(8)
+]
 RobustKind = Literal["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
 NearestStrategy = Literal["kdtree", "grid", "brute"]

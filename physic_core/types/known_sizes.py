@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 __all__ = ["KnownLength", "KnownSizes"]
 
 _STATURES_M = (0.4, 2.6)
+_LENGTHS_M = (0.01, 1000)
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class KnownSizes:
         lengths: distances between pixels.
 
     Raises:
-        ValueError: a size is not a positive finite number, a stature is no person's, or a length has no extent in px.
+        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, or a length has no extent in px.
     """
 
     stature: tuple[float, ...] = ()
@@ -49,11 +50,12 @@ class KnownSizes:
         for height in self.stature:
             if height != 0 and not least <= height <= most:
                 raise ValueError(f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g})")
-        if self.camera_height is not None and not (math.isfinite(self.camera_height) and self.camera_height > 0):
-            raise ValueError(f"the camera height should be a number of metres above 0 (got {self.camera_height:g})")
+        least, most = _LENGTHS_M
+        if self.camera_height is not None and not least <= self.camera_height <= most:
+            raise ValueError(f"the camera height should be {least} to {most} metres (got {self.camera_height:g})")
         for length in self.lengths:
-            if not (math.isfinite(length.metres) and length.metres > 0):
-                raise ValueError(f"a known length should be a number of metres above 0 (got {length.metres:g})")
+            if not least <= length.metres <= most:
+                raise ValueError(f"a known length should be {least} to {most} metres (got {length.metres:g})")
             if not all(map(math.isfinite, (*length.start, *length.end))) or math.dist(length.start, length.end) < 1:
                 raise ValueError(f"a known length needs two different pixels (got {length.start} and {length.end})")
 

@@ -39,10 +39,12 @@ class OmniEraserOptions(Options):
         description="what waits in the machine's memory until its turn: nothing (60 GB of GPU memory), whole networks "
         "(40 GB), or each layer (a few GB, slow)",
     )
-    side: int = Field(1024, ge=256, multiple_of=16, description="side of the square that the photo is squashed to, px")
-    steps: int = Field(28, ge=1, description="of the diffusion; 20-50")
-    guidance: float = Field(3.5, ge=0, description="how much the prompt counts; 2-5")
-    seed: int = Field(42, ge=0, description="of the noise: another one, another fill")
+    side: int = Field(
+        1024, ge=256, le=10_000, multiple_of=16, description="side of the square that the photo is squashed to, px"
+    )
+    steps: int = Field(28, ge=1, le=1000, description="of the diffusion; 20-50")
+    guidance: float = Field(3.5, ge=0, le=100, description="how much the prompt counts; 2-5")
+    seed: int = Field(42, ge=0, le=2**32 - 1, description="of the noise: another one, another fill")
     prompt: str = Field("There is nothing here.", description="what is left when everything is gone")
     allow_cpu: bool = Field(False, description="run without a GPU all the same, for hours a photo")
 

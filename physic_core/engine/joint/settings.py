@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from physic_core.engine.bounds import Count, Degrees, NotNegative, Positive, PositiveCount
+from physic_core.engine.bounds import Count, Degrees, FrozenGroups, NotNegative, Positive, PositiveCount
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -81,7 +81,7 @@ class JointSettings(ABC):
         optimiser: of the energy.
     """
 
-    frozen: tuple[str, ...] = ()
+    frozen: FrozenGroups = ()
     optimiser: LbfgsSettings | AdamSettings = field(default_factory=LbfgsSettings)
 
     scene_start_share: ClassVar[float] = 0.0

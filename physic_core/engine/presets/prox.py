@@ -21,7 +21,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
+from physic_core.engine.bounds import FrozenGroups, NotNegative
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
@@ -96,7 +96,7 @@ class ProxOptimisation(JointSettings):
         limits: knees and elbows.
     """
 
-    frozen: tuple[str, ...] = ("scale", "offset")
+    frozen: FrozenGroups = ("scale", "offset")
     optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(120, 30, 0.0))
     reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
     contact: ProxContactSettings = field(default_factory=ProxContactSettings)

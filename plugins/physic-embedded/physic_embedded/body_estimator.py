@@ -37,7 +37,10 @@ class EmbeddedBodiesOptions(Options):
         True, description="set people who stand upright on the floor, where the floor is known; landmarks lean forward"
     )
     accepted_rise: float = Field(
-        50.0, gt=0, description="rise of the fit's squared residuals that uprightness may cost before it is halved"
+        50.0,
+        ge=1e-6,
+        le=1e9,
+        description="rise of the fit's squared residuals that uprightness may cost before it is halved",
     )
 
 

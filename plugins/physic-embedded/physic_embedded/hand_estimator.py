@@ -29,21 +29,22 @@ class EmbeddedHandsOptions(Options):
     """Settings of :class:`EmbeddedHands`."""
 
     least_size_px: float = Field(
-        default=32, ge=0, description="Smaller hands are left as they are: below 30 px fingers are a guess."
+        default=32, ge=0, le=100_000, description="Smaller hands are left as they are: below 30 px fingers are a guess."
     )
     least_presence: float = Field(
         default=0.7, ge=0, le=1, description="Lowest presence of a hand, as the landmark network judges."
     )
     largest_gap: float = Field(
         default=0.08,
-        gt=0,
+        ge=1e-6,
+        le=10,
         description="A hand whose landmarks differ from those in its mirror image by more than this share of its size "
         "is not used; clear hands have 0.01 to 0.04.",
     )
     body: str = Field(
         default="embedded", description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz."
     )
-    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
 class EmbeddedHands(HandEstimator):

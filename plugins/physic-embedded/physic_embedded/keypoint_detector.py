@@ -38,7 +38,7 @@ class EmbeddedKeypointsOptions(Options):
     lowest_score: float = Field(
         default=0.1, ge=0, le=1, description="Detector score from which a candidate in a person's box is tried."
     )
-    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
 class EmbeddedKeypoints(KeypointDetector):

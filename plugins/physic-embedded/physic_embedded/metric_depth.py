@@ -32,13 +32,16 @@ class EmbeddedMetricDepthOptions(Options):
         description="'contact' takes soles on the floor, 'body_size' torsos; 'auto' the first where it can",
     )
     contact_sigma: float = Field(
-        0.08, gt=0, description="what is not known of a scale from soles: stature, log standard deviation"
+        0.08, ge=1e-6, le=10, description="what is not known of a scale from soles: stature, log standard deviation"
     )
     body_size_sigma: float = Field(
-        0.2, gt=0, description="what is not known of a scale from body size: stature and the person's depth"
+        0.2, ge=1e-6, le=10, description="what is not known of a scale from body size: stature and the person's depth"
     )
     most_disagreement: float = Field(
-        1.7, gt=1, description="a person whose soles say this many times more or less than their torso stands elsewhere"
+        1.7,
+        gt=1,
+        le=1e3,
+        description="a person whose soles say this many times more or less than their torso stands elsewhere",
     )
 
 

@@ -53,16 +53,20 @@ class EmbeddedPointmapOptions(Options):
     and are mostly used at 35 to 50 mm, .97 to 1.39 of the long side of a 3:2 photo.
     """
 
-    short_side: int = Field(518, ge=70, description="px of the short side that the network sees; 518 as trained")
-    photo_short_side: int = Field(
-        392, ge=70, description="the same for the photo with its people, of whom coarse depth is enough"
+    short_side: int = Field(
+        518, ge=70, le=4096, description="px of the short side that the network sees; 518 as trained"
     )
-    max_tokens: int = Field(3600, ge=64, description="cap on 14 px patches, which limits the time of long panoramas")
+    photo_short_side: int = Field(
+        392, ge=70, le=4096, description="the same for the photo with its people, of whom coarse depth is enough"
+    )
+    max_tokens: int = Field(
+        3600, ge=64, le=100_000, description="cap on 14 px patches, which limits the time of long panoramas"
+    )
     default_focal: float = Field(
         0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
     )
     focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
-    threads: int = Field(2, ge=0, description="threads of the network; 0 leaves the choice to onnxruntime")
+    threads: int = Field(2, ge=0, le=256, description="threads of the network; 0 leaves the choice to onnxruntime")
 
 
 @dataclass(frozen=True)

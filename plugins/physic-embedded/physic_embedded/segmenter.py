@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -62,16 +62,19 @@ class EmbeddedSegmenterOptions(Options):
         le=1,
         description="Detector score from which a candidate is looked at, and kept if two looks agree; 1 = never.",
     )
-    tile_fractions: tuple[float, ...] = Field(
+    tile_fractions: tuple[Annotated[float, Field(ge=0.05, le=1)], ...] = Field(
         default=(0.6, 0.4),
+        max_length=8,
         description="Sides of the tiles that are searched beside the whole photo, over its long side; "
         "add 0.18 to find more of a crowd, slowly; leave empty for one person in the middle.",
     )
-    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
-    min_height_px: float = Field(default=40, ge=0, description="People whose mask is lower than this are left out.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
+    min_height_px: float = Field(
+        default=40, ge=0, le=100_000, description="People whose mask is lower than this are left out."
+    )
     floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
-    threads: int = Field(default=2, ge=0, description="Threads inside one operator; 0 lets onnxruntime choose.")
+    threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
 class EmbeddedSegmenter(Segmenter):

@@ -53,7 +53,7 @@ class CheckoutOptions(Options):
     checkout: str = Field(
         default="", description="folder of your checkout of the project, its root; empty where it is installed"
     )
-    batch: int = Field(default=8, ge=1, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
+    batch: int = Field(default=8, ge=1, le=1024, description="people or hands at once; 8 takes about 4 GB with a ViT-H")
     half: bool = Field(default=False, description="compute in float16 on a GPU; does nothing on a CPU")
     trust_checkpoint: bool = Field(
         default=False,

@@ -29,7 +29,9 @@ class ManoOptions(CheckoutOptions):
     least_confidence: float = Field(
         default=0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
     )
-    least_size_px: float = Field(default=24.0, ge=0, description="longer side of a hand; fingers below are a guess")
+    least_size_px: float = Field(
+        default=24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess"
+    )
     margin: float = Field(default=2.0, ge=1, le=4, description="side of the crop in sizes of the hand")
 
 

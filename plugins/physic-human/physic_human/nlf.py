@@ -55,13 +55,14 @@ class NlfOptions(Options):
     beta_regularizer: float = Field(
         default=10.0,
         ge=0,
+        le=1e6,
         description="pull of the shape to the mean body; 10 is NLF's own and leaves little of betas 3-10, 1 keeps more",
     )
-    beta_regularizer2: float = Field(default=0.0, ge=0, description="the same for the first two betas alone")
+    beta_regularizer2: float = Field(default=0.0, ge=0, le=1e6, description="the same for the first two betas alone")
     augmentations: int = Field(
         default=1, ge=1, le=32, description="turned and mirrored crops a person, averaged; 1 fast, 5 steadier"
     )
-    batch: int = Field(default=16, ge=1, description="crops at once")
+    batch: int = Field(default=16, ge=1, le=1024, description="crops at once")
     seen_confidence: SeenConfidence = 0.5
 
 

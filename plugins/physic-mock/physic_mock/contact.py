@@ -49,7 +49,7 @@ class ContactOptions(MockOptions):
         description="How unlike people fare: standard deviation of a person's recall as a share of the largest one "
         "possible, and of their made-up contact as a share of its mean.",
     )
-    patch_m: float = Field(0.15, gt=0, description="Size of the patches that are missed or made up, metres.")
+    patch_m: float = Field(0.15, ge=1e-6, le=1e3, description="Size of the patches that are missed or made up, metres.")
     lure: float = Field(
         1.0,
         ge=0,

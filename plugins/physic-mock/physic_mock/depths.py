@@ -49,7 +49,7 @@ class DepthOptions(MockOptions):
         2.0, ge=0, le=20, description="Width of the blur of depth edges, px of a photo 640 px wide."
     )
     knows_camera: bool = Field(True, description="Whether the intrinsics are returned.")
-    focal_error: float = Field(1.0, gt=0, description="Factor on the focal length besides the drawn one.")
+    focal_error: float = Field(1.0, ge=1e-6, le=1e3, description="Factor on the focal length besides the drawn one.")
     focal_sigma: float = Field(
         0.07, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
     )
@@ -89,12 +89,12 @@ class MetricDepthOptions(DepthOptions):
         False, description="Whether the mean error of the given bodies' distances is an error of the scale, too."
     )
 
-    scale: float = Field(1.0, gt=0, description="Factor on the true depth besides the drawn one.")
+    scale: float = Field(1.0, ge=1e-6, le=1e6, description="Factor on the true depth besides the drawn one.")
     scale_sigma: float = Field(
         0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
     )
     stated_sigma: float | None = Field(
-        None, ge=0, description="Returned standard deviation of log scale; None: the true one of the draws."
+        None, ge=0, le=10, description="Returned standard deviation of log scale; None: the true one of the draws."
     )
     warp: float = Field(0.035, ge=0, le=0.5, description="Standard deviation of a low-frequency error of log depth.")
 
@@ -160,11 +160,17 @@ class RelativePointmapOptions(DepthOptions):
         "scale_shift", description="Ambiguity of the returned point map."
     )
     scale: float = Field(
-        1.0, gt=0, description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t."
+        1.0,
+        ge=1e-6,
+        le=1e6,
+        description="The unknown scale besides the drawn one: Z = s Z', Z = s Z' + t or 1 / Z = s / Z' + t.",
     )
     scale_sigma: float = Field(0.3, ge=0, le=2, description="Standard deviation of the logarithm of that scale.")
     shift: float | None = Field(
-        None, description="The unknown shift t, metres or 1 / metres; None draws it. Unused where there is none."
+        None,
+        ge=-1e6,
+        le=1e6,
+        description="The unknown shift t, metres or 1 / metres; None draws it. Unused where there is none.",
     )
     shift_sigma: float = Field(
         0.08, ge=0, le=1, description="Standard deviation of the drawn shift, as a share of the median (inverse) depth."

@@ -67,6 +67,7 @@ class KeypointOptions(MockOptions):
     tail_freedom: float | None = Field(
         None,
         gt=1,
+        le=1e6,
         description="Degrees of freedom of Student's t distribution of the errors, one draw of its scale for each arm, "
         "each leg and the rest; None: normal.",
     )

@@ -41,7 +41,7 @@ class MockOptions(interfaces.Options):
     noise: float = Field(
         1.0, ge=0, le=10, description="Factor on all errors of this backend; 0 is the truth, 2 twice the errors."
     )
-    noise_seed: int = Field(0, ge=0, description="Seed of this mock's own errors.")
+    noise_seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of this mock's own errors.")
 
     @model_validator(mode="before")
     @classmethod

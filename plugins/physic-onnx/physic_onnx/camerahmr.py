@@ -45,7 +45,7 @@ class CameraHmrOptions(OnnxBackendOptions):
         description="order in which the network sees colours: it was trained on RGB; 'bgr' repeats a mistake of its "
         "later demo, to compare",
     )
-    batch: int = Field(4, ge=1, description="people a run, where the file leaves that free")
+    batch: int = Field(4, ge=1, le=1024, description="people a run, where the file leaves that free")
     seen_confidence: float = Field(
         0.5,
         ge=0,

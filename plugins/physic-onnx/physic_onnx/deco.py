@@ -33,7 +33,7 @@ class DecoOptions(OnnxBackendOptions):
         "letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",
     )
-    batch: int = Field(8, ge=1, description="people a run, where the file leaves that free")
+    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
 
 
 class Deco(OnnxBackend, ContactPrior):

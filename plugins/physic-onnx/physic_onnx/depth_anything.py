@@ -68,11 +68,16 @@ class DepthAnythingMetricOptions(OnnxBackendOptions):
     """Settings of Depth Anything V2 metric."""
 
     weights: str = Field("depth-anything-v2-metric-indoor-small", description=WEIGHTS_HELP)
-    side: int = Field(518, ge=56, multiple_of=14, description="px of the input's side where the file leaves it free")
-    max_patches: int = Field(5000, ge=64, description=_PATCHES)
+    side: int = Field(
+        518, ge=56, le=10_000, multiple_of=14, description="px of the input's side where the file leaves it free"
+    )
+    max_patches: int = Field(5000, ge=64, le=100_000, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
     farthest: float | None = Field(
-        None, gt=0, description="metres; farther is not known; none takes 98 % of the most that the network can say"
+        None,
+        ge=1e-6,
+        le=1e6,
+        description="metres; farther is not known; none takes 98 % of the most that the network can say",
     )
     trust: bool = Field(False, description="take the file for a metric one though its last activation says relative")
 
@@ -84,10 +89,11 @@ class DepthAnythingRelativeOptions(OnnxBackendOptions):
     side: int | None = Field(
         None,
         ge=56,
+        le=10_000,
         multiple_of=14,
         description="px of the input where the file leaves it free: 518, or 504 of 3",
     )
-    max_patches: int = Field(5000, ge=64, description=_PATCHES)
+    max_patches: int = Field(5000, ge=64, le=100_000, description=_PATCHES)
     pixels: Pixels = Field("auto", description=_PIXELS)
     answers: Literal["auto", "disparity", "depth"] = Field(
         "auto", description="V2 answers disparity and 3 answers depth; 'auto' tells by the file's ports and its name"

@@ -36,11 +36,11 @@ class DepthAnything3Options(OnnxBackendOptions):
 
     weights: str = Field("depth-anything-3-metric-large", description=WEIGHTS_HELP)
     side: int = Field(
-        504, ge=56, multiple_of=14, description="px of the input's long side where the file leaves it free"
+        504, ge=56, le=10_000, multiple_of=14, description="px of the input's long side where the file leaves it free"
     )
-    max_patches: int = Field(5000, ge=64, description="cap on 14 px patches, which limits time and memory")
+    max_patches: int = Field(5000, ge=64, le=100_000, description="cap on 14 px patches, which limits time and memory")
     sky: float = Field(0.3, gt=0, lt=1, description="score from which a pixel is sky, and its depth not known")
-    farthest: float = Field(200.0, gt=0, description="metres; farther is not known")
+    farthest: float = Field(200.0, ge=1e-6, le=1e6, description="metres; farther is not known")
 
 
 class DepthAnything3(OnnxBackend, MetricDepth):

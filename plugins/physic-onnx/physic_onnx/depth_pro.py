@@ -37,7 +37,9 @@ class DepthProOptions(OnnxBackendOptions):
     use_known_focal: bool = Field(
         True, description="scale depth to the focal length that is known; false keeps DepthPro's own"
     )
-    farthest: float = Field(1000.0, gt=0, description="metres; farther is not known: DepthPro puts the sky at 10 km")
+    farthest: float = Field(
+        1000.0, ge=1e-6, le=1e6, description="metres; farther is not known: DepthPro puts the sky at 10 km"
+    )
 
 
 class DepthPro(OnnxBackend, MetricDepth):

@@ -35,7 +35,7 @@ class EomtOptions(OnnxBackendOptions):
     held: float = Field(
         0.8, ge=0, le=1, description="share of its own mask that a query must win from the others; 0.5 keeps more"
     )
-    smallest_px: int = Field(100, ge=1, description="people of fewer pixels are left out")
+    smallest_px: int = Field(100, ge=1, le=100_000, description="people of fewer pixels are left out")
     floor: bool = Field(
         True, description="answer what people stand on: floors, rugs, roads, pavements, grass, sand ..."
     )

@@ -49,7 +49,10 @@ class LamaOptions(OnnxBackendOptions):
         description="side of the crop that files of a fixed size are shown about a hole, in sides of the hole; 1.5-3",
     )
     longest_px: int = Field(
-        1536, ge=64, description="long side at which files of any size see the photo; more is sharper, and slow"
+        1536,
+        ge=64,
+        le=100_000,
+        description="long side at which files of any size see the photo; more is sharper, and slow",
     )
 
 

@@ -36,9 +36,13 @@ class Metric3dOptions(OnnxBackendOptions):
     """Settings of Metric3D v2."""
 
     weights: str = Field("metric3d-v2-small", description=WEIGHTS_HELP)
-    height: int = Field(616, ge=28, multiple_of=28, description="px of the canvas where the file leaves it free")
-    width: int = Field(1064, ge=28, multiple_of=28, description="px of the canvas where the file leaves it free")
-    farthest: float = Field(200.0, gt=0, description="metres; farther is not known, as the sky is not")
+    height: int = Field(
+        616, ge=28, le=4096, multiple_of=28, description="px of the canvas where the file leaves it free"
+    )
+    width: int = Field(
+        1064, ge=28, le=4096, multiple_of=28, description="px of the canvas where the file leaves it free"
+    )
+    farthest: float = Field(200.0, ge=1e-6, le=1e6, description="metres; farther is not known, as the sky is not")
 
 
 class Metric3d(OnnxBackend, MetricDepth):

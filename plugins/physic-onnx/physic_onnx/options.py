@@ -23,4 +23,4 @@ class OnnxOptions(Options):
         "auto",
         description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA on a GPU of NVIDIA",
     )
-    threads: int = Field(2, ge=0, description="threads on the CPU; 0 leaves the choice to onnxruntime")
+    threads: int = Field(2, ge=0, le=256, description="threads on the CPU; 0 leaves the choice to onnxruntime")

@@ -38,11 +38,12 @@ class RtmPoseOptions(OnnxBackendOptions):
     )
     full_score: float = Field(
         1.0,
-        gt=0,
+        ge=1e-6,
+        le=1e6,
         description="score that stands for certainty; SimCC's scores are the heights of peaks, which may exceed 1, "
         "and are cut there",
     )
-    batch: int = Field(8, ge=1, description="people a run, where the file leaves that free")
+    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
 
 
 class RtmPose(OnnxBackend, KeypointDetector):

@@ -44,7 +44,7 @@ class VitPoseOptions(OnnxBackendOptions):
 
     weights: str = Field("vitpose-b-wholebody", description=WEIGHTS_HELP)
     padding: float = Field(1.25, ge=1, le=3, description="how much larger than the person's box the crop is")
-    batch: int = Field(8, ge=1, description="people a run, where the file leaves that free")
+    batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
 
 
 class VitPose(OnnxBackend, KeypointDetector):

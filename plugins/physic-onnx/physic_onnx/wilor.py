@@ -34,7 +34,7 @@ class WilorOptions(OnnxBackendOptions):
     least_confidence: float = Field(
         0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
     )
-    least_size_px: float = Field(24.0, ge=0, description="longer side of a hand; fingers below are a guess")
+    least_size_px: float = Field(24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess")
     margin: float = Field(
         2.5, ge=1, le=4, description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR"
     )
@@ -42,7 +42,7 @@ class WilorOptions(OnnxBackendOptions):
         False,
         description="show the network blue as red, as the code of the PhySIC paper does by mistake; worse, to compare",
     )
-    batch: int = Field(4, ge=1, description="hands a run, where the file leaves that free")
+    batch: int = Field(4, ge=1, le=1024, description="hands a run, where the file leaves that free")
 
 
 class Wilor(OnnxBackend, HandEstimator):

@@ -25,11 +25,14 @@ class DepthFileOptions(interfaces.Options):
     path: Path | None = Field(
         None, description="The file, which must be given: .npy (H, W), 16-bit .png, or .exr where OpenCV reads it."
     )
-    scale: float = Field(1.0, gt=0, description="Metres per unit of the file; 0.001 for millimetres.")
+    scale: float = Field(1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres.")
     invalid: float | None = Field(
-        None, description="Value of unknown pixels in the file; 0, NaN and infinity are always unknown."
+        None,
+        ge=-1e12,
+        le=1e12,
+        description="Value of unknown pixels in the file; 0, NaN and infinity are always unknown.",
     )
-    sigma: float = Field(0.01, gt=0, description="Standard deviation of the logarithm of the file's scale.")
+    sigma: float = Field(0.01, ge=1e-6, le=10, description="Standard deviation of the logarithm of the file's scale.")
 
 
 class DepthFile(interfaces.MetricDepth):
@@ -71,7 +74,9 @@ class PointmapFileOptions(interfaces.Options):
     path: Path | None = Field(
         None, description="The file, which must be given: .npy (H, W, 3), or .npz with points and valid (H, W)."
     )
-    scale: float = Field(1.0, gt=0, description="Factor on the points; without effect where their scale is unknown.")
+    scale: float = Field(
+        1.0, ge=1e-6, le=1e6, description="Factor on the points; without effect where their scale is unknown."
+    )
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(
         "scale", description="What the file leaves open: a factor, a factor and a shift of z, or the same of 1 / z."
     )

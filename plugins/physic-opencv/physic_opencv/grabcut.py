@@ -6,7 +6,7 @@ people to which the options point.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -34,20 +34,28 @@ _LIMBS = {
 _CORE_WIDTH, _HALO_WIDTH, _REACH_WIDTH, _BOX_MARGIN, _CONTEXT = 0.03, 0.10, 0.22, 0.10, 0.25
 
 
+Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
 class GrabCutOptions(interfaces.Options):
     """Settings of :class:`GrabCut`: give ``boxes`` or ``keypoints``."""
 
-    boxes: tuple[tuple[float, float, float, float], ...] = Field(
-        (), description="One box a person, x0 y0 x1 y1 px, half open, loosely round the whole person."
+    boxes: tuple[tuple[Pixel, Pixel, Pixel, Pixel], ...] = Field(
+        (), max_length=1000, description="One box a person, x0 y0 x1 y1 px, half open, loosely round the whole person."
     )
-    keypoints: tuple[tuple[tuple[float, float], ...], ...] = Field(
-        (), description="One list of x y px a person: points that lie on the person. Used where no boxes are given."
+    keypoints: tuple[Annotated[tuple[tuple[Pixel, Pixel], ...], Field(max_length=1000)], ...] = Field(
+        (),
+        max_length=1000,
+        description="One list of x y px a person: points that lie on the person. Used where no boxes are given.",
     )
     skeleton: Literal["points", "coco17"] = Field(
         "points", description='How keypoints hang together: "coco17" draws the limbs, "points" uses the points alone.'
     )
     working_px: int = Field(
-        360, ge=64, description="Longest side of the crop that GrabCut works on, px; 256-512 works, time grows squared."
+        360,
+        ge=64,
+        le=10_000,
+        description="Longest side of the crop that GrabCut works on, px; 256-512 works, time grows squared.",
     )
     iterations: int = Field(5, ge=1, le=50, description="Rounds of colour models and graph cut; 3-8 works.")
     cleanup: float = Field(
@@ -56,7 +64,7 @@ class GrabCutOptions(interfaces.Options):
         le=0.2,
         description="Radius of the morphological clean-up as a share of the box's larger side; 0 leaves the cut alone.",
     )
-    seed: int = Field(0, ge=0, description="Seed of the colour clusters.")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the colour clusters.")
 
 
 class GrabCut(interfaces.Segmenter):

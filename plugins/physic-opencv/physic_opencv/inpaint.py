@@ -29,6 +29,7 @@ class DiffusionOptions(interfaces.Options):
     max_hole_px: int = Field(
         160,
         ge=16,
+        le=100_000,
         description="Longest side of a hole that is filled at full resolution, px. A larger one is filled on an image "
         "reduced until it fits; smaller is faster and smoother.",
     )

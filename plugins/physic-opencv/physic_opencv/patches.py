@@ -26,13 +26,14 @@ class PatchOptions(interfaces.Options):
     working_px: int = Field(
         9000,
         ge=500,
+        le=10_000_000,
         description="Pixels of the hole on the working image; the photo is reduced until the hole is this small. More "
         "is sharper and slower in proportion.",
     )
     rounds: int = Field(
         5, ge=1, le=50, description="Rounds of search and vote on each level of the pyramid; 3-8 works."
     )
-    seed: int = Field(0, ge=0, description="Seed of the random search.")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the random search.")
 
 
 class PatchBased(interfaces.Inpainter):

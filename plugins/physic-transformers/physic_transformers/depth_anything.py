@@ -30,11 +30,12 @@ class DepthAnythingOptions(ModelOptions):
     side: int = Field(
         default=518,
         ge=56,
+        le=10_000,
         description="Px that the short side of a photo is brought to, the long side where the photo is smaller; a "
         "multiple of the patch, 14. 518 as trained; more shows finer detail, slowly.",
     )
     max_patches: int = Field(
-        default=5000, ge=16, description="Patches of 14 x 14 px at most: long panoramas are shown smaller."
+        default=5000, ge=16, le=100_000, description="Patches of 14 x 14 px at most: long panoramas are shown smaller."
     )
 
 
@@ -47,7 +48,8 @@ class MetricOptions(DepthAnythingOptions):
     )
     farthest: float | None = Field(
         default=None,
-        gt=0,
+        ge=1e-6,
+        le=1e6,
         description="Metres; what is farther is not known. None takes 98 % of the most that the network can say.",
     )
 

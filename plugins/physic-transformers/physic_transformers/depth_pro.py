@@ -38,11 +38,15 @@ class DepthProOptions(ModelOptions):
         "keeps DepthPro's own.",
     )
     farthest: float = Field(
-        default=1000.0, gt=0, description="Metres; what is farther is not known: DepthPro puts the sky at 10 km."
+        default=1000.0,
+        ge=1e-6,
+        le=1e6,
+        description="Metres; what is farther is not known: DepthPro puts the sky at 10 km.",
     )
     cpu_memory_gb: float = Field(
         default=18.0,
         ge=0,
+        le=1e6,
         description="Memory that a machine without a GPU must have, or loading is refused: with less, the system ends "
         "the whole run. 0 refuses nothing.",
     )

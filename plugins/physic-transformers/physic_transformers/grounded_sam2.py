@@ -48,7 +48,7 @@ class GroundedSam2Options(ModelOptions):
     person_score: float = Field(
         default=0.45, ge=0, le=1, description="Score from which a box is a person; 0.3 finds more, and some furniture."
     )
-    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
     same_person: float = Field(
         default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
     )

@@ -47,6 +47,7 @@ class ModelOptions(Options):
     threads: int = Field(
         default=0,
         ge=0,
+        le=256,
         description="Threads of torch on a CPU while this network runs; 0 leaves them as they are. As many as cores "
         "that are idle: more are far slower beside a busy process.",
     )

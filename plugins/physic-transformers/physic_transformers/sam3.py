@@ -41,7 +41,7 @@ class Sam3Options(ModelOptions):
         le=1,
         description="Chance from which a pixel is the floor: that of the pixel times that of there being such a thing.",
     )
-    max_people: int = Field(default=20, ge=1, description="At most so many people, best first.")
+    max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
     same_person: float = Field(
         default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
     )

@@ -39,11 +39,12 @@ class VitPoseOptions(ModelOptions):
     dataset_index: int | None = Field(
         default=None,
         ge=0,
+        le=1000,
         description="Which of its experts a ViTPose+ asks: 0 COCO, 1 AI Challenger, 2 MPII, 3 AP-10K, 4 APT-36K, "
         "5 COCO whole-body. By default the one of its joints: 0 with 17, as the published heads have, 5 with 133. "
         "Others than ViTPose+ have no experts.",
     )
-    batch: int = Field(default=8, ge=1, description="People that are shown to the network at once.")
+    batch: int = Field(default=8, ge=1, le=1024, description="People that are shown to the network at once.")
 
 
 class VitPose(PretrainedBackend, KeypointDetector):
