@@ -4,6 +4,9 @@
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tests/attacks/fuzz.py)
+# make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
+# make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
+# make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html
 # make lint | clean             the first part alone | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
@@ -18,7 +21,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz docs lint clean
+.PHONY: demo quick test test-ray kernels fuzz test-lowest test-newest audit sbom docs lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -58,6 +61,22 @@ fuzz: $(VENV)/test.stamp
 	$(BIN)/python tests/attacks/kill_runs.py
 	ATTACK_EVERY_STEP=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
+# An environment of its own, without constraints.txt. Only the dependencies of the distributions themselves are the lowest:
+# what these require is the newest. Modules are compiled at once, as some old versions warn then, and warnings fail tests.
+test-lowest: RESOLUTION := lowest-direct
+test-newest: RESOLUTION := highest
+test-lowest test-newest: $(VENV)/test.stamp
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python .venv-$(RESOLUTION)
+	grep -v '^-c' requirements-dev.txt | $(BIN)/uv pip install --python .venv-$(RESOLUTION)/bin/python \
+		--compile-bytecode --resolution $(RESOLUTION) -r -
+	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile -m "not slow" $(QUICK)
+
+audit: $(VENV)/test.stamp
+	$(BIN)/python tools/audit.py constraints.txt
+
+sbom: $(VENV)/test.stamp
+	$(BIN)/python tools/sbom.py dist/physic-sbom.json
+
 # Without a network: warnings are errors, links within the site are followed, addresses of other sites are only listed.
 docs: $(VENV)/test.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d docs/_build/doctrees . docs/_build/html
@@ -83,4 +102,4 @@ $(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DIST
 	@touch $(VENV)/demo.stamp $@
 
 clean:
-	rm -rf $(VENV) demo docs/_build docs/_reference
+	rm -rf $(VENV) .venv-lowest-direct .venv-highest demo dist docs/_build docs/_reference

@@ -26,9 +26,9 @@ PositiveOrInfinite = Annotated[float, Ge(1e-6)]
 NotNegative = Annotated[float, Interval(ge=0, le=1e8)]
 Share = Annotated[float, Interval(ge=0, le=1)]
 Degrees = Annotated[float, Interval(ge=1e-6, le=180)]
-# A run of 10,000 steps takes hours; every preset has converged after 1,000.
-Count = Annotated[int, Interval(ge=0, le=10_000)]
-PositiveCount = Annotated[int, Interval(ge=1, le=10_000)]
+# Every preset has converged after 1,000 steps; the largest number takes minutes.
+Count = Annotated[int, Interval(ge=0, le=2000)]
+PositiveCount = Annotated[int, Interval(ge=1, le=2000)]
 FrozenGroups = Annotated[
     tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset", "warp"], ...], MaxLen(8)
 ]

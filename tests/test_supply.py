@@ -1,0 +1,82 @@
+"""The bill of materials, and the audit of the dependencies."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def bill(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    file = tmp_path_factory.mktemp("sbom") / "new" / "sbom.json"
+    subprocess.run([sys.executable, str(ROOT / "tools" / "sbom.py"), str(file)], check=True)
+    document: dict[str, Any] = json.loads(file.read_text())
+    return document
+
+
+def test_every_component_states_a_licence(bill: dict[str, Any]):
+    names = [component["name"] for component in bill["components"]]
+    assert {"physic-core", "physic-embedded", "numpy", "torch", "pydantic-core"} <= set(names)
+    assert [component["name"] for component in bill["components"] if not component.get("licenses")] == []
+    assert len(names) == len(set(names))
+
+
+def test_what_is_referred_to_is_listed(bill: dict[str, Any]):
+    references = {component["bom-ref"] for component in bill["components"]}
+    for entry in bill["dependencies"]:
+        assert {entry["ref"], *entry["dependsOn"]} <= references
+
+
+def test_every_network_and_the_body_have_their_digest(bill: dict[str, Any]):
+    digests = {c["name"]: c["hashes"][0]["content"] for c in bill["components"] if "hashes" in c}
+    files = [
+        *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.onnx"),
+        ROOT / "physic_core/body/embedded.npz",
+    ]
+    assert {"/".join(file.parts[-3:]) for file in files} == set(digests)
+    for file in files:
+        assert hashlib.sha256(file.read_bytes()).hexdigest() == digests["/".join(file.parts[-3:])]
+
+
+HOLE = {"id": "PYSEC-1", "fix_versions": ["2.0"]}
+
+
+@pytest.mark.parametrize(
+    ("packages", "expected"),
+    [
+        ([{"name": "a", "version": "1", "vulns": []}], (0, "no known vulnerabilities in 1 packages")),
+        ([{"name": "a", "version": "1", "vulns": [HOLE]}], (1, "a 1: PYSEC-1, fixed in 2.0")),
+        (
+            [{"name": "a", "version": "1", "vulns": []}, {"name": "b", "skip_reason": "not found"}],
+            (2, "no audit: 1 of 2 packages were not found: b"),
+        ),
+        ([], (2, "no audit: 0 of 0 packages were not found: ")),
+    ],
+)
+def test_only_a_complete_audit_passes(packages: list[Any], expected: tuple[int, str]):
+    assert tool("audit").report({"dependencies": packages}) == expected
+
+
+def test_an_audit_without_its_program_does_not_pass(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr("shutil.which", lambda *arguments, **options: None)
+    assert tool("audit").main() == 2
+    assert capsys.readouterr().err == "no audit: pip-audit is not installed: pip install pip-audit\n"
