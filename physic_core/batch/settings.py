@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["batch_config", "config_digest", "settings_digest"]
 
-_WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
+_WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads", "timeout_s")
 """Settings of ``[run]`` that change no result by more than rounding."""
 
 

@@ -26,6 +26,7 @@ from typing import Any, Generic, Literal, TypeVar
 from physic_core import errors
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
+from physic_core.pipeline.time_limit import report_calls_to
 
 __all__ = ["LOAD_LIMIT_S", "Outcome", "SupervisedWorker", "WorkerSettings", "known_error", "run_in_workers"]
 
@@ -77,11 +78,15 @@ class WorkerSettings:
         count: number of processes; a function gets the peak memory, MB, of the first worker after its first task.
         timeout: longest time of one task, s; None for no limit.
         logs: folder for what the workers print, one file each; None prints to the terminal.
+        single_thread: whether libraries use one thread, unless variables of the environment set more.
+        attempts: how often a task is tried whose worker dies.
     """
 
     count: int | Callable[[float], int] = 1
     timeout: float | None = None
     logs: Path | None = None
+    single_thread: bool = True
+    attempts: int = _MAX_ATTEMPTS
 
 
 def run_in_workers(
@@ -143,6 +148,19 @@ class _Attempt(Generic[Task]):
 
 
 @dataclass
+class _Call:
+    """A call of a backend with a time limit."""
+
+    title: str
+    seconds: float
+    start: float = field(default_factory=time.monotonic)
+
+    @property
+    def deadline(self) -> float:
+        return self.start + self.seconds
+
+
+@dataclass
 class _Worker(Generic[Task]):
     process: Any
     pipe: connection.Connection
@@ -150,11 +168,22 @@ class _Worker(Generic[Task]):
     since: float = field(default_factory=time.monotonic)
     ready: bool = False
     attempt: _Attempt[Task] | None = None
+    call: _Call | None = None
 
     def deadline(self, timeout: float | None) -> float | None:
         if not self.ready:
-            return self.since + LOAD_LIMIT_S
-        return None if self.attempt is None or timeout is None else self.since + timeout
+            of_task: float | None = self.since + LOAD_LIMIT_S
+        else:
+            of_task = None if self.attempt is None or timeout is None else self.since + timeout
+        if self.call is None:
+            return of_task
+        return self.call.deadline if of_task is None else min(of_task, self.call.deadline)
+
+    def exceeded(self) -> str:
+        """Return which limit of the configuration a call exceeds; empty for none."""
+        if self.call is None or time.monotonic() < self.call.deadline:
+            return ""
+        return f"{self.call.title}: not finished after {self.call.seconds:g} s; timeout_s of [run] sets the limit"
 
     def kill(self) -> None:
         self.process.kill()
@@ -217,7 +246,7 @@ class _Supervisor(Generic[Task]):
         ours, theirs = self._context.Pipe()
         log = None if self._settings.logs is None else self._settings.logs / f"worker-{self._started}.txt"
         process = self._context.Process(target=_work, args=(theirs, self._open, log))
-        with _environment(_SINGLE_THREAD):
+        with _environment(_SINGLE_THREAD if self._settings.single_thread else {}):
             process.start()
         theirs.close()
         self._workers.append(_Worker(process, ours, log))
@@ -271,6 +300,9 @@ class _Supervisor(Generic[Task]):
                 self._limit = max(1, self._settings.count(peak_mb))
             seconds = time.monotonic() - worker.since
             yield Outcome(attempt.task, value, seconds=seconds, attempts=attempt.number, peak_mb=peak_mb)
+        elif kind == "call":
+            title, limit = content
+            worker.call = _Call(title, limit) if title else None
         elif kind == "refused":
             raise known_error(*content)
         else:
@@ -279,6 +311,8 @@ class _Supervisor(Generic[Task]):
     def _replace_dead(self, worker: _Worker[Task]) -> Iterator[Outcome[Task]]:
         worker.process.join(_END_S)
         how = _describe_end(worker)
+        if worker.call is not None:
+            how = f"{worker.call.title}: {how}"
         self._remove(worker)
         if not worker.ready:
             self._failed_replacements += 1
@@ -286,7 +320,7 @@ class _Supervisor(Generic[Task]):
             if first or self._failed_replacements >= _MAX_FAILED_REPLACEMENTS:
                 raise BackendError(f"a worker ended while it loaded the backends: {how}")
         attempt = worker.attempt
-        if attempt is not None and attempt.number < _MAX_ATTEMPTS:
+        if attempt is not None and attempt.number < self._settings.attempts:
             self._again.append(_Attempt(attempt.task, attempt.number + 1))
         elif attempt is not None:
             seconds = time.monotonic() - worker.since
@@ -294,11 +328,11 @@ class _Supervisor(Generic[Task]):
         self._start_if_none_left()
 
     def _end_hanging(self, worker: _Worker[Task]) -> Iterator[Outcome[Task]]:
-        attempt, seconds = worker.attempt, time.monotonic() - worker.since
+        attempt, seconds, exceeded = worker.attempt, time.monotonic() - worker.since, worker.exceeded()
         self._remove(worker)
         if attempt is None:
-            raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
-        message = f"no result after {seconds:.0f} s; --timeout sets the limit"
+            raise BackendError(exceeded or f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
+        message = exceeded or f"no result after {seconds:.0f} s; --timeout sets the limit"
         yield Outcome(attempt.task, None, "Timeout", message, seconds, attempt.number)
         self._start_if_none_left()
 
@@ -317,6 +351,7 @@ def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any],
     _redirect_output(log)
     faulthandler.enable()
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    report_calls_to(lambda title, seconds: pipe.send(("call", title, seconds)))
     try:
         process = open_worker()
     except BaseException as error:

@@ -9,9 +9,12 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
@@ -19,13 +22,12 @@ import click
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
+from physic_core.discovery.plugin_code import plugin_code
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Registry
 
 __all__ = ["DoctorResult", "doctor", "try_backend", "try_backend_in_subprocess"]
-
-_MARK = "physic-doctor: "
 
 
 @dataclass(frozen=True)
@@ -137,19 +139,22 @@ def try_backend(registry: Registry, offer: BackendOffer, device: str) -> DoctorR
         kind = registry.load_concrete_class(offer)
         owner = kind.__module__
         step = "constructor"
-        backend = kind()
+        with plugin_code():
+            backend = kind()
         step = "missing()"
         if messages := missing_requirements(backend):
             return _result(offer, "missing", "; ".join(messages))
         step = f"load('{device}')"
-        backend.load(device)
+        with plugin_code():
+            backend.load(device)
         step = "close()"
-        backend.close()
+        with plugin_code():
+            backend.close()
     except PhysicError as error:
         # A PhysicError of the backend itself is "missing"; a failed import or check is "broken".
         state: Literal["missing", "broken"] = "broken" if step in ("import", "missing()") else "missing"
         return _result(offer, state, str(error).removeprefix(str(offer)).lstrip(": "), error)
-    except (Exception, SystemExit) as error:
+    except Exception as error:
         return _result(offer, "broken", f"{step} fails: {describe_error(error, owner)}", error)
     return replace(_result(offer, "ok"), seconds=round(time.perf_counter() - start, 2))
 
@@ -160,18 +165,32 @@ def try_backend_in_subprocess(offer: BackendOffer, device: str, timeout: float) 
     script = f"import sys; from {__name__} import _main; _main(*sys.argv[1:])"
     # A name with a colon is the name of a class.
     name = str(record.target) if ":" in record.name else f"{offer.origin.distribution}:{record.name}"
-    command = [sys.executable, "-P", "-c", script, record.interface, name, device]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=timeout, check=False)
-    except subprocess.TimeoutExpired:
-        return _result(offer, "broken", f"not finished after {timeout:g} s")
-    for line in done.stdout.splitlines():
-        if line.startswith(_MARK):
-            return DoctorResult(**json.loads(line.removeprefix(_MARK)))
-    last = (done.stderr.strip() or "no output").rpartition("\n")[2]
+    with tempfile.TemporaryDirectory() as folder:
+        answer, output = Path(folder, "answer.json"), Path(folder, "output.txt")
+        command = [sys.executable, "-P", "-c", script, record.interface, name, device, str(answer)]
+        # A file, not a pipe: processes that the backend has started may keep a pipe open after the time limit.
+        with output.open("wb") as stream:
+            try:
+                done = subprocess.run(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=stream,
+                    stderr=subprocess.STDOUT,
+                    env=environment,
+                    timeout=timeout,
+                    check=False,
+                )
+            except subprocess.TimeoutExpired:
+                return _result(offer, "broken", f"not finished after {timeout:g} s")
+        with suppress(OSError, ValueError, TypeError, KeyError):
+            found = json.loads(answer.read_bytes())
+            state, message, seconds, trace = (found[key] for key in ("state", "message", "seconds", "traceback"))
+            return replace(_result(offer, state, message), seconds=seconds, traceback=trace)
+        text = output.read_text(encoding="utf-8", errors="replace")
+    last = (text.strip() or "no output").rpartition("\n")[2]
     result = _result(offer, "broken", f"it ended Python with code {done.returncode}: {last}")
-    return replace(result, traceback=done.stderr) if is_debugging() else result
+    return replace(result, traceback=text) if is_debugging() else result
 
 
 def _result(
@@ -185,9 +204,12 @@ def _result(
     return DoctorResult(record.interface, record.name, owner, state, message, traceback=trace)
 
 
-def _main(interface: str, name: str, device: str) -> None:
+def _main(interface: str, name: str, device: str, answer: str) -> None:
     from physic_core.discovery.plugins import discover
 
     registry = discover()
     offer = registry.get(interface, name)
-    click.echo(f"\n{_MARK}{json.dumps(asdict(try_backend(registry, offer, device)))}")
+    found = try_backend(registry, offer, device)
+    Path(answer).write_text(json.dumps(asdict(found)), encoding="utf-8")
+    sys.stdout.flush()
+    os._exit(0)  # threads and exit handlers of the backend must not keep the process

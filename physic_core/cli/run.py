@@ -20,7 +20,7 @@ import click
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["run", "sigterm_as_exception"]
+__all__ = ["collect_plugin_messages", "run", "show_progress", "sigterm_as_exception"]
 
 
 class _Numbers(click.ParamType[Any]):
@@ -136,15 +136,20 @@ def run(
     plan = resolve(config, registry)
     require_available(plan)
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
-        from physic_core.pipeline.run import reconstruct_photo
+        if config.run.timeout_s is None:
+            from physic_core.pipeline.run import reconstruct_photo
 
-        with _collect_plugin_messages() as messages, _show_progress() as progress:
-            result = reconstruct_photo(photo, plan, progress=progress)
-            result.save(str(folder), overwrite=overwrite)
-            if report:
-                from physic_core.io.report_file import add_report
+            with collect_plugin_messages() as messages, show_progress() as progress:
+                result = reconstruct_photo(photo, plan, progress=progress)
+        else:
+            from physic_core.cli.worker_run import reconstruct_in_worker
 
-                add_report(folder, result, photo.name)
+            result, messages = reconstruct_in_worker(photo, config)
+        result.save(str(folder), overwrite=overwrite)
+        if report:
+            from physic_core.io.report_file import add_report
+
+            add_report(folder, result, photo.name)
     for line in messages:
         click.echo(line, err=True)
     click.echo(_summary(result, folder, report))
@@ -247,7 +252,7 @@ def _remove(folders: list[Path]) -> None:
 
 
 @contextmanager
-def _collect_plugin_messages() -> Iterator[list[str]]:
+def collect_plugin_messages() -> Iterator[list[str]]:
     """Yield a list that collects the distinct INFO log messages of packages named ``physic_*``."""
     messages: list[str] = []
 
@@ -271,7 +276,7 @@ def _collect_plugin_messages() -> Iterator[list[str]]:
 
 
 @contextmanager
-def _show_progress() -> Iterator[Callable[[str, int, int], None]]:
+def show_progress() -> Iterator[Callable[[str, int, int], None]]:
     """Yield a progress callback: a bar on a terminal, otherwise one line for each stage; on stderr."""
     if not sys.stderr.isatty():
         yield lambda name, done, total: click.echo(f"[{done + 1}/{total}] {name}", err=True)

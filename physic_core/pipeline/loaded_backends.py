@@ -11,6 +11,7 @@ from physic_core import errors
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.errors import BackendError, PhysicError
+from physic_core.pipeline.time_limit import timed_call
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
@@ -57,7 +58,7 @@ class LoadedBackends:
 def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
     """Convert every exception of a plugin to a PhysicError that names the backend and the stage."""
     try:
-        with plugin_code():
+        with timed_call(title), plugin_code():
             yield
     except PhysicError as error:
         kind = type(error)

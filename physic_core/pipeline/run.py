@@ -18,6 +18,7 @@ from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.time_limit import limited_calls
 from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
@@ -171,7 +172,8 @@ class Pipeline:
         if not self._running.acquire(blocking=False):
             raise PhysicError("the pipeline is running in another thread: make one for each thread")
         try:
-            yield
+            with limited_calls(self.config.run.timeout_s):
+                yield
         finally:
             self._running.release()
 

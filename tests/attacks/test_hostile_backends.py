@@ -1,0 +1,197 @@
+"""What a backend does to its process decides neither what ``physic`` does nor what it prints."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import hostile
+from physic_core.batch.workers import SupervisedWorker, WorkerSettings, run_in_workers
+from physic_core.configuration.resolve import ResolvedBackend
+from physic_core.discovery.entry_points import find_plugins
+from physic_core.discovery.plugin_code import PluginExit, plugin_code
+from physic_core.errors import BackendError
+from physic_core.interfaces import MetricDepth, MetricDepthRequest
+from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.types import DepthMap, Hints, Provenance
+from physic_testing.worlds import build_world
+
+TITLE = "metric_depth 'own' (my-dist 1.0), stage 'depth'"
+
+
+class Own(MetricDepth):
+    """Calls a function with its input, and returns depths of 1 m."""
+
+    def __init__(self, deed: Callable[[Any], Any]) -> None:
+        super().__init__()
+        self.deed = deed
+        self.depth = np.ones((6, 8), np.float32)
+
+    def infer(self, image: Any, hints: Hints) -> DepthMap:
+        self.deed(image)
+        return DepthMap(self.depth)
+
+
+def call(deed: Callable[[Any], Any], image: np.ndarray | None = None) -> tuple[DepthMap, Own]:
+    backend = Own(deed)
+    resolved = ResolvedBackend(backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, ""))
+    request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
+    return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
+
+
+@pytest.mark.parametrize("change", hostile.CHANGES)
+def test_changes_of_the_process_are_undone(change: str) -> None:
+    before = hostile.state()
+    with plugin_code():
+        hostile.CHANGES[change]()
+    assert hostile.state() == before
+    with suppress(ZeroDivisionError), plugin_code():
+        hostile.CHANGES[change]()
+        raise ZeroDivisionError
+    assert hostile.state() == before
+
+
+class Own2(BaseException):
+    pass
+
+
+@pytest.mark.parametrize(
+    "error",
+    [SystemExit(0), KeyboardInterrupt(), GeneratorExit(), Own2("x"), RecursionError("deep"), MemoryError()],
+    ids=repr,
+)
+def test_exceptions_name_the_backend(error: BaseException) -> None:
+    def fail(image: Any) -> None:
+        raise error
+
+    with pytest.raises(BackendError) as found:
+        call(fail)
+    assert str(found.value).startswith(f"{TITLE}: {type(error).__name__}")
+    assert found.value.__cause__ is error
+
+
+def press_ctrl_c() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def suppress_ctrl_c() -> None:
+    with suppress(BaseException):
+        press_ctrl_c()
+
+
+def replace_ctrl_c() -> None:
+    try:
+        press_ctrl_c()
+    except BaseException as error:
+        raise RuntimeError("no") from error
+
+
+@pytest.mark.parametrize("deed", [press_ctrl_c, suppress_ctrl_c, replace_ctrl_c])
+def test_ctrl_c_of_the_user_ends_the_call(deed: Callable[[], None]) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        call(lambda image: deed())
+
+
+def test_what_a_handler_of_the_program_raises_ends_the_call() -> None:
+    class Ended(BaseException):
+        pass
+
+    def end(number: int, frame: Any) -> None:
+        raise Ended
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        with pytest.raises(Ended):
+            call(lambda image: signal.raise_signal(signal.SIGTERM))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_input_and_output_are_copies() -> None:
+    image = np.zeros((6, 8, 3), np.uint8)
+    result, backend = call(lambda given: given.fill(255), image)
+    assert not image.any()
+    backend.depth[:] = np.nan
+    assert (result.depth == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("code", "cause"),
+    [
+        ("raise KeyboardInterrupt", "KeyboardInterrupt"),
+        ("raise GeneratorExit", "GeneratorExit"),
+        ("import os; os.chdir('/'); os.close(1); raise SystemExit(0)", "SystemExit: 0"),
+    ],
+)
+def test_a_plugin_that_ends_at_import_is_a_row(
+    code: str, cause: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hostile_at_import.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = hostile.state()
+    entry = EntryPoint("bad", "hostile_at_import", "physic.plugins")
+    [broken] = find_plugins([entry], environment={}).broken
+    assert broken.cause == f"{cause} (hostile_at_import.py:1)"
+    assert hostile.state() == before
+
+
+def test_plugin_exit_has_the_message_of_its_cause() -> None:
+    with pytest.raises(PluginExit, match=r"^SystemExit: weights are missing$"), plugin_code():
+        sys.exit("weights are missing")
+
+
+# ---- calls that hang -------------------------------------------------------------------------------------------------
+
+
+def test_a_call_that_hangs_is_ended_and_the_others_go_on() -> None:
+    outcomes = list(run_in_workers(hostile.HANGS, hostile.open_worker, WorkerSettings(2)))
+    message = f"{hostile.TITLE}: not finished after 0.5 s; timeout_s of [run] sets the limit"
+    assert [(outcome.failure, outcome.message) for outcome in outcomes] == [("Timeout", message)] * len(hostile.HANGS)
+
+
+def test_loading_that_hangs_is_ended() -> None:
+    with pytest.raises(BackendError) as error:
+        SupervisedWorker(hostile.open_hanging_worker, WorkerSettings())
+    assert str(error.value) == f"{hostile.TITLE}: not finished after 0.5 s; timeout_s of [run] sets the limit"
+
+
+def physic(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "PHYSIC_CACHE": "off"}
+    command = [sys.executable, "-m", "physic_core", *words]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
+
+
+def test_run_ends_with_the_name_of_a_backend_that_hangs(tmp_path: Path) -> None:
+    Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photo.png")
+    settings = ("--preset", "mock", "--set", "run.timeout_s=4", "--set", "metric_depth.backend=hostile:HangsAtLoad")
+    done = physic("run", "photo.png", *settings, folder=tmp_path)
+    assert done.stderr.splitlines()[-1] == (
+        "Error: photo.png: metric_depth 'hostile:HangsAtLoad' (named in the config), stage 'metric depth': "
+        "not finished after 4 s; timeout_s of [run] sets the limit"
+    )
+    assert done.returncode == 5
+    assert os.listdir(tmp_path) == ["photo.png"]
+
+
+@pytest.mark.parametrize(
+    ("name", "state", "message"),
+    [("Printing", "ok", ""), ("Forging", "broken", "it ended Python with code 0: physic-doctor: ")],
+)
+def test_doctor_prints_what_it_found_itself(name: str, state: str, message: str, tmp_path: Path) -> None:
+    done = physic("plugins", "doctor", f"hostile:{name}", "--json", folder=tmp_path)
+    [found] = json.loads(done.stdout)
+    assert found["state"] == state
+    assert found["message"].startswith(message)
+    assert done.returncode == (0 if state == "ok" else 5)
