@@ -32,6 +32,7 @@ __all__ = [
     "atomic_write",
     "check_writable",
     "committed_path",
+    "finish_interrupted_write",
     "read_while_written",
     "sync_folder",
 ]
@@ -146,6 +147,17 @@ def atomic_write(folder: Path, *, durable: bool = True) -> Iterator[AtomicWrite]
         ) from None
     except OSError as error:
         raise _refusal(folder, error) from error
+
+
+def finish_interrupted_write(folder: Path) -> None:
+    """Rename and delete what an interrupted write has left to do; a folder without one is not touched.
+
+    Raises:
+        OutputError: as for :func:`atomic_write`.
+    """
+    if os.path.lexists(folder / COMMIT_FILE):
+        with atomic_write(folder):
+            pass
 
 
 def committed_path(folder: Path, name: str) -> Path:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError, OutputError
-from physic_core.files.atomic import atomic_write, check_writable, committed_path
+from physic_core.files.atomic import atomic_write, check_writable, committed_path, finish_interrupted_write
 from physic_core.io.document import encode_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, digest_of
 from physic_core.io.results import load_reconstruction, read_document
@@ -54,6 +54,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
         OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
     """
     folder = Path(folder)
+    finish_interrupted_write(folder)
     title = title or folder.resolve().name
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")

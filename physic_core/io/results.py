@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import atomic_write, check_writable, committed_path, read_while_written
+from physic_core.files.atomic import (
+    atomic_write,
+    check_writable,
+    committed_path,
+    finish_interrupted_write,
+    read_while_written,
+)
 from physic_core.files.document_checksum import EDITED
 from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_arrays
 from physic_core.files.regular import open_regular, read_regular
@@ -112,6 +118,7 @@ def save_reconstruction(
         people = (f"person_{index}.glb" for index in range(len(reconstruction.people)))
         names += ["scene.glb", "combined.glb", *people]
     names += [PREVIEW_FILE] if preview else []
+    finish_interrupted_write(Path(folder))
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
     arrays = to_arrays(reconstruction)

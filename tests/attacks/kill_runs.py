@@ -11,6 +11,7 @@ import argparse
 import multiprocessing
 import random
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -67,12 +68,14 @@ def fault_of(folder: Path, compact: bool) -> str:
     return f"pictures of {marks} beside result {seed}" if len(marks) > 1 else ""
 
 
-def kill_once(folder: Path, compact: bool, least: float, most: float) -> None:
+def kill_once(folder: Path, compact: bool, least: float, most: float) -> str:
+    """Kill a process that saves after a random time; return what was wrong with its end."""
     process = multiprocessing.get_context("fork").Process(target=save_for_ever, args=(str(folder), compact))
     process.start()
     time.sleep(random.uniform(least, most))
     process.kill()
     process.join()
+    return "" if process.exitcode == -signal.SIGKILL else f"it ended with {process.exitcode} by itself"
 
 
 def read_while_saved(folder: Path, cache: Path, is_running: Callable[[], bool]) -> tuple[int, list[str]]:
@@ -113,8 +116,8 @@ def main() -> int:
             folder = Path(temporary, f"killed-{compact}")
             save_often_once(folder, compact)
             for number in range(given.kills // 2):
-                kill_once(folder, compact, 0.0, 0.3)
-                if fault := fault_of(folder, compact):
+                ended = kill_once(folder, compact, 0.0, 0.3)
+                if fault := ended or fault_of(folder, compact):
                     faults.append(f"kill {number}: {fault}")
                     shutil.rmtree(folder)
                     save_often_once(folder, compact)

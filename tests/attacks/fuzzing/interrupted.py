@@ -61,7 +61,12 @@ class Steps:
         """Count and fail within the block; a loss of power takes effect at its end."""
         with pytest.MonkeyPatch.context() as patch:
             opened: dict[int, str] = {}
-            real_open, real_replace = io.open, os.replace
+            real_open, real_replace, real_os_open = io.open, os.replace, os.open
+
+            def os_open(path: Any, *args: Any, **options: Any) -> int:
+                file = real_os_open(path, *args, **options)
+                opened[file] = str(path)
+                return file
 
             def open_(path: Any, mode: str = "r", *args: Any, **options: Any) -> Any:
                 is_ours = isinstance(path, str | os.PathLike) and str(path).startswith(self.folder)
@@ -73,7 +78,7 @@ class Steps:
                 return _File(file, str(path), self)
 
             def fsync(file: int) -> None:
-                path = opened.get(file) or os.readlink(f"/proc/self/fd/{file}")
+                path = opened[file]
                 self.step(path)
                 self._unsynced.pop(path, None)
 
@@ -92,6 +97,7 @@ class Steps:
 
             for module in (io, builtins):
                 patch.setattr(module, "open", open_)
+            patch.setattr(os, "open", os_open)
             patch.setattr(os, "fsync", fsync)
             patch.setattr(os, "replace", replace)
             patch.setattr(os, "unlink", deleting(os.unlink))
