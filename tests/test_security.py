@@ -1,0 +1,79 @@
+"""The statements of SECURITY.md, with the test that holds each."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+
+CANNOT_RUN_CODE = {
+    "a photo, a file of masks": (
+        "tests/attacks/test_photo_bombs.py::test_no_image_takes_more_than_one_and_a_half_gigabytes"
+    ),
+    "a result folder (`Reconstruction.load`)": "tests/io/test_results.py::test_a_pickle_in_the_arrays_is_not_opened",
+    "an SMPL-X archive": "tests/body/test_smplx_file.py::test_never_unpickles",
+    "an SMPL or MANO pickle": "tests/body/test_smpl_file.py::test_a_pickle_runs_nothing",
+    "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": (
+        "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted"
+    ),
+    "the cache": "tests/files/test_archive.py::test_a_pickle_is_never_opened",
+    "an upload to `physic serve`": (
+        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone"
+    ),
+    "`report.html`, made from names and results of others": (
+        "tests/io/test_report.py::test_only_the_scripts_of_the_page_may_run"
+    ),
+    "the values of a config": "tests/test_config.py::test_hostile_values_are_one_short_error",
+    "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults",
+    "text of others in messages": "tests/test_security.py::test_a_message_cannot_control_a_terminal",
+    "the current folder": "tests/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
+}
+WRITTEN = {
+    "The files of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
+    "A file of yours is never replaced": "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
+    "The photo is never replaced": "tests/io/test_output.py::test_the_photo_is_never_overwritten",
+}
+READ = {
+    "a config": "tests/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
+    "a setting": "tests/attacks/test_extremes.py::test_every_setting_is_bounded",
+    "a photo, a file of masks": "tests/attacks/test_photo_bombs.py::test_decoding_takes_no_more_memory_than_estimated",
+    "arrays in a result, an archive or the cache": (
+        "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked"
+    ),
+}
+
+
+def section(title: str) -> str:
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)[1]
+
+
+def rows(title: str) -> list[str]:
+    return [row.split(" | ")[0].removeprefix("| ") for row in re.findall(r"^\| .*", section(title), re.M)[1:]]
+
+
+def test_every_statement_has_its_test():
+    assert rows("What cannot run code") == list(CANNOT_RUN_CODE)
+    assert rows("Limits of what is read") == list(READ)
+    points = re.findall(r"^- (.*)", section("Files that PhySIC writes"), re.M)
+    assert [next(start for start in WRITTEN if point.startswith(start)) for point in points] == list(WRITTEN)
+
+
+@pytest.mark.parametrize("test", [*CANNOT_RUN_CODE.values(), *WRITTEN.values(), *READ.values()])
+def test_the_test_of_a_statement_is_there(test: str):
+    file, _, name = test.partition("::")
+    assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+def test_a_message_cannot_control_a_terminal(tmp_path: Path):
+    from click.testing import CliRunner
+
+    from physic_core.cli import main
+
+    done = CliRunner().invoke(main, ["run", str(tmp_path / "a\x1b[2Jb\u202ec.png"), "--preset", "mock"])
+    assert done.exit_code == 3
+    assert "a\\x1b[2Jb\\u202ec.png" in done.output
+    assert "\x1b" not in done.output
