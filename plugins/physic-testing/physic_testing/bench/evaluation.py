@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.geodesic import geodesic_error, surface_graph
@@ -20,6 +21,7 @@ from physic_core.metrics.physics import contact_gap, penetration, vertex_areas, 
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.metrics.proximity import SEARCH_RADIUS_M, SceneDistance, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error
+from physic_testing.bench.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,10 +107,11 @@ class Estimate:
     Attributes:
         vertices: (N, V, 3) m, camera frame.
         joints: (N, 55, 3) m.
-        contact: (N, V) bool.
+        contact: (N, V) bool, contact with the scene.
         scene: reconstructed scene; None if the row has none.
         intrinsics: camera intrinsics of the scene.
         failures: for each person, why the engine did not optimise the body; empty if it did.
+        contacts: contact with anything; None if the row does not estimate what people touch.
     """
 
     vertices: FloatArray
@@ -117,6 +120,7 @@ class Estimate:
     scene: Scene | None
     intrinsics: Intrinsics
     failures: tuple[str, ...]
+    contacts: ContactMap | None = None
 
 
 def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> Estimate:
@@ -145,13 +149,17 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
 
 def engine_estimate(solution: Solution) -> Estimate:
     """Return the engine's solution as an Estimate."""
+    contacts = ContactMap(
+        solution.contact, getattr(solution, "contact_probability", None), solution.contact_partner, solution.partners
+    )
     return Estimate(
         solution.vertices,
         solution.joints,
-        solution.contact,
+        contacts.with_scene(),
         solution.scene,
         solution.intrinsics,
         solution.failures,
+        contacts,
     )
 
 
@@ -166,6 +174,7 @@ class Evaluator:
 
     def __init__(self, world: World, people: BoolArray, graph: csr_array) -> None:
         self.world = world
+        self._part = load_body(world.body_model).part_of_vertex.numpy()
         self.matching: Matching = match_by_masks(people, world.masks, min_iou=0.3)
         self._graph = graph
         self._empty = world.points(people=False)
@@ -230,8 +239,9 @@ class Evaluator:
             measured = zip(self._pose(estimate, rows, true), self._contact(estimate, rows, true), strict=True)
             touch = self._scene_touch(estimate, rows, true)
             for j, (pose, contact) in enumerate(measured):
-                failure = estimate.failures[rows[j]]
-                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **(touch[j] if touch else {})}
+                failure, found = estimate.failures[rows[j]], touch[j] if touch else {}
+                partners = self._partners(estimate, int(rows[j]), int(true[j]))
+                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **partners, **found}
         return answers
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
@@ -294,6 +304,13 @@ class Evaluator:
             for j in range(len(rows))
         ]
 
+    def _partners(self, estimate: Estimate, row: int, person: int) -> dict[str, Any]:
+        """Return the counts of contact partners of a person; empty if the estimate has none."""
+        if estimate.contacts is None:
+            return {}
+        true_person = dict(zip(self.matching.predicted.tolist(), self.matching.truth.tolist(), strict=True))
+        return contact_counts_by_partner(self.world, estimate.contacts, row, person, true_person, self._part)
+
     def _scene_touch(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
         """Return penetration and floating of matched people relative to the reconstructed scene."""
         scene = estimate.scene
@@ -353,6 +370,7 @@ class Evaluator:
             "precision": 0.0,
             "recall": 0.0,
             "f1": 0.0,
+            **contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part),
         }
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ class RowStatistics:
     Attributes:
         figures: name -> statistic, for :data:`~physic_testing.bench.evaluation.PERSON_METRICS` over people,
             :data:`~physic_testing.bench.evaluation.WORLD_METRICS` over worlds, and ``f1_of_means``,
-            ``precision_pooled``, ``recall_pooled``, ``f1_pooled``, ``f1_mean_image``.
+            ``precision_pooled``, ``recall_pooled``, ``f1_pooled``, ``f1_mean_image``, and
+            :data:`~physic_testing.bench.contact_partners.PARTNER_METRICS`.
         people: number of true people.
         missed: number of people without a body; they count only in the contact means, with score 0.
         left_at_start: number of people with a body that the engine did not optimise.
@@ -99,11 +101,14 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
     ratios |= {name: _ratio([[r["scene"]] for r in rows], name) for name in WORLD_METRICS if name != "seconds"}
     ratios["seconds"] = _ratio([[r] for r in rows], "seconds")
     ratios["f1_mean_image"] = _ratio([[{"f1": _image_f1(those)}] for those in people], "f1")
+    ratios |= _partner_ratios(people)
     hits, alarms, misses = (_ratio(people, name).total for name in ("hits", "false_alarms", "misses"))
     ratios["precision_pooled"] = _Ratio(hits, hits + alarms)
     ratios["recall_pooled"] = _Ratio(hits, hits + misses)
     every = [person for those in people for person in those]
     answer, draws = _with_intervals(ratios)
+    for name, least in (("ece", 0), ("ece_likely", 1)):
+        answer[name], draws[name] = _calibration_error(people, least)
     return RowStatistics(
         figures=answer,
         people=len(every),
@@ -166,11 +171,49 @@ def by_action(records: Sequence[Mapping[str, Any]], rows: Sequence[str]) -> dict
                 "hidden_limbs_people": int(ratios["hidden_limbs_pa_mm"].count.sum()),
                 **{name: float(ratio.value(once)[0]) for name, ratio in ratios.items()},
                 "f1_of_means": _harmonic(*(float(ratios[n].value(once)[0]) for n in ("precision", "recall"))),
+                **{name: float(ratio.value(once)[0]) for name, ratio in _partner_ratios([those]).items()},
             }
             if "start" in of_row:
                 change, half = _paired_change(of_row["start"], those, "hidden_limbs_pa_mm")
                 answer[action][row] |= {"hidden_limbs_change_mm": change, "hidden_limbs_change_half_mm": half}
     return answer
+
+
+def _partner_ratios(people: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, _Ratio]:
+    """Return the metrics of contact partners that are ratios of counts, over the people of each world."""
+
+    def total(*names: str) -> FloatArray:
+        counts: FloatArray = np.sum([_ratio(people, name).total for name in names], axis=0)
+        return counts
+
+    found = {
+        "partner_accuracy": _Ratio(total("partner_right"), total("partner_found")),
+        "item_recall": _Ratio(total("item_found"), total("item_found", "item_missed")),
+        "brier": _Ratio(total("brier_sum"), total("brier_count")),
+    }
+    for kind in ("scene", "people", "self", "support"):
+        name = "support_f1" if kind == "support" else f"{kind}_contact_f1"
+        hits, wrong = total(f"{kind}_hits"), total(f"{kind}_false_alarms", f"{kind}_misses")
+        found[name] = _Ratio(2 * hits, 2 * hits + wrong)
+    return found
+
+
+def _calibration_error(people: Sequence[Sequence[Mapping[str, Any]]], least: int) -> tuple[Statistic, FloatArray]:
+    """Return the expected calibration error over the bins from ``least`` on, and its bootstrap draws."""
+    empty = np.zeros((BINS, 3))
+    bins = np.array(
+        [np.sum([person.get("reliability", empty) for person in those] or [empty], axis=0) for those in people]
+    )[:, least:]
+    off, count = bins[:, :, 1] - bins[:, :, 2], bins[:, :, 0].sum(axis=1)
+
+    def error(weights: FloatArray) -> FloatArray:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            value: FloatArray = np.abs(weights @ off).sum(axis=1) / (weights @ count)
+        return value
+
+    draws = error(_weights(len(bins)))
+    value = float(error(np.ones((1, len(bins))))[0])
+    return Statistic(value, *_interval(draws), int(count.sum())), draws
 
 
 def _paired_change(

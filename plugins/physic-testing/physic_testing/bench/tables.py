@@ -59,6 +59,17 @@ _CONTACT_COLUMNS = (
     Column("geodesic FN cm", "geodesic_fn_cm", 1),
     Column("hidden limbs PA mm", "hidden_limbs_pa_mm", 1),
 )
+_PARTNER_COLUMNS = (
+    Column("partner right", "partner_accuracy", 3),
+    Column("scene F1", "scene_contact_f1", 3),
+    Column("people F1", "people_contact_f1", 3),
+    Column("self F1", "self_contact_f1", 3),
+    Column("item R", "item_recall", 3),
+    Column("support F1", "support_f1", 3),
+    Column("Brier", "brier", 4),
+    Column("ECE", "ece", 3),
+    Column("ECE of p >= .1", "ece_likely", 3),
+)
 _SCENE_COLUMNS = (
     Column("penetration mm", "penetration_mm", 1),
     Column("volume l", "penetration_litres", 2),
@@ -110,6 +121,7 @@ def accuracy_tables(
     return (
         Table(paper.title, head, counted, tuple(notes)),
         _figures_table("Contact and hidden limbs", rows, labels, _CONTACT_COLUMNS),
+        _partner_table(rows, labels),
         Table(
             scene.title,
             scene.head,
@@ -193,6 +205,17 @@ def _figures_table(title: str, rows: _Rows, labels: Mapping[str, str], columns: 
     """Build a table of statistics, one row per table row."""
     body = tuple((labels[key], *(_text(f.figures[c.figure], c) for c in columns)) for key, f in rows.items())
     return Table(title, ("", *(c.title for c in columns)), body)
+
+
+def _partner_table(rows: _Rows, labels: Mapping[str, str]) -> Table:
+    """Build the table of contact partners, of the rows that estimate them."""
+    shown = {key: row for key, row in rows.items() if key != "start"}
+    table = _figures_table("What people touch", shown, labels, _PARTNER_COLUMNS)
+    notes = (
+        "partner right: of the vertices that touch something and are found in contact; F1 over the vertices of all "
+        "people; support: over body parts; ECE: over outer vertices, in ten bins",
+    )
+    return Table(table.title, table.head, table.rows, notes)
 
 
 def _printed_table(rows: _Rows, labels: Mapping[str, str]) -> Table:

@@ -209,4 +209,4 @@ def _above(centre: FloatArray, points: FloatArray) -> bool:
         hull = ConvexHull(points[:, [0, 2]])
     except QhullError:  # too few points, or all on one line
         return False
-    return bool((hull.equations[:, :2] @ centre[[0, 2]] + hull.equations[:, 2]).max() <= _STEADY)
+    return bool((hull.equations * np.append(centre[[0, 2]], 1.0)).sum(axis=1).max() <= _STEADY)

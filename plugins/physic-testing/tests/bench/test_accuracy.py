@@ -186,7 +186,7 @@ def bench(*arguments):
 @pytest.fixture
 def known_worlds(monkeypatch):
     """Worlds that other tests build too, in the place of drawn ones."""
-    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size: (CASE,) * count)
+    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, **_: (CASE,) * count)
 
 
 def test_bench_alone_says_what_there_is():

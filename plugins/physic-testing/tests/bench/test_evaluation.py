@@ -111,7 +111,7 @@ def test_who_is_not_found_is_a_failure_that_scores_nothing(world, truth, skin):
     only = Estimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
     first, second = evaluator.person_records(only)
     assert first["found"]
-    assert second == {
+    facts = {
         "found": False,
         "why": "no person was found there",
         "hits": 0,
@@ -121,6 +121,8 @@ def test_who_is_not_found_is_a_failure_that_scores_nothing(world, truth, skin):
         "recall": 0.0,
         "f1": 0.0,
     }
+    assert {name: second[name] for name in facts} == facts
+    assert second["people_misses"] == (world.touched_person[1] >= 0).sum()
     broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
     assert [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)] == [
         "",
