@@ -19,7 +19,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InvalidArrayError", "PickledObject", "UnsafePickleError", "as_array", "escape_unprintable", "read_pickle"]
+__all__ = [
+    "InvalidArrayError",
+    "PickledObject",
+    "UnsafePickleError",
+    "as_array",
+    "escape_unprintable",
+    "read_pickle",
+    "read_pickled_items",
+]
 
 _MAX_FILE_BYTES = 2**30
 """Bytes. The largest published body model has a quarter of that."""
@@ -59,6 +67,23 @@ def read_pickle(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
+
+
+def read_pickled_items(data: bytes) -> list[Any]:
+    """Read a pickled one-dimensional array of Python objects, with placeholders as in :func:`read_pickle`.
+
+    Raises:
+        UnsafePickleError: it names an object that could run code.
+        InvalidArrayError: it is not such an array.
+        Exception: any error of data that is not a pickle.
+    """
+    found = _Unpickler(_BoundedStream(data), encoding="latin1").load()
+    state = found.state if isinstance(found, _Array) else None
+    if not isinstance(state, tuple) or len(state) != 5 or not isinstance(state[4], list):
+        raise InvalidArrayError("is no array of objects")
+    if _shape(state[1]) != (len(state[4]),):
+        raise InvalidArrayError("is an array of objects whose shape does not fit")
+    return state[4]
 
 
 def as_array(value: Any) -> NDArray[Any]:

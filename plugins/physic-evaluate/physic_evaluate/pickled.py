@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import pickle
+import zipfile
+import zlib
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from physic_core.body.array_pickle import (
     InvalidArrayError,
@@ -14,10 +19,11 @@ from physic_core.body.array_pickle import (
     as_array,
     escape_unprintable,
     read_pickle,
+    read_pickled_items,
 )
 from physic_evaluate.damage import DamagedFileError
 
-__all__ = ["cached_pickle", "pickled_arrays"]
+__all__ = ["cached_pickle", "pickled_arrays", "read_object_rows"]
 
 
 def pickled_arrays(path: Path) -> dict[str, Any]:
@@ -46,6 +52,36 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
         raise DamagedFileError(
             f"{path} is not a complete pickle ({reason}): it is damaged or cut off, copy it again"
         ) from error
+
+
+def read_object_rows(path: Path, name: str) -> list[Any]:
+    """Return the items of an array of Python objects in a .npz file: dictionaries, lists, texts, numbers and arrays.
+
+    Raises:
+        KeyError: the file has no such array.
+        DamagedFileError: the array is cut off, is not one list of objects, or names anything that could run code.
+    """
+    place = f"{path}: '{name}'"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            stream = io.BytesIO(archive.read(f"{name}.npy"))
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again") from error
+    try:
+        version = np.lib.format.read_magic(stream)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = header(stream)
+        if dtype.kind != "O" or len(shape) != 1:
+            raise DamagedFileError(f"{place} must be a list of Python objects, got {shape} of {dtype}")
+        return [_plain(item) for item in read_pickled_items(stream.read())]
+    except UnsafePickleError as error:
+        raise DamagedFileError(
+            f"{place} holds {error}, which is refused: only numbers and texts are read, since others can run code"
+        ) from error
+    except InvalidArrayError as error:
+        raise DamagedFileError(f"{place} {error}") from error
+    except (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        raise DamagedFileError(f"{place} cannot be read: it is damaged or cut off, copy it again") from error
 
 
 @lru_cache(maxsize=4)

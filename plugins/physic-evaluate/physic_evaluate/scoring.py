@@ -115,10 +115,13 @@ def score_frame(
             record |= pose_errors(found, person, rules, reasons)
             record |= _camera_errors(frame, prediction)
             record |= contact_errors(found, person, true_maps, rules, reasons)
+            record |= touched_errors(found, person, true_maps, rules)
             record |= _physics(frame, truth, found, true_maps, rules, reasons)
             record["unmeasured"] = reasons.texts
         else:
             record["contact"] = {name: _missed(contact) for name, (contact, _) in true_maps.items()}
+            if person.contact_classes is not None and prediction is not None:
+                record["touched"] = {name: _missed(rows) for name, rows in person.contact_classes.items()}
         if prediction is not None:
             record |= _floor_errors(truth, prediction)
         records.append(record)
@@ -259,6 +262,35 @@ def contact_errors(
         error = geodesic_error(graph, predicted, true_maps[main][0])
         record |= {"geodesic_fp_cm": float(error.false_positive_cm), "geodesic_fn_cm": float(error.false_negative_cm)}
     return record
+
+
+def touched_errors(
+    found: PredictedPerson, person: TruePerson, true_maps: Mapping[str, tuple[Bools, str]], rules: ScoringRules
+) -> Record:
+    """Return the counts of contact vertices of each class, and those in contact whose class is right.
+
+    Empty if truth or result does not state what is touched, or if contact cannot be carried to the mesh of the truth.
+    """
+    if person.contact_classes is None or found.contact_classes is None or not true_maps:
+        return {}
+    _, target = next(iter(true_maps.values()))
+    source = found.contact_topology or found.topology
+    carried = {name: rules.carrier.contact(rows, source, target) for name, rows in found.contact_classes.items()}
+    right = np.zeros(len(next(iter(person.contact_classes.values()))), bool)
+    counted, predicted = {}, right.copy()
+    for name, rows in carried.items():
+        if rows is None:
+            return {}
+        counts = contact_counts(rows, person.contact_classes[name])
+        counted[name] = {
+            "hits": int(counts.hits),
+            "false_alarms": int(counts.false_alarms),
+            "misses": int(counts.misses),
+        }
+        right |= rows & person.contact_classes[name]
+        predicted |= rows
+    both = int((predicted & np.any(list(person.contact_classes.values()), axis=0)).sum())
+    return {"touched": counted, "class_right": int(right.sum()), "class_known": both}
 
 
 def main_rule(names: Sequence[str], rules: ScoringRules) -> str | None:

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from physic_core.types import ContactPartner
 from physic_evaluate.bodies import BodyFiles
 from physic_evaluate.datasets.emdb import DATA_SET as EMDB
 from physic_evaluate.datasets.emdb import EmdbOptions
+from physic_evaluate.touched_classes import CLASSES, class_of_object, class_of_partner
 
 from .miniatures import SIZE, Files, K, figures, moved_by, python2_pickle, rigid, rotation, run, write_plain
 
@@ -52,6 +54,68 @@ def test_damon_scores_as_the_challenge_and_writes_its_file(damon: tuple[Path, np
         sent = pickle.loads(archive.read("results.pkl"))
     assert list(sent) == ["hake_0.jpg", "hake_1.jpg", "hake_2.jpg"]
     assert np.array(sent["hake_0.jpg"]["gen_contact_vids"]).tolist() == predicted[0].astype(int).tolist()
+
+
+def test_objects_are_scored_by_class(damon: tuple[Path, np.ndarray], tmp_path: Path):
+    """The first photo has vertices 1 and 2 on a chair; the others have no object."""
+    contact = np.zeros((3, 6890), bool)
+    names = np.full((3, 6890), "", "<U10")
+    contact[0, 1:4], names[0, 1], names[0, 2:4] = True, "seat", "object"  # one of two is right, one false alarm
+    contact[1, 7], names[1, 7] = True, "supporting"
+    for i in range(3):
+        write_plain(tmp_path / "theirs", f"hake_{i}", contact=contact[i][None], contact_class=names[i][None])
+    arguments = ("--results", f"theirs=plain:{tmp_path / 'theirs'}")
+    done = run("damon", str(damon[0]), "-o", str(tmp_path / "out"), *arguments)
+    assert done.exit_code == 0, done.output
+    found = figures(tmp_path / "out", "theirs")
+    assert found["touched_right"] == 1 / 2
+    assert found["touched_f1@seat"] == pytest.approx(2 / 3)
+    assert found["touched_f1@object"] == found["touched_f1@supporting"] == 0
+    assert "touched_f1@bed" not in found
+
+
+@pytest.mark.parametrize(
+    ("objects", "message"),
+    [
+        ([{"chair": [6890]}, {}, {}], "must hold vertex ids from 0 to 6889 for 'chair'"),
+        ([{"chair": [0.5]}, {}, {}], "must hold vertex ids from 0 to 6889 for 'chair'"),
+        ([{"chair": [1]}], "must have 3 entries, got 1"),
+        ([["chair"], {}, {}], "must be a dictionary from object to vertex ids for each photo"),
+        ([Path("/"), {}, {}], "holds pathlib.PosixPath, which is refused: only numbers and texts are read"),
+    ],
+)
+def test_damaged_objects_are_refused(damon: tuple[Path, np.ndarray], objects: list, message: str, tmp_path: Path):
+    labels = damon[0] / "Release_Datasets" / "damon" / "hot_dca_test.npz"
+    with np.load(labels) as old:
+        kept = {name: old[name] for name in ("imgname", "contact_label")}
+    rows = np.empty(len(objects), object)
+    rows[:] = objects
+    np.savez(labels, **kept, contact_label_objectwise=rows)
+    done = run("damon", str(damon[0]), "-o", str(tmp_path / "out"))
+    assert done.exit_code != 0
+    assert message in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize(
+    ("partner", "name"),
+    [
+        (ContactPartner("floor", "rug"), "supporting"),
+        (ContactPartner("scene", "seat", id=0), "seat"),
+        (ContactPartner("scene", "wall", id=0), "supporting"),
+        (ContactPartner("scene", "", id=0), ""),
+        (ContactPartner("hidden", "seat"), "seat"),
+        (ContactPartner("person", person=1, part="head"), "person"),
+        (ContactPartner("self", part="head"), ""),
+    ],
+)
+def test_the_class_of_a_partner(partner: ContactPartner, name: str):
+    assert class_of_partner(partner) == name
+
+
+def test_objects_without_a_class_of_their_own_are_objects():
+    names = ("couch", "Dining Table", "skateboard", "supporting", "car", "frisbee")
+    assert [class_of_object(name) for name in names] == ["seat", "table", "object", "supporting", "vehicle", "object"]
+    assert all(class_of_object(name) in CLASSES for name in names)
 
 
 def test_contact_of_another_mesh_needs_the_files_of_both(damon: tuple[Path, np.ndarray], tmp_path: Path):

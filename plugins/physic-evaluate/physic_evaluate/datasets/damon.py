@@ -14,6 +14,8 @@ import numpy as np
 from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
 from physic_evaluate.damage import DamagedFileError, as_numbers
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
+from physic_evaluate.pickled import read_object_rows
+from physic_evaluate.touched_classes import CLASSES, class_of_object
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,11 +29,14 @@ if TYPE_CHECKING:
 __all__ = ["DATA_SET", "Damon", "DamonOptions", "write_submission"]
 
 LABELS = {"smpl": ("contact_label", 6890), "smplx": ("contact_label_smplx", 10475)}
+OBJECTS = {"smpl": "contact_label_objectwise", "smplx": "contact_label_smplx_objectwise"}
+"""Arrays of a dictionary per photo: object -> ids of the vertices that touch it."""
 PATHS = ("Release_Datasets/damon/{name}", "damon/{name}", "{name}")
 
 TREE = """\
 ROOT/
-  Release_Datasets/damon/hot_dca_test.npz     imgname, contact_label (n, 6890), contact_label_smplx (n, 10475), ...
+  Release_Datasets/damon/hot_dca_test.npz     imgname, contact_label (n, 6890), contact_label_smplx (n, 10475);
+                                              optional: contact_label_objectwise, contact_label_smplx_objectwise
   <imgname> ...                               pictures, at the paths that imgname gives, or below ROOT by their name"""
 
 
@@ -81,6 +86,9 @@ class Damon(DataSet):
                 "As in the challenge, the threshold is .5, and scores are means over photos: without predicted contact "
                 "P = 1 and R = F1 = 0; without true contact P = 0, R = 1, F1 = 0.",
                 "The one annotated person is the method's best.",
+                "Objects of contact_label_objectwise are compared by class: supporting (floor, ground, stairs, wall), "
+                "seat (chair, couch, bench, toilet), bed, table, cabinet (refrigerator, oven, sink), vehicle, "
+                "vegetation, person; all others are object. Objects of one class in a photo count together.",
                 "Geodesic distances are measured on the edges of the mesh's T-pose, not by the published matrix.",
                 "results-NAME.zip, with results.pkl, is the submission file of the challenge.",
             ),
@@ -111,6 +119,7 @@ class Damon(DataSet):
         contact = as_numbers(_array(file, key), f"{file}: '{key}'")
         if contact.shape != (len(names), count):
             raise DamagedFileError(f"{file}: '{key}' must be ({len(names)}, {count}), got {contact.shape}")
+        objects = _objects(file, OBJECTS[options.mesh], len(names), count)
         known: Bools = np.asarray(np.isfinite(contact).all(axis=1))
         frames, left_out = [], {}
         for row in range(0, len(names), options.every):
@@ -119,7 +128,7 @@ class Damon(DataSet):
             if not known[row]:
                 left_out[identifier] = f"{file}: '{key}' of {name} has values that are not finite"
                 continue
-            load = partial(_truth, contact[row] >= 0.5, options.mesh)
+            load = partial(_truth, contact[row] >= 0.5, options.mesh, None if objects is None else objects[row])
             labels = {"image": name}
             frames.append(Frame(identifier, identifier, load, None, Picture(picture) if picture else None, labels))
         if len({frame.id for frame in frames}) < len(frames):
@@ -163,8 +172,41 @@ def write_submission(evaluation: Evaluation, method: str, out: Path, carrier: Ca
     return path
 
 
-def _truth(contact: Bools, mesh: str) -> Truth:
-    return Truth((TruePerson(contact=contact, topology=mesh),))
+def _truth(contact: Bools, mesh: str, objects: dict[str, list[int]] | None) -> Truth:
+    if objects is None:
+        return Truth((TruePerson(contact=contact, topology=mesh),))
+    touched = {name: np.zeros(len(contact), bool) for name in CLASSES}
+    for name, vertices in objects.items():
+        touched[class_of_object(name)][vertices] = True
+    return Truth((TruePerson(contact=contact, topology=mesh, contact_classes=touched),))
+
+
+def _objects(file: Path, key: str, photos: int, count: int) -> list[dict[str, list[int]]] | None:
+    """Return the vertices of each object in each photo; None if the file has no such labels.
+
+    Raises:
+        DamagedFileError: the labels are not a dictionary of vertex ids per photo.
+    """
+    try:
+        rows = read_object_rows(file, key)
+    except KeyError:
+        return None
+    if len(rows) != photos:
+        raise DamagedFileError(f"{file}: '{key}' must have {photos} entries, got {len(rows)}")
+    return [_vertices_by_object(row, f"{file}: '{key}'", count) for row in rows]
+
+
+def _vertices_by_object(row: Any, where: str, count: int) -> dict[str, list[int]]:
+    if not isinstance(row, dict) or not all(isinstance(name, str) for name in row):
+        raise DamagedFileError(f"{where} must be a dictionary from object to vertex ids for each photo")
+    found = {}
+    for name, ids in row.items():
+        vertices = np.asarray(ids)
+        whole = vertices.dtype.kind in "iu" and vertices.ndim == 1
+        if vertices.size and not (whole and vertices.min() >= 0 and vertices.max() < count):
+            raise DamagedFileError(f"{where} must hold vertex ids from 0 to {count - 1} for '{name}'")
+        found[name] = vertices.astype(np.int64).tolist()
+    return found
 
 
 def _labels_file(root: Path, options: DamonOptions) -> Path | None:

@@ -11,6 +11,7 @@ from physic_core.body.joints import JOINT_NAMES
 from physic_evaluate.contract import PredictedPerson, Prediction
 from physic_evaluate.joints import LIMB_JOINTS
 from physic_evaluate.readers.base import ResultReader, file_names
+from physic_evaluate.touched_classes import class_of_partner, contact_by_class
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,10 +84,19 @@ def _person(person: Person, topology: str, result: Reconstruction, factor: Array
         joints=person.joints.astype(np.float64) if finite else None,
         joint_names=tuple(JOINT_NAMES),
         contact=person.contact,
+        contact_classes=_classes(person, result),
         keypoints=keypoints,
         box=np.asarray(person.box, np.float64) * np.tile(factor, 2),
         grade=str(person.grade or ""),
     )
+
+
+def _classes(person: Person, result: Reconstruction) -> dict[str, NDArray[np.bool_]] | None:
+    """Return the contact vertices of each class; None for results of versions without contact partners."""
+    if person.contact_partner is None:
+        return None
+    names = np.array([*map(class_of_partner, result.contact_partners), ""])
+    return contact_by_class(names[person.contact_partner])
 
 
 def _size(result: Reconstruction, frame: Frame) -> tuple[int, int]:

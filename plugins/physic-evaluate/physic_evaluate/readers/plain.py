@@ -20,6 +20,7 @@ from physic_evaluate.readers.base import (
     person_of_body,
     person_of_vertices,
 )
+from physic_evaluate.touched_classes import CLASSES, contact_by_class
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +31,18 @@ if TYPE_CHECKING:
 
 __all__ = ["READER", "Plain"]
 
-_PER_PERSON = ("vertices", "joints", "body_pose", "global_orient", "betas", "transl", "contact", "keypoints", "boxes")
+_PER_PERSON = (
+    "vertices",
+    "joints",
+    "body_pose",
+    "global_orient",
+    "betas",
+    "transl",
+    "contact",
+    "contact_class",
+    "keypoints",
+    "boxes",
+)
 _PARAMETERS = ("global_orient", "body_pose", "betas", "transl")
 
 
@@ -39,7 +51,8 @@ class Plain(ResultReader):
 
     ``vertices`` (P, V, 3) m of a known mesh, or ``joints`` (P, J, 3) with ``joint_names`` (J), or parameters of SMPL-X
     (``body_pose`` of 21 joints) or SMPL (of 23) with the names of those models, each (P, ...). Optional: ``K`` (3, 3),
-    ``contact`` (P, V), ``scene_points`` (M, 3), ``floor`` (4,), ``keypoints`` (P, 12, 2), ``boxes`` (P, 4). P may be 0.
+    ``contact`` (P, V), ``contact_class`` (P, V) texts of ``touched_classes.CLASSES``, "" without contact,
+    ``scene_points`` (M, 3), ``floor`` (4,), ``keypoints`` (P, 12, 2), ``boxes`` (P, 4). P may be 0.
     """
 
     name: ClassVar[str] = "plain"
@@ -92,9 +105,28 @@ class Plain(ResultReader):
             joint_names=person.joint_names if joints is None else names,
             contact=person.contact,
             contact_topology=_topology(arrays, person.contact.size) if person.contact is not None else "",
+            contact_classes=_classes(arrays, row, person, path),
             keypoints=_shaped(own("keypoints"), (12, 2), "keypoints", path) if "keypoints" in arrays else None,
             box=_shaped(own("boxes"), (4,), "boxes", path) if "boxes" in arrays else None,
         )
+
+
+def _classes(arrays: Mapping[str, Any], row: int, person: PredictedPerson, path: Path) -> dict[str, Any] | None:
+    """Return the contact vertices of each class.
+
+    Raises:
+        DamagedFileError: the classes are no known names, or not of the contact's vertices.
+    """
+    if "contact_class" not in arrays or person.contact is None:
+        return None
+    names = arrays["contact_class"][row]
+    unknown = sorted({*map(str, np.unique(names))} - {*CLASSES, ""})
+    if unknown or names.shape != person.contact.shape:
+        given = f"got {', '.join(map(repr, unknown[:5]))}" if unknown else f"got {names.shape}"
+        raise DamagedFileError(
+            f"{path}: 'contact_class' must be (P, {person.contact.size}) of {', '.join(CLASSES)} or ''; {given}"
+        )
+    return contact_by_class(names)
 
 
 def _is_per_person(name: str) -> bool:
