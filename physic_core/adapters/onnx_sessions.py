@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import mmap
 import re
@@ -71,7 +72,9 @@ class OnnxSession:
         return found
 
 
-def open_session(path: Path, threads: int, device: str, provider: str = "auto", *, broken: str) -> OnnxSession:
+def open_session(
+    path: Path, threads: int, device: str, provider: str = "auto", *, broken: str, sha256: str = ""
+) -> OnnxSession:
     """Open an ONNX file.
 
     Args:
@@ -80,14 +83,16 @@ def open_session(path: Path, threads: int, device: str, provider: str = "auto", 
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
+        sha256: that the file must have, of a graph without external data files; "" for any.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
-        BackendError: the file is broken, or an external data file is missing.
+        BackendError: the file is broken or has another SHA-256, or an external data file is missing.
     """
     import onnxruntime as ort
 
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
+    content = _read_compared(path, sha256, broken) if sha256 else b""
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     # Level 4 hides the errors of a provider that does not start: they are raised below.
@@ -101,7 +106,7 @@ def open_session(path: Path, threads: int, device: str, provider: str = "auto", 
     # Threads that wait for work in a loop take processor time from others, and finish later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        session = ort.InferenceSession(str(path), options, providers=[*settings, *fallback])
+        session = ort.InferenceSession(content or str(path), options, providers=[*settings, *fallback])
     except Exception as cause:  # onnxruntime's own exceptions share no public base class
         raise _open_error(path, chosen, cause, broken) from cause
     running = session.get_providers()
@@ -149,6 +154,18 @@ def select_provider(
     if key == "directml":
         return provider, [(provider.key, index)]
     return provider, [provider.key]
+
+
+def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
+    """Return the bytes of a file that has a known SHA-256: they are used, whatever becomes of the file."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise BackendError(f"{path} cannot be read: {error.strerror}. {broken}") from error
+    found = hashlib.sha256(content).hexdigest()
+    if found != sha256:
+        raise BackendError(f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}")
+    return content
 
 
 @cache

@@ -169,12 +169,12 @@ def where(name: str, file: str | None) -> None:
     """Print only the path of the weight set NAME, or of its FILE."""
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
-    from physic_core.weights.locate import locate
+    from physic_core.weights.locate import find
 
     manifests = discover().manifests
     one = read_library(manifests).get(name)
     manifest = next(m for m in manifests if m.origin == one.origin)
-    click.echo(locate(manifest.path, one.weights.name, file))
+    click.echo(find(manifest.path, one.weights.name, file))
 
 
 def _library() -> WeightLibrary:

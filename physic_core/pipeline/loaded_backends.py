@@ -12,6 +12,7 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pipeline.time_limit import timed_call
+from physic_core.weights.published import require_unchanged_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
@@ -36,7 +37,8 @@ class LoadedBackends:
         if key not in self._ready:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
-            resolved.backend.load(self._device)
+            with require_unchanged_files():
+                resolved.backend.load(self._device)
             self._ready.add(key)
         return time.perf_counter() - start
 

@@ -9,12 +9,13 @@ import zipfile
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
 from physic_core.errors import DownloadError
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
-from physic_core.weights.transfer import ResumableDownload, wrap_write_errors
+from physic_core.weights.transfer import ResumableDownload, require_room, wrap_write_errors
 from physic_core.weights.verify import describe_mismatch
 
 __all__ = ["Progress", "fetch", "format_licence"]
@@ -233,21 +234,33 @@ def _extract_member(archive: Path, origin: WebSource, file: WeightFile, target: 
     """Extract one file of a zip archive to ``target``; names in the archive never determine the path."""
     part = target.with_name(f"{target.name}.member")
     try:
-        with zipfile.ZipFile(archive) as opened, wrap_write_errors(part):
+        with zipfile.ZipFile(archive) as opened:
             member, wrong = _find_member(opened, origin, file)
             if not wrong:
+                require_room(part.parent, opened.getinfo(member).file_size)
                 with opened.open(member) as inside, part.open("wb") as out:
-                    shutil.copyfileobj(inside, out, 1 << 20)
+                    _copy(inside, out, part)
                 if wrong := describe_mismatch(part, file):
                     wrong = f"{origin.url}#{origin.member} was extracted, but {wrong}: removed"
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-        wrong = f"{origin.url} is not a readable zip archive ({error}): removed"
-    if wrong:  # the archive is invalid or has another version
+        if not wrong:
+            with wrap_write_errors(target):
+                os.replace(part, target)
+    except DownloadError:
+        raise
+    except Exception as error:  # of zipfile and its decompressors, which share no base class
+        reason = ascii(str(error))[1:-1][:200]
+        wrong = f"{origin.url} is not a readable zip archive ({reason}): removed"
+    finally:
         part.unlink(missing_ok=True)
+    if wrong:  # the archive is invalid or has another version
         shutil.rmtree(archive.parent, ignore_errors=True)
         raise DownloadError(wrong)
-    with wrap_write_errors(target):
-        os.replace(part, target)
+
+
+def _copy(inside: IO[bytes], out: IO[bytes], part: Path) -> None:
+    while piece := inside.read(1 << 20):
+        with wrap_write_errors(part):
+            out.write(piece)
 
 
 def _find_member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
@@ -273,4 +286,5 @@ def _find_member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -
 
 
 def _abbreviate(names: list[str]) -> str:
-    return ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    shown = [name if name.isprintable() else ascii(name)[1:-1] for name in names[:8]]
+    return ", ".join(shown) + (", ..." if len(names) > 8 else "")

@@ -18,9 +18,11 @@ from physic_core.weights.folders import (
     user_folders,
 )
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
+from physic_core.weights.published import require_published
 
 __all__ = [
     "LocatedFiles",
+    "find",
     "fingerprint",
     "format_size",
     "how_to_get",
@@ -45,7 +47,9 @@ class LocatedFiles:
 
 
 def locate(manifest: Path, value: str, file: str | None = None) -> Path:
-    """Return the path of a weight file, or of the folder of a weight set.
+    """Return the path of a weight file, or of the folder of a weight set, after a comparison with its SHA-256.
+
+    A file of a set that is not the published one is refused. A path of the user is not compared with anything.
 
     Args:
         manifest: the plugin's TOML file, or a folder of TOML files.
@@ -58,6 +62,26 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
 
     Raises:
         WeightsMissingError: files are missing; the message lists the searched folders and how to get the files.
+        BackendError: a file is not the published one, or the manifest is invalid.
+    """
+    found = find(manifest, value, file)
+    weights = read_manifest(manifest).get(value)
+    if weights is not None:
+        here = locate_files(weights).files
+        advice = (
+            f"move it away, then {how_to_get(weights)}; to use a file of your own, give its path in place of '{value}'"
+        )
+        for wanted in weights.files:
+            if file in (None, wanted.path):
+                require_published(here[wanted.path], wanted, advice)
+    return found
+
+
+def find(manifest: Path, value: str, file: str | None = None) -> Path:
+    """Return the path of :func:`locate`, without reading the file.
+
+    Raises:
+        WeightsMissingError: as in :func:`locate`.
         BackendError: the manifest is invalid.
     """
     weights = read_manifest(manifest).get(value)
@@ -78,13 +102,13 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
 
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
-    """Return a message about the files that :func:`locate` does not find; empty if no file is missing.
+    """Return a message about the files that :func:`locate` does not find; empty if no file is missing. Reads no file.
 
     Raises:
         BackendError: the manifest is invalid.
     """
     try:
-        locate(manifest, value, file)
+        find(manifest, value, file)
     except WeightsMissingError as error:
         return (str(error).partition("\nsearched: ")[0],)
     return ()
@@ -93,7 +117,7 @@ def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, .
 def fingerprint(manifest: Path, value: str) -> str:
     """Return a digest of the content of the weights, independent of their path; "" if they are missing."""
     try:
-        found = locate(manifest, value)
+        found = find(manifest, value)
     except WeightsMissingError:
         return ""
     weights = read_manifest(manifest).get(value)

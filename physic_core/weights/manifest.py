@@ -38,6 +38,8 @@ __all__ = ["HubSource", "WebSource", "WeightFile", "WeightSet", "is_inside", "re
 _NAME = re.compile(r"[a-z0-9]+([._-][a-z0-9]+)*")
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
+_MAX_BYTES = 2**63
+_MAX_SHOWN = 80
 _HASH = re.compile(r"[0-9a-f]{64}")
 
 
@@ -169,14 +171,17 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
         except OSError as error:
             raise BackendError(f"the weight manifest {file} cannot be read: {error.strerror}") from error
         except ValueError as error:  # no TOML, or no UTF-8
-            faults.append(f"{file}: {error}")
+            faults.append(f"{file}: {ascii(str(error))[1:-1]}")
+            continue
+        except RecursionError:
+            faults.append(f"{file}: its arrays or tables are nested too deeply")
             continue
         for name, table in tables.items():
             found: list[str] = []
             if name in owner:
                 found.append(f"is in {owner[name].name} already")
             made = _set(name, table, found)
-            faults += [f"{file}: [{name}] {fault}" for fault in found]
+            faults += [f"{file}: [{_shown(name)[1:-1]}] {fault}" for fault in found]
             if made is not None and not found:
                 sets[name], owner[name] = made, file
     if faults:
@@ -206,7 +211,7 @@ def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
     if not _NAME.fullmatch(name):
         faults.append("should be of a-z, 0-9, and single hyphens, dots or underscores between them")
     if not isinstance(table, dict):
-        faults.append(f"should be a table, got {table!r}")
+        faults.append(f"should be a table, got {_shown(table)}")
         return None
     if not _keys(table, _KEYS, "", faults):
         return None
@@ -235,20 +240,21 @@ def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
 
 def _file(entry: Any, at: str, faults: list[str]) -> WeightFile | None:
     if not isinstance(entry, dict):
-        faults.append(f"{at}should be a table, got {entry!r}")
+        faults.append(f"{at}should be a table, got {_shown(entry)}")
         return None
     if not _keys(entry, _FILE_KEYS, at, faults):
         return None
     path, size, digest, source = entry["path"], entry.get("bytes"), entry.get("sha256"), entry.get("source", "")
     if not is_inside(path):
-        faults.append(f"{at}path should be inside the folder of the set, got {path!r}")
-    if size is not None and size <= 0:
-        faults.append(f"{at}bytes should be > 0, got {size}")
+        faults.append(f"{at}path should be inside the folder of the set, got {_shown(path)}")
+    if size is not None and not 0 < size < _MAX_BYTES:
+        faults.append(f"{at}bytes should be > 0{'' if size <= 0 else ' and below 2**63'}, got {_shown(size)}")
     if digest is not None and not _HASH.fullmatch(digest):
-        faults.append(f"{at}sha256 should be 64 digits of 0-9 and a-f, got {digest!r}")
+        faults.append(f"{at}sha256 should be 64 digits of 0-9 and a-f, got {_shown(digest)}")
     if source and not _is_source(source):
         faults.append(
-            f"{at}source should be hf://owner/repository/path[@revision] or https://host/path[#member], got {source!r}"
+            f"{at}source should be hf://owner/repository/path[@revision] or https://host/path[#member], "
+            f"got {_shown(source)}"
         )
     elif source.startswith("http://") and digest is None:
         faults.append(f"{at}source is http://, which is not secure: add its sha256, or use https://")
@@ -268,13 +274,22 @@ def _keys(table: Mapping[str, Any], known: Mapping[str, tuple[type, bool, str]],
     for key in table:
         if key not in known:
             close = get_close_matches(key, known, n=1)
-            faults.append(f"{at}has an unknown key '{key}'" + (f". Did you mean '{close[0]}'?" if close else ""))
+            faults.append(f"{at}has an unknown key {_shown(key)}" + (f". Did you mean '{close[0]}'?" if close else ""))
     for key, (kind, needed, words) in known.items():
         if key not in table:
             if needed:
                 faults.append(f"{at}has no {key}")
         elif not isinstance(table[key], kind) or (kind is int and isinstance(table[key], bool)):
-            faults.append(f"{at}{key} should be {words}, got {table[key]!r}")
+            faults.append(f"{at}{key} should be {words}, got {_shown(table[key])}")
         elif needed and kind is str and not table[key].strip():
             faults.append(f"{at}{key} should not be empty")
     return len(faults) == before
+
+
+def _shown(value: Any) -> str:
+    """Return a value as one line of ASCII, of at most 80 characters."""
+    try:
+        text = ascii(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or deep tables
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _MAX_SHOWN else f"{text[: _MAX_SHOWN - 3]}..."

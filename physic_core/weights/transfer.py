@@ -16,7 +16,7 @@ from typing import IO, Any
 from physic_core.errors import DownloadError
 from physic_core.weights.locate import format_size
 
-__all__ = ["ByteProgress", "ResumableDownload", "wrap_write_errors", "write_error"]
+__all__ = ["ByteProgress", "ResumableDownload", "require_room", "wrap_write_errors", "write_error"]
 
 ByteProgress = Callable[[int, int | None], None]
 """Callback with the bytes downloaded so far, and the total if known."""
@@ -182,7 +182,7 @@ class ResumableDownload:
             _lock(file, self.part)
             if not have:
                 file.truncate(0)
-            _require_room(self.part.parent, None if total is None else total - have)
+            require_room(self.part.parent, None if total is None else total - have)
             self._identity_file.write_text(f"{url}\n{tag}\n", "utf-8")
             done = have
             self.report(done, total)
@@ -228,7 +228,8 @@ def write_error(folder: Path, error: OSError) -> DownloadError:
     )
 
 
-def _require_room(folder: Path, size: int | None) -> None:
+def require_room(folder: Path, size: int | None) -> None:
+    """Raise DownloadError if a disk has less space than ``size`` bytes."""
     if size is not None and shutil.disk_usage(folder).free < size:
         raise DownloadError(_no_room(folder, size))
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from physic_core.weights.manifest import WeightFile
 
-__all__ = ["describe_mismatch", "git_blob_hash", "sha256_of"]
+__all__ = ["describe_mismatch", "git_blob_hash", "sha256_of", "sha256_of_open"]
 
 _CHUNK = 1 << 20
 
@@ -25,16 +25,22 @@ def describe_mismatch(path: Path, file: WeightFile) -> str:
 
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
-    return _digest(path, hashlib.sha256())
+    with path.open("rb") as file:
+        return sha256_of_open(file)
+
+
+def sha256_of_open(file: BinaryIO) -> str:
+    """Return the SHA-256 of an open file, from its place on, as hexadecimal digits."""
+    return _digest(file, hashlib.sha256())
 
 
 def git_blob_hash(path: Path) -> str:
     """Return the git blob hash of a file; Hugging Face uses it as ETag of small files."""
-    return _digest(path, hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False))
-
-
-def _digest(path: Path, digest: Any) -> str:
     with path.open("rb") as file:
-        while piece := file.read(_CHUNK):
-            digest.update(piece)
+        return _digest(file, hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False))
+
+
+def _digest(file: BinaryIO, digest: Any) -> str:
+    while piece := file.read(_CHUNK):
+        digest.update(piece)
     return str(digest.hexdigest())

@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
 import pytest
 
 from physic_core.errors import BackendError, DeviceError
+from physic_embedded.networks import sessions
 from physic_embedded.networks.sessions import WEIGHTS_FOLDER, PackagedNetworks, open_session, weights_path
 
 MODELS = {m["file"]: m for m in json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())["models"]}
@@ -40,6 +42,32 @@ def test_every_network_has_an_attribution_and_its_licence_text() -> None:
         text = (WEIGHTS_FOLDER / "LICENSES" / f"MIT-{owner}.txt").read_text()
         assert "Permission is hereby granted" in text
         assert who in text
+
+
+def test_a_network_with_one_other_bit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "palm_detection_full.onnx"
+    content = bytearray((WEIGHTS_FOLDER / name).read_bytes())
+    content[1_000_000] ^= 1
+    (tmp_path / name).write_bytes(content)
+    monkeypatch.setattr(sessions, "WEIGHTS_FOLDER", tmp_path)
+    monkeypatch.setattr(sessions, "_published_sha256", lambda name: MODELS[name]["sha256"])
+    with pytest.raises(BackendError) as error:
+        open_session("palm_detection_full")
+    assert str(error.value) == (
+        f"{tmp_path / name} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
+        f"{MODELS[name]['sha256']}. Install physic-embedded again from its wheel."
+    )
+
+
+def test_a_manifest_without_the_network_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}]}')
+    monkeypatch.setattr(sessions, "WEIGHTS_FOLDER", tmp_path)
+    with pytest.raises(BackendError) as error:
+        sessions._published_sha256.__wrapped__("net.onnx")
+    assert str(error.value) == (
+        f"{tmp_path / 'MANIFEST.json'} is damaged: it has no SHA-256 of net.onnx. "
+        "Install physic-embedded again from its wheel."
+    )
 
 
 def test_a_network_that_is_not_there_is_named_with_those_that_are() -> None:

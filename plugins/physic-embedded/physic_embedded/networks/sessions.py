@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +17,9 @@ __all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "open_session", "weights_path"]
 
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 """Folder of the packaged networks; its ``MANIFEST.json`` describes each of them."""
+
+
+_BROKEN = "Install physic-embedded again from its wheel."
 
 
 class PackagedNetworks:
@@ -73,9 +78,24 @@ def open_session(name: str, threads: int = 2, device: str = "cpu") -> OnnxSessio
         device: "cpu", "cuda" or "cuda:N".
 
     Raises:
-        BackendError: the package does not contain this network, or onnxruntime cannot open it.
+        BackendError: the package does not contain this network, it has another SHA-256 than in ``MANIFEST.json``, or
+            onnxruntime cannot open it.
         DeviceError: the device does not exist, or the installed onnxruntime cannot use it.
     """
-    return onnx_sessions.open_session(
-        weights_path(name), threads, device, broken="Install physic-embedded again from its wheel."
-    )
+    path = weights_path(name)
+    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=_published_sha256(path.name))
+
+
+@cache
+def _published_sha256(name: str) -> str:
+    """Return the SHA-256 of a packaged network by its file name.
+
+    Raises:
+        BackendError: ``MANIFEST.json`` is damaged.
+    """
+    path = WEIGHTS_FOLDER / "MANIFEST.json"
+    try:
+        digests = {model["file"]: str(model["sha256"]) for model in json.loads(path.read_bytes())["models"]}
+        return digests[name]
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise BackendError(f"{path} is damaged: it has no SHA-256 of {name}. {_BROKEN}") from error

@@ -1,0 +1,117 @@
+"""A weight file that is used is the published one: its SHA-256 is compared when it is loaded."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_core.errors import BackendError
+from physic_core.weights import fingerprint, locate, missing, published
+from physic_core.weights.published import require_unchanged_files
+
+CONTENT = b"weights" * 1000
+DIGEST = hashlib.sha256(CONTENT).hexdigest()
+ADVICE = "move it away, then `physic weights fetch net`; to use a file of your own, give its path in place of 'net'"
+
+
+@pytest.fixture
+def folder(lists: Any) -> Path:
+    file = {"path": "model.onnx", "source": "hf://owner/net/model.onnx", "bytes": len(CONTENT), "sha256": DIGEST}
+    return lists.add("net", file)
+
+
+@pytest.fixture
+def model(own_cache: Path) -> Path:
+    path = own_cache / "net" / "model.onnx"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(CONTENT)
+    return path
+
+
+def flip_bit(path: Path) -> str:
+    """Change a bit, as a failing disk does, without a trace in size and time; return the SHA-256."""
+    before = path.stat()
+    content = bytearray(path.read_bytes())
+    content[3456] ^= 4
+    path.write_bytes(content)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    return hashlib.sha256(content).hexdigest()
+
+
+def test_a_file_with_the_published_sha256_is_used(folder: Path, model: Path):
+    assert locate(folder, "net") == locate(folder, "net", "model.onnx") == model
+
+
+def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
+    found = flip_bit(model)
+    with pytest.raises(BackendError) as caught:
+        locate(folder, "net")
+    assert str(caught.value) == (
+        f"{model} is not the published file: its SHA-256 is {found} instead of {DIGEST}: {ADVICE}"
+    )
+    assert missing(folder, "net") == ()
+
+
+def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, model: Path, monkeypatch):
+    model.write_bytes(CONTENT[:-1])
+    monkeypatch.setattr(published, "sha256_of_open", None)
+    with pytest.raises(BackendError) as caught:
+        locate(folder, "net")
+    assert str(caught.value) == (f"{model} is not the published file: it has 6999 bytes instead of 7000: {ADVICE}")
+
+
+def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: Path, monkeypatch):
+    reads = []
+    compute = published.sha256_of_open
+    monkeypatch.setattr(published, "sha256_of_open", lambda file: reads.append(file.name) or compute(file))
+    for _ in range(3):
+        locate(folder, "net")
+    assert reads == [str(model)]
+    flip_bit(model)
+    with pytest.raises(BackendError, match="is not the published file"):
+        locate(folder, "net")
+
+
+def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp_path: Path):
+    good, other = tmp_path / "good", tmp_path / "other"
+    good.write_bytes(CONTENT)
+    other.write_bytes(CONTENT)
+    flip_bit(other)
+    model.unlink()
+    model.symlink_to(good)
+    assert locate(folder, "net") == model
+    model.unlink()
+    model.symlink_to(other)
+    with pytest.raises(BackendError, match="is not the published file"):
+        locate(folder, "net")
+
+
+def test_a_file_that_is_replaced_while_it_is_loaded_is_refused(folder: Path, model: Path, tmp_path: Path):
+    def load(replace: bool) -> None:
+        with require_unchanged_files():
+            locate(folder, "net")
+            if replace:
+                (tmp_path / "other").write_bytes(CONTENT)
+                os.replace(tmp_path / "other", model)
+
+    load(replace=False)
+    with pytest.raises(BackendError) as caught:
+        load(replace=True)
+    assert str(caught.value) == f"{model} was replaced while it was loaded: try again when it is complete"
+    load(replace=False)
+
+
+def test_looking_for_files_reads_none(folder: Path, model: Path, monkeypatch):
+    monkeypatch.setattr(published, "sha256_of_open", None)
+    assert missing(folder, "net") == ()
+    assert fingerprint(folder, "net")
+
+
+def test_a_path_of_the_user_is_not_compared(folder: Path, model: Path, tmp_path: Path):
+    own = tmp_path / "mine.onnx"
+    own.write_bytes(b"other weights")
+    assert locate(folder, str(own)) == own
