@@ -32,7 +32,7 @@ def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | N
 
 
 def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
-    """Return warnings about weight files whose size differs from the published size; the run continues.
+    """Return warnings about weight files whose size differs from the published size; no file is read.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
