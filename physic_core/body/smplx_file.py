@@ -105,7 +105,7 @@ def _read(path: Path) -> dict[str, _Array]:
         )
     try:
         archive = zipfile.ZipFile(path)
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except Exception as error:  # of zipfile, which has many
         raise BodyModelError(f"{path} cannot be read, the file is damaged: copy or download it again") from error
     with archive:
         there = set(archive.namelist())

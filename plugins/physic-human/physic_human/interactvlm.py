@@ -200,7 +200,10 @@ def _upright(path: Path) -> UInt8Array:
     """Read a photo (H, W, 3) RGB with its EXIF rotation applied."""
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    try:
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    except cv2.error:  # too large, or damaged
+        image = None
     if image is None:
         raise BackendError(f"{path} cannot be read as a photo: keep the photo that InteractVLM saw beside its result")
     return np.ascontiguousarray(image[..., ::-1], np.uint8)

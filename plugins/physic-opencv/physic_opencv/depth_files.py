@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["read_depth", "read_points", "resize_nearest"]
 
 _OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
+_PNG = b"\x89PNG\r\n\x1a\n"
+_MAX_PIXELS = 150_000_000  # as of a photo
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 
 
@@ -123,8 +125,8 @@ def _require(path: Path, what: str) -> None:
 
 def _load_npy(path: Path) -> NDArray[np.generic]:
     try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        values = np.load(path, mmap_mode="r", allow_pickle=False)  # refuses a shape that is larger than the file
+    except Exception as error:  # damaged headers lead to many classes
         raise InputError(f"cannot read {path}: it is not a NumPy array of numbers ({error})") from error
     if not isinstance(values, np.ndarray):
         raise InputError(f"cannot read {path}: it is an archive of arrays; save one array with numpy.save")
@@ -132,24 +134,38 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
 
 
 def _load_npz(path: Path) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
-    import zipfile
-
     try:
         with np.load(path, allow_pickle=False) as archive:
             if "points" not in archive:
                 raise InputError(f'cannot read {path}: it has no array "points"; it has {", ".join(archive) or "none"}')
             return archive["points"], archive.get("valid")
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except InputError:
+        raise
+    except Exception as error:  # of NumPy, zipfile and its decompressors, which share no base class
         raise InputError(f"cannot read {path}: it is not an archive of NumPy arrays ({error})") from error
 
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
     import cv2
 
-    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)
+        if head[:8] == _PNG and _pixels(head) > _MAX_PIXELS:
+            raise InputError(
+                f"cannot read the depth map {path}: it has more than {_MAX_PIXELS // 1_000_000} megapixels"
+            )
+        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    except (OSError, cv2.error) as error:
+        raise InputError(f"cannot read the depth map {path}: it cannot be opened, or it is damaged") from error
     if values is None:
         raise InputError(f"cannot read the depth map {path}: it is not a PNG, or it is damaged")
     return np.asarray(values)
+
+
+def _pixels(head: bytes) -> int:
+    """Return the number of pixels of a PNG file from its first 24 bytes."""
+    return int.from_bytes(head[16:20]) * int.from_bytes(head[20:24])
 
 
 def _read_exr(path: Path) -> NDArray[np.generic]:

@@ -10,7 +10,7 @@ import pytest
 
 from physic_core import InputError, load_config, reconstruct
 from physic_core.types import Hints
-from physic_opencv.depth_files import resize_nearest
+from physic_opencv.depth_files import read_depth, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
 from physic_testing.worlds import World, build_world
@@ -206,3 +206,17 @@ def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
 
     check_backend("file", "metric_depth", options=depth_options).raise_if_failed()
     check_backend("file", "relative_pointmap", options=point_options).raise_if_failed()
+
+
+def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
+    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
+    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header.encode())
+    with pytest.raises(InputError, match=r"huge\.npy: it is not a NumPy array of numbers"):
+        read_depth(tmp_path / "huge.npy", 1.0, None)
+    side = (30_000).to_bytes(4)
+    (tmp_path / "huge.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR" + side + side + b"\x10\x00\x00\x00\x00"
+    )
+    with pytest.raises(InputError) as caught:
+        read_depth(tmp_path / "huge.png", 1.0, None)
+    assert str(caught.value) == (f"cannot read the depth map {tmp_path / 'huge.png'}: it has more than 150 megapixels")
