@@ -306,6 +306,11 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
     for name in ("body_model", "skeleton"):
         if str(arrays[name]) != document[name]:
             raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, and {DOCUMENT_FILE} has {document[name][:60]!r}")
+    partners = len(document.get("contact_partners", ()))
+    for index in range(len(document["people"])):
+        ids = arrays.get(f"person_{index}_contact_partner")
+        if ids is not None and ids.size and (ids.min() < -1 or ids.max() >= partners):
+            raise ValueError(f"person_{index}_contact_partner has {ids.min()} to {ids.max()}, of {partners} partners")
     faces = arrays["faces"]
     if document["people"] and faces.size:
         vertices = len(arrays["person_0_vertices"])

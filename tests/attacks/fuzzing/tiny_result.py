@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from physic_core.types import (
+    BodyContact,
     BodyParameters,
     CheckResult,
+    ContactPartner,
     Grade,
     Intrinsics,
     Lens,
@@ -23,6 +25,7 @@ from physic_core.types import (
 )
 
 HEIGHT, WIDTH = 6, 8
+PARTNERS = (ContactPartner("floor", "rug"), ContactPartner("person", person=1, part="left_hand"))
 
 
 def tiny_result(seed: int = 0) -> Reconstruction:
@@ -62,6 +65,7 @@ def tiny_result(seed: int = 0) -> Reconstruction:
         ),
         photo="pixels-sha256:0",
         grade=Grade.DOUBTFUL,
+        contact_partners=PARTNERS,
         lens=Lens(camera, (0.1, -0.01, 0.0, 0.0, 0.0)),
         unposed=(UnposedPerson((1.0, 1.0, 3.0, 4.0), 0.5, "no pose fits the box"),),
     )
@@ -85,6 +89,9 @@ def _person(rng: np.random.Generator) -> Person:
         joints=numbers(55, 3),
         contact=rng.random(4) < 0.5,
         distance=np.float32([0.1, -0.01, np.inf, 0.05]),
+        contact_probability=rng.random(4).astype(np.float16),
+        contact_partner=np.int16([-1, 0, 1, -1]),
+        contacts=(BodyContact("left_hand", PARTNERS[1], 0.75, 1),),
         failed_checks=("floating",),
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,
