@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import asdict
@@ -248,6 +249,17 @@ def test_a_result_needs_nothing_of_any_preset(write):
 def test_a_path_in_a_result_holds_from_anywhere(write, tmp_path):
     config = load_config(write('[body_model]\npath = "SMPLX_NEUTRAL.npz"\n', "sub/config.toml"))
     assert config.as_dict()["body_model"] == {"path": str(tmp_path / "sub" / "SMPLX_NEUTRAL.npz")}
+
+
+def test_the_configuration_of_a_damaged_result_is_refused(write):
+    file = Path(written(load_config(preset="mock", overrides=["photo.focal_px=700"])))
+    file.write_text(file.read_text().replace("700", "701"))
+    assert refusal(str(file)) == (
+        "reconstruction.json does not fit its checksum, so it is damaged or was edited: run the reconstruction again; "
+        'if you edited it, set its entry "checksum" to "edited"'
+    )
+    file.write_text(re.sub('"checksum": "sha256:.*"', '"checksum": "edited"', file.read_text()))
+    assert load_config(str(file)).photo.focal_px == 701
 
 
 def test_a_json_that_is_no_result_is_refused(write):

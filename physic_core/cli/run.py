@@ -186,7 +186,7 @@ def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[
 
     After an error, new empty folders are deleted.
     """
-    from physic_core.files.atomic import check_writable, finish_interrupted_write
+    from physic_core.files.atomic import check_writable
     from physic_core.io.result_folder import check_overwrite
 
     digest = _digest(photo)
@@ -195,7 +195,6 @@ def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[
     made += [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
     try:
         if digest:  # otherwise the run reports the unreadable photo
-            finish_interrupted_write(folder)
             check_overwrite(folder, digest, overwrite=overwrite)
         check_writable(folder)
         yield folder

@@ -42,7 +42,10 @@ def checksum_state(document: Mapping[str, Any]) -> ChecksumState:
     if document[_KEY] == EDITED:
         return ChecksumState.EDITED
     content = {key: value for key, value in document.items() if key != _KEY}
-    return ChecksumState.RIGHT if document[_KEY] == _checksum(content) else ChecksumState.WRONG
+    try:
+        return ChecksumState.RIGHT if document[_KEY] == _checksum(content) else ChecksumState.WRONG
+    except RecursionError:  # nested deeper than anything that is written
+        return ChecksumState.WRONG
 
 
 def _checksum(content: Mapping[str, Any]) -> str:

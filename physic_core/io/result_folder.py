@@ -7,13 +7,13 @@ import os
 import re
 import stat
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import committed_path
+from physic_core.files.atomic import atomic_write, committed_path
 from physic_core.files.document_checksum import ChecksumState, checksum_state
 from physic_core.files.regular import read_regular
 from physic_core.files.strict_json import parse_json
@@ -28,6 +28,7 @@ __all__ = [
     "REPORT_FILE",
     "SCHEMA",
     "check_overwrite",
+    "check_overwrite_of_locked",
     "digest_of",
     "file_digest",
     "files_of_result",
@@ -129,6 +130,26 @@ def check_overwrite(
     folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
 ) -> None:
     """Raise OutputError if writing a result to a folder would overwrite data of the user.
+
+    The folder is locked meanwhile, and an earlier write that was interrupted is finished first.
+
+    Args:
+        folder: where the result will be written.
+        photo: digests of its photo.
+        overwrite: allow replacing the result of another photo, and files of a result that were changed.
+        names: of the files that will be written; None for all that a result can have.
+
+    Raises:
+        OutputError: as for :func:`check_overwrite_of_locked`, or the folder cannot be locked.
+    """
+    with atomic_write(Path(folder)) if os.path.isdir(folder) else nullcontext():
+        check_overwrite_of_locked(folder, photo, overwrite=overwrite, names=names)
+
+
+def check_overwrite_of_locked(
+    folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
+) -> None:
+    """Raise OutputError if writing a result to a folder, which is locked, would overwrite data of the user.
 
     Args:
         folder: where the result will be written.

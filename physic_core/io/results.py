@@ -15,7 +15,6 @@ from physic_core.files.atomic import (
     atomic_write,
     check_writable,
     committed_path,
-    finish_interrupted_write,
     read_while_written,
 )
 from physic_core.files.document_checksum import EDITED
@@ -41,6 +40,7 @@ from physic_core.io.result_folder import (
     MAX_DOCUMENT_BYTES,
     PREVIEW_FILE,
     check_overwrite,
+    check_overwrite_of_locked,
     digest_of,
     file_digest,
     unchanged_result_files,
@@ -118,7 +118,6 @@ def save_reconstruction(
         people = (f"person_{index}.glb" for index in range(len(reconstruction.people)))
         names += ["scene.glb", "combined.glb", *people]
     names += [PREVIEW_FILE] if preview else []
-    finish_interrupted_write(Path(folder))
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
     arrays = to_arrays(reconstruction)
@@ -129,7 +128,7 @@ def save_reconstruction(
     if failure is not None:
         names, pictures = [DOCUMENT_FILE, ARRAYS_FILE], {}
     with atomic_write(folder) as temporary:
-        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
+        check_overwrite_of_locked(folder, reconstruction.photo, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)

@@ -128,11 +128,9 @@ def _run(task: Task, reconstruct: Callable[[Task, Progress], Reconstruction], pr
     """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a message."""
     try:
         result = reconstruct(task, progress)
-        from physic_core.visual.report.page import report_html
-
         progress("write the files", 0, 0)
         result.save(str(task.folder))
-        (task.folder / REPORT_FILE).write_text(report_html(result, "Reconstruction"), encoding="utf-8")
+        result.report(str(task.folder / REPORT_FILE), "Reconstruction")
         return Message("done", {**result.summary(), "grade": None if result.grade is None else str(result.grade)})
     except (InputError, NoPersonError) as error:
         return Message("failed", str(error))
