@@ -82,6 +82,8 @@ def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
     photo(folder)
     for name in (*names["absent"], *names["loaded"], *ALWAYS):
         (folder / f"{name}.py").write_text(POISON)
+    (folder / "mine.pth").write_text("import physic_mine\n")
+    (folder / "physic.toml").write_text('[segmenter]\nbackend = "physic_mine:Segmenter"\n')
     return folder
 
 

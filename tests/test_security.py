@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -66,6 +69,33 @@ def test_every_statement_has_its_test():
 def test_the_test_of_a_statement_is_there(test: str):
     file, _, name = test.partition("::")
     assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere a current folder cannot be deleted")
+def test_a_deleted_current_folder_is_one_message(tmp_path: Path):
+    """In a process of its own, whose current folder it deletes."""
+    code = "import os; os.rmdir(os.getcwd()); from physic_core.cli import main; main(['config', 'check'])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.endswith("Error: the current folder is gone, or cannot be read: change to another one\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--timeout", "inf"), "inf is not in the range 0<=x<=10000000."),
+        (("--timeout", "nan"), "nan is not a number"),
+        (("--workers", "9999"), "9999 is not in the range 1<=x<=1024."),
+    ],
+)
+def test_numbers_of_a_batch_are_bounded(options: tuple[str, str], reason: str, tmp_path: Path):
+    from click.testing import CliRunner
+
+    from physic_core.cli import main
+
+    done = CliRunner().invoke(main, ["batch", "a.jpg", "-o", str(tmp_path), *options])
+    assert done.exit_code == 2
+    assert done.output.endswith(f"Invalid value for '{options[0]}': {reason}\n")
 
 
 def test_a_message_cannot_control_a_terminal(tmp_path: Path):

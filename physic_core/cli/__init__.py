@@ -5,6 +5,7 @@ A command is imported when it runs. ``physic --help`` imports only click and the
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import click
@@ -15,6 +16,9 @@ from physic_core.errors import PhysicError
 
 __all__ = ["main"]
 
+_MAX_CHARACTERS = 4096
+"""Longest message; a name of a file or plugin can have any length."""
+
 
 class _Main(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
@@ -22,17 +26,21 @@ class _Main(ExtensibleGroup):
         from physic_core.discovery.plugin_code import own_stdout
 
         try:
+            os.getcwd()
+        except OSError:  # relative paths, and libraries that look at it when they are imported, would fail
+            raise click.UsageError("the current folder is gone, or cannot be read: change to another one") from None
+        try:
             with own_stdout():
                 return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
             click.echo("Aborted!", err=True)
             ctx.exit(INTERRUPTED)
         except PhysicError as error:
-            from physic_core.configuration.quoting import printable
+            from physic_core.configuration.quoting import printable, shorten
             from physic_core.discovery.error_text import traceback_text
 
             # Names of files and plugins in a message may contain escape sequences, which a terminal would obey.
-            click.echo(f"{traceback_text(error)}Error: {printable(str(error))}", err=True)
+            click.echo(f"{traceback_text(error)}Error: {printable(shorten(str(error), _MAX_CHARACTERS))}", err=True)
             ctx.exit(exit_code(error))
 
 

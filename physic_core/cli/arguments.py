@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import click
 
-__all__ = ["require_interface", "with_current_folder"]
+__all__ = ["refuse_nan", "require_interface", "with_current_folder"]
+
+
+def refuse_nan(ctx: click.Context, parameter: click.Parameter, value: float) -> float:
+    """Return a number, as the callback of an option.
+
+    Raises:
+        BadParameter: it is NaN, which is in every range of click.
+    """
+    if value != value:
+        raise click.BadParameter("nan is not a number", ctx, parameter)
+    return value
 
 
 def require_interface(name: str | None) -> None:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import refuse_nan
+
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import Executor, Plan
@@ -22,7 +24,7 @@ _LEVELS = ("full", "numbers", "people", "summary")
 @click.command()
 @click.argument("photos", nargs=-1, required=True)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
-@click.option("--workers", type=click.IntRange(1), help="Processes.  [default: by cores and memory]")
+@click.option("--workers", type=click.IntRange(1, 1024), help="Processes.  [default: by cores and memory]")
 @click.option("--save", "level", type=click.Choice(_LEVELS), default="numbers", show_default=True, help="What to keep.")
 @click.option("--preview", is_flag=True, help="Also write preview.png of each photo.")
 @click.option("--glb", is_flag=True, help="Also write the GLB files of each photo.")
@@ -32,7 +34,12 @@ _LEVELS = ("full", "numbers", "people", "summary")
     "--table", type=click.Choice(("parquet", "csv")), help="Summary.  [default: parquet with pyarrow, else csv]"
 )
 @click.option(
-    "--timeout", type=click.FloatRange(0), default=600, show_default=True, help="Seconds of one photo; 0: none."
+    "--timeout",
+    type=click.FloatRange(0, 10_000_000),
+    callback=refuse_nan,
+    default=600,
+    show_default=True,
+    help="Seconds of one photo; 0: none.",
 )
 @click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
 @click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")

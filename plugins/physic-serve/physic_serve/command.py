@@ -15,7 +15,7 @@ from physic_core import BackendError
 
 __all__ = ["exposure_warning", "is_loopback", "serve"]
 
-_POSITIVE = click.FloatRange(min=0, min_open=True)
+_POSITIVE = click.FloatRange(min=0, max=10_000_000, min_open=True)
 
 
 @click.command()
