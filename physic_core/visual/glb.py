@@ -2,7 +2,7 @@
 
 Points are transformed by :func:`physic_core.geometry.upright.gltf_from_camera`; each file has this matrix in its
 ``extras``. The scene is textured with the photo without people. It is unlit, since a photo contains its own lighting.
-People are matte and lit by the viewer, with contact vertices in red.
+People are matte and lit by the viewer; contact vertices have the colour of what they touch.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.visual.contact_colors import contact_colors
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
 if TYPE_CHECKING:
@@ -21,13 +22,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import Person, Reconstruction, UInt8Array
 
-__all__ = ["BODY_RGB", "CONTACT_RGB", "glb_files"]
-
-BODY_RGB = (196, 192, 186)
-"""sRGB colour of body vertices without contact."""
-
-CONTACT_RGB = (214, 62, 46)
-"""sRGB colour of body vertices in contact."""
+__all__ = ["glb_files"]
 
 _SCENE_MATERIAL = {
     "name": "photo",
@@ -52,7 +47,7 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
     texture = _jpeg(reconstruction.scene.colors)
     scene = {"scene": _scene_mesh(surface, reconstruction.scene.valid.shape, matrix)} if len(surface.faces) else {}
     people = {
-        f"person_{index}": _person_mesh(person, reconstruction.faces, matrix)
+        f"person_{index}": _person_mesh(person, reconstruction, matrix)
         for index, person in enumerate(reconstruction.people)
         if np.isfinite(person.vertices).all()
     }
@@ -81,19 +76,20 @@ def _scene_mesh(surface: SceneMesh, shape: tuple[int, ...], matrix: NDArray[np.f
     return trimesh.Trimesh(vertices, surface.faces, visual=visual, process=False)
 
 
-def _person_mesh(person: Person, faces: NDArray[np.int32], matrix: NDArray[np.float64]) -> Any:
+def _person_mesh(person: Person, reconstruction: Reconstruction, matrix: NDArray[np.float64]) -> Any:
     import trimesh
 
     colors = np.full((len(person.vertices), 4), 255, np.uint8)
-    colors[:, :3] = np.where(person.contact[:, None], _linear(CONTACT_RGB), _linear(BODY_RGB))
-    mesh = trimesh.Trimesh(transform_points(matrix, person.vertices), faces, vertex_colors=colors, process=False)
+    colors[:, :3] = _linear(contact_colors(person, reconstruction.contact_partners))
+    vertices = transform_points(matrix, person.vertices)
+    mesh = trimesh.Trimesh(vertices, reconstruction.faces, vertex_colors=colors, process=False)
     _ = mesh.vertex_normals  # smooth shading: the exporter writes normals that are already there
     return mesh
 
 
-def _linear(rgb: tuple[int, int, int]) -> UInt8Array:
+def _linear(rgb: UInt8Array) -> UInt8Array:
     """Convert sRGB 0-255 to linear 0-255 for glTF vertex colours."""
-    share = np.array(rgb) / 255.0
+    share = rgb / 255.0
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.round(linear * 255).astype(np.uint8)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
+from physic_core.visual.contact_colors import contact_colors
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.render import Orthographic, Perspective, composite, prepare_meshes, render_mesh
 
@@ -110,7 +110,7 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
 
 
 def render_contact_views(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactViews:
-    """Draw one person from the front, the back and below, with contact vertices in red.
+    """Draw one person from the front, the back and below, with contact in the colour of what is touched.
 
     The view from below is enlarged by up to 1.5 times.
     """
@@ -121,7 +121,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     shapes = prepare_meshes([vertices], reconstruction.faces)
     if shapes is None or not np.isfinite(vertices).all():
         return ContactViews(_bytes(picture), ())
-    colors = np.where(person.contact[:, None], CONTACT_RGB, BODY_RGB) / 255.0
+    colors = contact_colors(person, reconstruction.contact_partners) / 255.0
     views = _view_axes(joints)
     sizes = np.array([[np.ptp(vertices @ right), np.ptp(vertices @ top)] for right, top in views.values()]) + 0.1
     share = sizes[:, 0] / sizes[:, 0].sum()

@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
+from physic_core.visual.contact_colors import CONTACT_RGB, partner_legend
 from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, side_view, top_view
 from physic_core.visual.panels import (
     colored_depth,
@@ -257,7 +258,9 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
     people = reconstruction.people
     shown = min(len(people), MAX_CONTACT_PEOPLE)
     more = f", {len(people) - shown} more not shown" if len(people) > shown else ""
-    _text(pen, (frame.x, frame.y - 26), f"Contact in red{more}", 18, _INK)
+    title = f"Contact{more}"
+    _text(pen, (frame.x, frame.y - 26), title, 18, _INK)
+    _contact_legend(pen, frame, frame.x + _font(18).getlength(title) + 20, reconstruction)
     pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
     if not shown:
         return
@@ -274,13 +277,27 @@ def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Recons
         person = people[index]
         share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
         grade = f"{person.grade}, " if person.grade else ""
-        pen.text(
-            (x + 36, y + 16), f"{grade}{share:.1f} % of the vertices touch", font=_font(15), fill=_SOFT, anchor="lm"
-        )
+        parts = "; ".join(map(str, person.contacts)) or "no contact"
+        facts = _shorten(f"{grade}{share:.1f} % of the vertices touch. {parts}", 15, width - 44)
+        pen.text((x + 36, y + 16), facts, font=_font(15), fill=_SOFT, anchor="lm")
         if line := person_checks(person):
             line = _shorten(line, 14, width - 16)
             color = _ALERT if person.failed_checks else _SOFT
             pen.text((x + 8, y + 38), line, font=_font(14), fill=color, anchor="lm")
+
+
+def _contact_legend(pen: ImageDraw.ImageDraw, frame: _Frame, x: float, reconstruction: Reconstruction) -> None:
+    """Draw name and colour of what people touch, beside the panel's title."""
+    known = any(person.contact_partner is not None for person in reconstruction.people)
+    legend = partner_legend(reconstruction.contact_partners) if known else {"in contact": CONTACT_RGB}
+    font = _font(14)
+    for name, color in legend.items():
+        end = x + 16 + font.getlength(name)
+        if end > frame.x + frame.width:
+            return
+        pen.rectangle((x, frame.y - 20, x + 11, frame.y - 9), fill=color)
+        pen.text((x + 16, frame.y - 14), name, font=font, fill=_SOFT, anchor="lm")
+        x = end + 14
 
 
 def _grid(count: int, frame: _Frame) -> tuple[int, int]:

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
-from physic_core.visual.glb import BODY_RGB, CONTACT_RGB, glb_files
+from physic_core.visual.contact_colors import BODY_RGB, partner_color
+from physic_core.visual.glb import glb_files
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 
@@ -213,7 +214,11 @@ def test_contact_is_red_on_a_mannequin(files, reconstruction):
     contact = reconstruction.people[0].contact
     assert 0 < contact.sum() < len(contact)
     # glTF's vertex colours are linear.
-    np.testing.assert_allclose(colors[contact][:, :3], np.tile(linear(CONTACT_RGB), (contact.sum(), 1)), atol=0.51)
+    np.testing.assert_allclose(
+        colors[contact][:, :3],
+        np.tile(linear(partner_color(reconstruction.contact_partners[0])), (contact.sum(), 1)),
+        atol=0.51,
+    )
     np.testing.assert_allclose(colors[~contact][:, :3], np.tile(linear(BODY_RGB), ((~contact).sum(), 1)), atol=0.51)
 
 

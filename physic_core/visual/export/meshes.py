@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.glb import BODY_RGB, CONTACT_RGB
+from physic_core.visual.contact_colors import BODY_RGB, CONTACT_RGB
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:

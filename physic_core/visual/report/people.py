@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
+from physic_core.visual.contact_colors import partner_color
 from physic_core.visual.preview_geometry import person_color
 from physic_core.visual.report.surfaces import is_posed
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import BodyContact, Person, Reconstruction
 
 __all__ = ["body_of", "people_records"]
 
@@ -42,7 +43,8 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     Keys: ``grade``, ``score``, ``box`` px, ``color`` sRGB, ``posed``, ``stature`` m, ``camera`` (distance of the pelvis
     from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest`` (heights over the floor, m), ``others``
     (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, m), ``contact_vertices``,
-    ``vertices``, and ``contact`` (``part``, ``cm2``, ``share``) by body part.
+    ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB, ``probability``), and ``contact`` (``part``,
+    ``cm2``, ``share``) by body part.
     """
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
     gaps = _gaps(reconstruction)
@@ -61,6 +63,7 @@ def _record(
         "posed": is_posed(person),
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
+        "contacts": [_contact(contact) for contact in person.contacts],
     }
     if not is_posed(person):
         return (
@@ -84,6 +87,15 @@ def _record(
             if first == index
         ],
         "contact": _contact_by_part(person, reconstruction.faces, model) if fits and model is not None else None,
+    }
+
+
+def _contact(contact: BodyContact) -> dict[str, Any]:
+    return {
+        "part": contact.part,
+        "partner": contact.partner.title,
+        "color": list(partner_color(contact.partner)),
+        "probability": contact.probability,
     }
 
 

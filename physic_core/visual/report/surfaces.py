@@ -62,7 +62,8 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     """Pack the faces of all bodies, and vertices and contact of each; of a crowd with fewer vertices.
 
     Returns:
-        ``faces`` and, for each person, ``people``: ``points`` and ``contact`` flags; None for a person without a body.
+        ``faces`` and, for each person, ``people``: ``points``, ``contact`` flags and ``partner``, the index into
+        ``partners`` plus one, 0 without contact (None in a result without partners); None for a person without a body.
     """
     people = reconstruction.people
     faces = np.asarray(reconstruction.faces, np.int64)
@@ -75,7 +76,11 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     def pack(person: Person) -> dict[str, Any]:
         touching = np.zeros(len(ids), bool)
         np.logical_or.at(touching, groups, np.asarray(person.contact, bool))
-        return {"points": pack_points(person.vertices[ids]), "contact": pack_flags(touching)}
+        return {
+            "points": pack_points(person.vertices[ids]),
+            "contact": pack_flags(touching),
+            "partner": _pack_partner(person, groups, len(ids)),
+        }
 
     return {
         "faces": pack_indices(faces if bodies else np.zeros((0, 3), np.int64)),
@@ -100,3 +105,12 @@ def _coarse(
     parts = torch.zeros(len(vertices), dtype=torch.int64)
     mesh = coarse_mesh(body, torch.from_numpy(faces), parts, _COARSE_M)
     return mesh.ids.numpy(), mesh.faces.numpy(), mesh.of_vertex.numpy()
+
+
+def _pack_partner(person: Person, groups: NDArray[np.int64], count: int) -> dict[str, Any] | None:
+    """Pack the partner of each of ``count`` groups of vertices, the greatest index of its vertices."""
+    if person.contact_partner is None:
+        return None
+    partner = np.zeros(count, np.int64)
+    np.maximum.at(partner, groups, np.asarray(person.contact_partner, np.int64) + 1)
+    return pack_indices(partner)

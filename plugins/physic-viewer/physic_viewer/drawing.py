@@ -10,7 +10,7 @@ import trimesh
 import viser
 import viser.transforms
 
-from physic_core.visual.glb import CONTACT_RGB
+from physic_core.visual.contact_colors import CONTACT_RGB
 from physic_core.visual.preview_geometry import person_color
 from physic_viewer.shapes import ResultShapes, nearest_on_ray
 

@@ -55,7 +55,7 @@ function connect(stage, panel, select) {
   for (const box of document.querySelectorAll("[data-show]")) {
     const show = () => {
       stage.show(box.dataset.show, box.checked);
-      if (box.dataset.show === "contact") panel.draw(stage);
+      if (box.dataset.show === "contact" || box.dataset.show === "partners") panel.draw(stage);
     };
     box.addEventListener("change", show);
     if (box.dataset.show === "floor" && !stage.data.floor) {

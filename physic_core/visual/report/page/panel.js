@@ -46,15 +46,27 @@ function personCard(data, index) {
         ["person", "pelvis to pelvis", "gap"],
         person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)]), ["pelvis to pelvis", "gap"]));
     }
-    card.append(element("h3", { textContent: "Contact" }), ...contactRows(person));
+    card.append(element("h3", { textContent: "Contact" }), ...partnerRows(person), ...contactRows(person));
   }
   const checks = data.checks.filter(check => check.person === index);
   if (checks.length) card.append(element("h3", { textContent: "Checks" }), ...checkList(checks));
   return card;
 }
 
+// What each body part touches, and how surely.
+function partnerRows(person) {
+  if (!person.contacts.length) return [];
+  const rows = person.contacts.map(({ part, partner, color, probability }) => {
+    const dot = element("span", { className: "dot" });
+    dot.style.background = cssColor(color);
+    const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
+    return element("li", {}, dot, `${words(part)}: ${partner}${sure}`);
+  });
+  return [element("ul", { className: "partners" }, ...rows)];
+}
+
 function contactRows(person) {
-  if (!person.contact_vertices) return [element("p", { className: "soft", textContent: "No contact with scene or floor." })];
+  if (!person.contact_vertices) return [element("p", { className: "soft", textContent: "No contact." })];
   const total = `${person.contact_vertices} of ${person.vertices} vertices touch`;
   if (!person.contact) {
     return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not at hand.` })];

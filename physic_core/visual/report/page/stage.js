@@ -16,6 +16,7 @@ class Stage {
     this.root.matrixAutoUpdate = false;
     this.scene.add(this.root, ...lights());
     this.listeners = [];
+    this.contact = { contact: true, partners: true };
 
     this.bodies = data.people.map((person, index) => makeBody(data, index));
     const { mesh, points } = makeScene(data, background);
@@ -56,8 +57,10 @@ class Stage {
   }
 
   show(name, shown) {
-    if (name === "contact") this.bodies.forEach(body => body?.userData.paint(shown));
-    else this.groups[name].visible = shown;
+    if (name === "contact" || name === "partners") {
+      this.contact = { ...this.contact, [name]: shown };
+      this.bodies.forEach(body => body?.userData.paint(this.contact.contact, this.contact.partners));
+    } else this.groups[name].visible = shown;
     this.draw();
   }
 
@@ -222,14 +225,17 @@ function makeBody(data, index) {
   body.layers.enable(BODIES);
   const own = data.people[index].color.map(v => LINEAR[Math.round(0.62 * v + 0.38 * 225)]);
   const red = data.colors.contact.map(v => LINEAR[v]);
+  const partner = packed.partner && decodeIndices(packed.partner);
+  const shades = [own, ...data.partners.map(({ color }) => color.map(v => LINEAR[v]))];
   body.userData = {
     index,
-    paint(contact) {
-      for (let i = 0; i < colors.count; i++) colors.setXYZ(i, ...(contact && touches(i) ? red : own));
+    paint(contact, byPartner) {
+      const touched = i => (byPartner && partner ? shades[partner[i]] : red);
+      for (let i = 0; i < colors.count; i++) colors.setXYZ(i, ...(contact && touches(i) ? touched(i) : own));
       colors.needsUpdate = true;
     },
   };
-  body.userData.paint(true);
+  body.userData.paint(true, true);
   return body;
 }
 
