@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, is_dataclass, replace
 from typing import Any, Literal, TypeVar
 
-from physic_core.engine.bounds import NotNegative
+from physic_core.engine.bounds import NotNegative, Share
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.scene.settings import SceneSettings
@@ -34,20 +34,24 @@ class ContactSettings:
     """Settings of the contact map.
 
     Attributes:
-        distance_m: largest distance to scene or floor of a vertex in contact, metres; 0.02 as released.
+        rule: "probability" gives contact to vertices whose probability of contact is at least the threshold, "distance"
+            to those whose distance is within the two bounds; it estimates no probability.
+        threshold: least probability of a vertex in contact. 0.35 has the best F1 of contact on synthetic worlds.
+        distance_m: largest distance to scene or floor of a vertex in contact, metres; 0.02 as released. The probability
+            is that of a true distance within the bounds.
         inside_m: largest depth inside of a vertex in contact, metres; 0.15 as released. 0.05 is the usual compression
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
-        observed: contact only on visible limbs.
         people: contact with other people too.
         assume_supports: people whom nothing in the scene carries touch a hidden seat, or what their hands hold
             (:mod:`physic_core.engine.assumed_support`).
     """
 
+    rule: Literal["probability", "distance"] = "probability"
+    threshold: Share = 0.35
     distance_m: NotNegative = 0.02
     inside_m: NotNegative = 0.05
     metric: Literal["plane", "point"] = "plane"
-    observed: bool = True
     people: bool = True
     assume_supports: bool = True
 

@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING
 import torch
 
 from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat
-from physic_core.engine.contact.distance import SEARCH_RADIUS_M, contact_surfaces, surface_distances
+from physic_core.engine.contact.distance import (
+    SEARCH_RADIUS_M,
+    ContactSurfaces,
+    SurfaceDistances,
+    contact_surfaces,
+    surface_distances,
+)
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
-from physic_core.engine.contact.people import people_distances
+from physic_core.engine.contact.people import PeopleDistances, people_distances
+from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SURFACES, contact_probability
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
 from physic_core.engine.joint.distances import plane_height
@@ -42,6 +49,7 @@ class Contacts:
 
     Attributes:
         contact: (N, V) bool.
+        probability: (N, V) of contact with anything; None if the preset's rule is the distance.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
         partners: of the contact vertices.
         by_part: per person, contacts by body part.
@@ -49,23 +57,23 @@ class Contacts:
     """
 
     contact: Tensor
+    probability: Tensor | None
     distance: Tensor
     partners: ContactPartners
     by_part: tuple[tuple[BodyContact, ...], ...]
     measures: list[dict[str, float | None]]
 
 
-def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints | None:
-    """Return the classes of the valid scene points; None if the segmenter labels no surfaces."""
-    surfaces = estimates.people.surfaces
+def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
+    """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
+    surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
     if surfaces is None:
-        return None
-    label = tensor(surfaces.labels).long()[scene.valid]
-    return ClassifiedPoints(surfaces.names, label, ~tensor(estimates.hole)[scene.valid])
+        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen)
+    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen)
 
 
 def measure_contacts(
-    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints | None = None
+    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints
 ) -> Contacts:
     """Compute contacts of all people, and the measures of each.
 
@@ -75,7 +83,7 @@ def measure_contacts(
         problem: with the final scene.
         result: of stage 3.
         settings: of the engine.
-        classes: of ``problem.scene_points``, or None.
+        classes: of ``problem.scene_points``.
     """
     s, model = result.scene_scale, problem.model
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
@@ -83,15 +91,17 @@ def measure_contacts(
     contact = torch.zeros(result.vertices.shape[:2], dtype=torch.bool, device=result.vertices.device)
     distance = torch.full_like(result.vertices[..., 0], torch.inf)
     index = torch.full(contact.shape, NO_PARTNER, dtype=torch.int16, device=contact.device)
+    by_probability = settings.contact.rule == "probability"
+    probability = torch.zeros_like(distance) if by_probability else None
     measured: list[dict[str, float | None]] = [{} for _ in finite]
     if not len(rows):
-        return Contacts(contact, distance, ContactPartners((), index), ((),) * len(finite), measured)
+        return Contacts(contact, probability, distance, ContactPartners((), index), ((),) * len(finite), measured)
     vertices = result.vertices[rows]
     outward = vertex_normals(vertices, model.faces)
-    may_touch = model.outer.expand(len(rows), -1)
-    if settings.contact.observed:
-        may_touch = may_touch & observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
-    may_touch = may_touch & ~problem.feet_in_air()[rows]
+    in_air = problem.feet_in_air()[rows]
+    may_touch = model.outer & ~in_air
+    seen_limbs = observed_parts(model.part_names, problem.observed[rows])[:, model.part_of_vertex]
+    supports = may_touch & seen_limbs if by_probability else may_touch
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s)
     around = contact_surfaces(problem, vertices, s, settings)
     free = None
@@ -99,13 +109,17 @@ def measure_contacts(
         free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
     near = surface_distances(vertices, around.scene, around.floor, settings.contact, free)
     distance[rows] = near.nearest
-    reach = settings.contact
-    touches = (near.nearest <= reach.distance_m) & (near.nearest >= -reach.inside_m) & may_touch
     others = people_distances(vertices, outward, model.outer, SEARCH_RADIUS_M)
-    on_person = torch.zeros_like(touches)
-    if reach.people:
-        on_person = (others.distance <= reach.distance_m) & (others.distance >= -reach.inside_m) & may_touch
-        on_person &= ~touches | (others.distance.abs() < near.nearest.abs())
+    touches, on_person, likely = _touching(
+        near,
+        others,
+        may_touch,
+        model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
+        seen_limbs,
+        _surface_kinds(near, around, classes),
+        problem.contact_probability[rows],
+        settings,
+    )
     hidden = torch.zeros(touches.shape, dtype=torch.int64, device=touches.device)
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
     up = up.to(vertices)
@@ -117,7 +131,7 @@ def measure_contacts(
             posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
             lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
             held = assumed_hold(model, touches[row], problem.contact_probability[i], lifted)
-            seat = assumed_seat(model, posed, touches[row], may_touch[row] & ~lifted.all(), up)
+            seat = assumed_seat(model, posed, touches[row], supports[row] & ~lifted.all(), up)
             hidden[row, seat & ~touches[row]] = _SEAT
             hidden[row, held & ~touches[row]] = _HELD
             measured[i] = {"assumed_seat": float(seat.any()), "assumed_hold": float(held.any())}
@@ -127,21 +141,74 @@ def measure_contacts(
             "sole_height_m": sole_height(body, soles, up, height),
             "seen_share": visible_share(body, normals, model.faces, model.outer, seen, problem.K),
             "support_gap_m": support_gap(
-                body, result.joints[i], normals, may_touch[row], distance[i], up, height, SEARCH_RADIUS_M
+                body, result.joints[i], normals, supports[row], distance[i], up, height, SEARCH_RADIUS_M
             ),
         }
         if problem.human_depth is not None:
             depth = problem.human_depth * s
             measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
-    contact[rows] = touches | on_person | (hidden > 0)
+    contact[rows] = touches | (hidden > 0)
+    if probability is not None and likely is not None:
+        likely = torch.where(hidden > 0, likely.clamp(min=ASSUMED), likely)
+        probability[rows] = likely
+        contact[rows] = likely >= settings.contact.threshold
     above = None if plane is None else plane_height(around.scene.points, up, up.new_tensor(plane[1]))
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     names, region = contact_regions(model)
     everybody = replace(others, person=rows[others.person])
     partners = assign_partners(contact[rows], near, parts, everybody, on_person, hidden, names, region)
     index[rows] = partners.index
-    by_part = tuple(body_contacts(own, None, partners.table, names, region) for own in index)
-    return Contacts(contact, distance, ContactPartners(partners.table, index), by_part, measured)
+    by_part = tuple(
+        body_contacts(own, None if probability is None else probability[i], partners.table, names, region)
+        for i, own in enumerate(index)
+    )
+    return Contacts(contact, probability, distance, ContactPartners(partners.table, index), by_part, measured)
+
+
+def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: ClassifiedPoints) -> Tensor:
+    """Return the kind (N, V) of the surface nearest to each vertex, as in :func:`contact_probability`."""
+    floor = near.on_floor
+    if not len(around.row):
+        return torch.where(floor, 0, 1)
+    row = around.row[near.point]
+    inpainted = (row >= 0) & ~classes.seen.to(row.device)[row]
+    return torch.where(floor | (row < 0), 0, torch.where(inpainted, 2, 1))
+
+
+def _touching(
+    near: SurfaceDistances,
+    others: PeopleDistances,
+    may_touch: Tensor,
+    chance: Tensor,
+    seen_limbs: Tensor,
+    kinds: Tensor,
+    prior: Tensor,
+    settings: EngineSettings,
+) -> tuple[Tensor, Tensor, Tensor | None]:
+    """Return vertices (N, V) in contact, those of them that touch another person, and the probability of contact.
+
+    Args:
+        near: distances to scene and floor.
+        others: distances to other people.
+        may_touch: (N, V) bool, vertices that may be in contact by distance.
+        chance: (N, V) factor on the probability.
+        seen_limbs: (N, V) bool, vertices of limbs that the photo shows.
+        kinds: (N, V) int64, of the nearest surface.
+        prior: (N, V) of the contact prior.
+        settings: of the engine.
+    """
+    reach = settings.contact
+    if reach.rule == "distance":
+        touches = (near.nearest <= reach.distance_m) & (near.nearest >= -reach.inside_m) & may_touch
+        skin = (others.distance <= reach.distance_m) & (others.distance >= -reach.inside_m) & may_touch & reach.people
+        return touches | skin, skin & (~touches | (others.distance.abs() < near.nearest.abs())), None
+    on_scene = contact_probability(near.nearest, kinds, seen_limbs, prior, reach)
+    skin_distance = others.distance if reach.people else torch.full_like(others.distance, torch.inf)
+    skin = torch.full_like(kinds, SURFACES.index(PERSON))
+    on_people = contact_probability(skin_distance, skin, seen_limbs, prior, reach)
+    likely = (1 - (1 - on_scene) * (1 - on_people)) * chance
+    touches = likely >= reach.threshold
+    return touches, touches & (on_people > on_scene), likely
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:

@@ -400,6 +400,7 @@ def _result(
                 joints=solution.joints[i],
                 contact=solution.contact[i],
                 distance=solution.distance[i],
+                contact_probability=None if solution.contact_probability is None else solution.contact_probability[i],
                 contact_partner=solution.contact_partner[i],
                 contacts=solution.contacts[i],
                 failed_checks=failed_checks(checks, i),

@@ -41,6 +41,7 @@ class Solution(ShortRepr):
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
+        contact_probability: (N, V) float16, of contact with anything; None if the preset's rule is the distance.
         contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part.
@@ -56,6 +57,7 @@ class Solution(ShortRepr):
     joints: FloatArray
     contact: BoolArray
     distance: FloatArray
+    contact_probability: NDArray[np.float16] | None
     contact_partner: NDArray[np.int16]
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]
@@ -96,6 +98,7 @@ def assemble_solution(
         joints=result.joints.float().cpu().numpy(),
         contact=touch.contact.cpu().numpy(),
         distance=touch.distance.float().cpu().numpy(),
+        contact_probability=None if touch.probability is None else touch.probability.cpu().numpy().astype(np.float16),
         contact_partner=touch.partners.index.cpu().numpy(),
         partners=touch.partners.table,
         contacts=touch.by_part,
@@ -126,6 +129,7 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
         joints=np.zeros((0, NUM_JOINTS, 3), np.float32),
         contact=np.zeros((0, model.num_vertices), bool),
         distance=np.zeros((0, model.num_vertices), np.float32),
+        contact_probability=None,
         contact_partner=np.full((0, model.num_vertices), NO_PARTNER, np.int16),
         partners=(),
         contacts=(),

@@ -56,7 +56,7 @@ class SceneParts:
 
 
 def scene_parts(
-    points: Tensor, normals: Tensor, row: Tensor, classes: ClassifiedPoints | None, height: Tensor | None
+    points: Tensor, normals: Tensor, row: Tensor, classes: ClassifiedPoints, height: Tensor | None
 ) -> SceneParts:
     """Find class and connected surface of scene points.
 
@@ -68,10 +68,10 @@ def scene_parts(
         points: (n, 3) metres.
         normals: (n, 3) unit; zero where unknown.
         row: (n,) int64, row of each point in ``classes``; -1 for samples of the floor.
-        classes: of all scene points, or None.
+        classes: of all scene points.
         height: (n,) of the points over the floor, metres, or None.
     """
-    names = () if classes is None else classes.names
+    names = classes.names
     raised = torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     label = _labels(points, row, classes, raised)
     ground = row.cpu() < 0
@@ -84,10 +84,10 @@ def scene_parts(
     return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
 
 
-def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints | None, raised: Tensor) -> Tensor:
+def _labels(points: Tensor, row: Tensor, classes: ClassifiedPoints, raised: Tensor) -> Tensor:
     """Return the label (n,) of each point on the CPU; -1 where it is unknown."""
     label = torch.full((len(points),), -1, dtype=torch.int64)
-    if classes is None or not len(points):
+    if not len(points):
         return label
     row = row.cpu()
     usable = torch.tensor([name not in _NO_SURFACE for name in classes.names])

@@ -103,7 +103,7 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield check_value(
         "legs_seen",
         None if legs is None else float(legs),
-        "neither knee nor ankle of one leg is visible: its pose is a guess, and it gets no contact",
+        "neither knee nor ankle of one leg is visible: its pose is a guess, and its contact is uncertain",
         unmeasured="the body estimator does not report which joints are visible",
     )
 

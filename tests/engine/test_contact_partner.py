@@ -1,0 +1,139 @@
+"""Partners of contact: floor, classified and unclassified surfaces, other people, and the list by body part."""
+
+from __future__ import annotations
+
+import torch
+
+from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.partner import assign_partners, body_contacts
+from physic_core.engine.contact.people import PeopleDistances, people_distances
+from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
+from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
+
+NAMES = ("unknown", "floor", "seat", "table")
+
+
+def square(height: float, x: float = 0.0) -> torch.Tensor:
+    """Points of a level square of 40 cm, 2 cm apart, at a height over y = 0; y is down."""
+    steps = torch.arange(0, 0.4, 0.02)
+    a, b = torch.meshgrid(steps, steps, indexing="xy")
+    return torch.stack([a + x, torch.full_like(a, -height), b + 2], -1).reshape(-1, 3)
+
+
+def parts_of(*squares: tuple[torch.Tensor, str, bool]) -> tuple[torch.Tensor, SceneParts]:
+    points = torch.cat([points for points, _, _ in squares])
+    label = torch.cat([torch.full((len(p),), NAMES.index(name)) for p, name, _ in squares])
+    seen = torch.cat([torch.full((len(p),), seen) for p, _, seen in squares])
+    up = torch.tensor([0.0, -1.0, 0.0]).expand_as(points)
+    row = torch.arange(len(points))
+    return points, scene_parts(points, up, row, ClassifiedPoints(NAMES, label, seen), -points[:, 1])
+
+
+def test_surfaces_of_one_class_that_are_apart_have_different_ids():
+    near, far = square(0.45), square(0.45, x=1.0)
+    _, parts = parts_of((near, "seat", True), (far, "seat", True))
+    assert len(set(parts.surface[: len(near)].tolist())) == 1
+    assert parts.surface[0] != parts.surface[-1]
+    assert set(parts.label.tolist()) == {NAMES.index("seat")}
+
+
+def test_a_hidden_point_has_the_class_of_the_nearest_visible_one_and_a_raised_one_is_not_floor():
+    _, parts = parts_of(
+        (square(0.0), "floor", True), (square(0.45, x=0.4), "seat", True), (square(0.45), "floor", False)
+    )
+    assert parts.ground[:400].all()
+    assert {NAMES[label] for label in parts.label[-400:].tolist()} == {"seat"}
+
+
+def test_points_without_a_class_are_surfaces_by_their_connection():
+    _, parts = parts_of((square(0.45), "unknown", True), (square(0.8, x=1.0), "unknown", True))
+    assert set(parts.label.tolist()) == {-1}
+    assert len(parts.surface.unique()) == 2
+
+
+def assigned(
+    scene: list[float],
+    floor: list[float],
+    point: list[int],
+    parts: SceneParts,
+    on_person: list[bool],
+    hidden: list[int],
+) -> list[ContactPartner]:
+    count = len(scene)
+    surfaces = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
+    others = PeopleDistances(
+        torch.zeros(1, count), torch.ones(1, count, dtype=torch.int64), torch.ones(1, count).long()
+    )
+    region = torch.tensor([0, 1] * 8)[: max(count, 2)]
+    touch = torch.ones(1, count, dtype=torch.bool)
+    found = assign_partners(
+        touch, surfaces, parts, others, torch.tensor([on_person]), torch.tensor([hidden]), ("head", "left_hand"), region
+    )
+    return [found.table[i] for i in found.index[0].tolist()]
+
+
+def test_each_contact_vertex_has_its_partner():
+    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
+    far = torch.inf
+    found = assigned(
+        [0.01, 0.01, far, 0.01, far, far],
+        [far, far, 0.0, far, far, far],
+        [0, 500, 0, 500, 0, 0],
+        parts,
+        [False, False, False, True, False, False],
+        [0, 0, 0, 0, 1, 2],
+    )
+    floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=0)
+    other = ContactPartner("person", person=1, part="left_hand")
+    assert found == [floor, seat, floor, other, ContactPartner("hidden", "seat"), ContactPartner("hidden")]
+
+
+def test_vertices_without_contact_have_no_partner():
+    _, parts = parts_of((square(0.0), "floor", True))
+    distance = torch.full((1, 2), 0.1)
+    none = torch.zeros(1, 2, dtype=torch.bool)
+    surfaces = SurfaceDistances(distance, distance, torch.zeros(1, 2).long())
+    others = PeopleDistances(distance, torch.zeros(1, 2).long(), torch.zeros(1, 2).long())
+    found = assign_partners(none, surfaces, parts, others, none, none.long(), ("head",), torch.zeros(2).long())
+    assert found.table == ()
+    assert found.index.tolist() == [[NO_PARTNER, NO_PARTNER]]
+
+
+def test_the_list_by_body_part_has_the_most_probable_contact_first():
+    floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
+    index = torch.tensor([0] * 4 + [1] * 5 + [NO_PARTNER] * 3 + [1] * 2)
+    region = torch.tensor([1] * 4 + [0] * 8 + [1] * 2)
+    probability = torch.tensor([0.5] * 4 + [0.8] * 5 + [0.1] * 3 + [0.9] * 2)
+    contacts = body_contacts(index, probability, (floor, seat), ("seat", "left_foot"), region)
+    assert contacts == (BodyContact("seat", seat, 0.8, 5), BodyContact("left_foot", floor, 0.5, 4))
+    assert [str(one) for one in contacts] == ["seat: seat, 0.80", "left foot: floor, 0.50"]
+    assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region)[0].probability is None
+
+
+def test_the_distance_to_another_person_is_signed_along_their_normal():
+    steps = torch.arange(0, 0.2, 0.01)
+    a, b = torch.meshgrid(steps, steps, indexing="xy")
+    sheet = torch.stack([a, b, torch.zeros_like(a)], -1).reshape(-1, 3)
+    facing = torch.tensor([0.0, 0.0, -1.0]).expand_as(sheet)
+    vertices = torch.stack([sheet, sheet + torch.tensor([0.0, 0.0, 0.03])])
+    normals = torch.stack([facing, facing])
+    outer = torch.ones(len(sheet), dtype=torch.bool)
+    found = people_distances(vertices, normals, outer, 0.15)
+    assert torch.allclose(found.distance[0], torch.full((len(sheet),), 0.03))
+    assert torch.allclose(found.distance[1], torch.full((len(sheet),), -0.03))
+    assert found.person[0].unique().tolist() == [1]
+    assert torch.equal(found.vertex[0], torch.arange(len(sheet)))
+    assert torch.isinf(people_distances(vertices[:1], normals[:1], outer, 0.15).distance).all()
+
+
+def test_titles_of_partners():
+    titles = {
+        "floor": ContactPartner("floor", "floor"),
+        "table": ContactPartner("scene", "table", id=1),
+        "surface 3": ContactPartner("scene", id=3),
+        "left hand of person 1": ContactPartner("person", person=1, part="left_hand"),
+        "own head": ContactPartner("self", part="head"),
+        "hidden seat": ContactPartner("hidden", "seat"),
+        "hidden support": ContactPartner("hidden"),
+    }
+    assert {title: partner.title for title, partner in titles.items()} == {title: title for title in titles}

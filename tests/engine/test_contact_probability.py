@@ -1,0 +1,51 @@
+"""The probability of contact: bounds, order and extremes of its formula, and the threshold."""
+
+from __future__ import annotations
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_core.engine.contact.probability import PERSON, SURFACES, contact_probability
+from physic_core.engine.presets import PRESETS
+
+SETTINGS = PRESETS["default"].contact
+KINDS = st.integers(0, len(SURFACES) - 1)
+
+
+def probability(distance: float, kind: int = 0, *, seen: bool = True, prior: float = 0.05) -> float:
+    one = contact_probability(
+        torch.tensor([distance]), torch.tensor([kind]), torch.tensor([seen]), torch.tensor([prior]), SETTINGS
+    )
+    return float(one[0])
+
+
+@given(st.floats(-0.15, 0.15), KINDS, st.booleans(), st.floats(0, 1))
+def test_it_is_a_probability(distance: float, kind: int, seen: bool, prior: float):
+    assert 0 < probability(distance, kind, seen=seen, prior=prior) < 1
+
+
+@given(st.floats(0.02, 0.12), st.floats(0.005, 0.03), KINDS, st.booleans())
+def test_it_falls_with_the_distance(distance: float, step: float, kind: int, seen: bool):
+    assert probability(distance + step, kind, seen=seen) < probability(distance, kind, seen=seen)
+
+
+@given(st.floats(-0.05, 0.15), KINDS, st.booleans(), st.floats(0.1, 0.5))
+def test_a_higher_prior_raises_it(distance: float, kind: int, seen: bool, prior: float):
+    assert probability(distance, kind, seen=seen, prior=prior + 0.4) > probability(
+        distance, kind, seen=seen, prior=prior
+    )
+
+
+@given(KINDS, st.booleans(), st.floats(0, 1))
+def test_it_is_zero_beyond_the_search_radius(kind: int, seen: bool, prior: float):
+    assert probability(torch.inf, kind, seen=seen, prior=prior) == 0
+
+
+def test_the_floor_is_surest_and_a_person_least():
+    assert probability(0.0, 0) > probability(0.0, 1) > probability(0.0, 2) > probability(0.0, SURFACES.index(PERSON))
+
+
+def test_a_limb_that_the_photo_shows_is_surer():
+    for kind in (1, 2):
+        assert probability(0.0, kind) > probability(0.0, kind, seen=False)
