@@ -65,6 +65,8 @@ def standing(reconstruction):
                 vertices=(vertices + shift).astype(np.float32),
                 joints=(joints + shift).astype(np.float32),
                 contact=height < 0.02,
+                contact_probability=None,
+                contact_partner=np.where(height < 0.02, 0, -1).astype(np.int16),
                 distance=np.zeros(len(vertices), np.float32),
                 parameters=replace(person.parameters, betas=np.asarray(betas)),
                 faces=None,

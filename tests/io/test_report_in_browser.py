@@ -31,7 +31,7 @@ def result():
     unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
     made = make_reconstruction(320, 240)
     low = made.scene.floor.normal, made.scene.floor.offset
-    people = tuple(replace(p, contact=p.vertices @ low[0] + low[1] < 0.6) for p in made.people)
+    people = tuple(replace(p, contact=p.vertices @ low[0] + low[1] < 0.6, contact_partner=None) for p in made.people)
     return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
 
 
