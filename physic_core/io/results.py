@@ -223,9 +223,16 @@ def _read_document(folder: Path) -> dict[str, Any]:
 
 def _incomplete(folder: Path, error: Exception) -> InputError:
     return InputError(
-        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({str(error)[:200]}); "
+        f"cannot read {folder / DOCUMENT_FILE}: an entry is missing or of another kind ({_brief(error)}); "
         "run the reconstruction again"
     )
+
+
+def _brief(error: Exception) -> str:
+    """Return the message of an error of a library, which can quote the file."""
+    text = str(error)
+    text = text if len(text) <= 300 else f"{text[:300]} ..."
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def _unreadable(path: Path, error: OSError) -> InputError:
@@ -273,7 +280,9 @@ def _verified_arrays(
     except InputError:
         raise
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
-        raise InputError(f"cannot read {path}: it is damaged ({error}); run the reconstruction again") from error
+        raise InputError(
+            f"cannot read {path}: it is damaged ({_brief(error)}); run the reconstruction again"
+        ) from error
     return arrays
 
 
