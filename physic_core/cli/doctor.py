@@ -185,8 +185,8 @@ def try_backend_in_subprocess(offer: BackendOffer, device: str, timeout: float) 
                 return _result(offer, "broken", f"not finished after {timeout:g} s")
         with suppress(OSError, ValueError, TypeError, KeyError):
             found = json.loads(answer.read_bytes())
-            state, message, seconds, trace = (found[key] for key in ("state", "message", "seconds", "traceback"))
-            return replace(_result(offer, state, message), seconds=seconds, traceback=trace)
+            values = {key: found[key] for key in ("owner", "state", "message", "seconds", "traceback")}
+            return replace(_result(offer, "ok"), **values)
         text = output.read_text(encoding="utf-8", errors="replace")
     last = (text.strip() or "no output").rpartition("\n")[2]
     result = _result(offer, "broken", f"it ended Python with code {done.returncode}: {last}")
