@@ -112,7 +112,7 @@ class TestWithoutTorchvision:
         if name == "eomt":
             return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, dtype=dtype))
         if name == "pro":
-            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e9, dtype=dtype))
+            return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e6, dtype=dtype))
         if name == "metric":
             return DepthAnythingMetric(MetricOptions(weights=at("depth_anything"), dtype=dtype))
         if name == "relative":
