@@ -166,7 +166,7 @@ def _command_of(name: str) -> click.Command:
         name,
         params=[*_COMMON, *own],
         callback=_callback(chosen),
-        help=f"{chosen.describe().title} `physic evaluate show {name}` tells what ROOT has to hold.",
+        help=f"{chosen.describe().title} `physic evaluate show {name}` lists the files of ROOT.",
         short_help=DATA_SETS[name],
     )
 
@@ -221,7 +221,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
         raise InputError(
-            f"{given.root} is not complete for '{chosen.name}'; `physic evaluate show {chosen.name}` tells what to get "
+            f"{given.root} is not complete for '{chosen.name}'; `physic evaluate show {chosen.name}` lists what to get "
             f"where. Missing:\n{lines}"
         )
     from physic_core.files.atomic import check_writable

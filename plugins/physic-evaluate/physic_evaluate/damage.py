@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,7 +29,11 @@ __all__ = [
     "require_finite",
     "require_rotation",
     "table",
+    "unreadable",
 ]
+
+_SYSTEM_ERRORS = (errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE)
+"""Of the operating system, where a copy of the file would help nobody."""
 
 GENDERS = ("neutral", "male", "female")
 """Of the body model files."""
@@ -41,11 +46,26 @@ class DamagedFileError(InputError):
     """
 
 
+def unreadable(path: Path, error: BaseException, what: str = "") -> DamagedFileError:
+    """Return the error of a file that a library could not read.
+
+    Args:
+        path: of the file.
+        error: of the library or the operating system, which gives the reason if it is no damage.
+        what: before the path, such as "the picture ".
+    """
+    if isinstance(error, OSError) and error.errno in _SYSTEM_ERRORS:
+        return DamagedFileError(f"{what}{path} cannot be read: {error.strerror}")
+    return DamagedFileError(f"{what}{path} cannot be read: it is damaged or cut off, copy it again")
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Add the path to the message of a DamagedFileError that does not have it."""
+    """Add the path to the message of a DamagedFileError that does not have it; errors of permissions become one."""
     try:
         yield
+    except PermissionError as error:
+        raise unreadable(Path(error.filename or path), error) from error
     except DamagedFileError as error:
         if str(path) in str(error):
             raise

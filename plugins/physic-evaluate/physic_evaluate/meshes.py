@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from physic_evaluate.contract import TOPOLOGY_OF_COUNT, Surface
-from physic_evaluate.damage import DamagedFileError
+from physic_evaluate.damage import DamagedFileError, unreadable
 
 __all__ = ["read_mesh", "read_vertex_colours", "scene_mesh", "topology_of"]
 
@@ -79,6 +79,8 @@ def _load(path: Path) -> Any:
     try:
         mesh = trimesh.load(path, process=False, maintain_order=True)
     except Exception as error:  # of trimesh's readers, which have many
+        if isinstance(error, PermissionError):
+            raise unreadable(path, error) from error
         raise DamagedFileError(f"{path} cannot be read as a mesh: it is damaged or cut off, copy it again") from error
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
-from physic_evaluate.damage import DamagedFileError
+from physic_evaluate.damage import DamagedFileError, unreadable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,7 +32,7 @@ def read_picture(picture: Picture) -> NDArray[np.uint8]:
     except FileNotFoundError as error:
         raise DamagedFileError(f"there is no picture {picture.path}") from error
     except OSError as error:
-        raise DamagedFileError(f"the picture {picture.path} cannot be read: it is damaged or cut off") from error
+        raise unreadable(picture.path, error, "the picture ") from error
     if picture.mirrored:
         pixels = pixels[:, ::-1]
     if picture.crop is not None:
@@ -55,8 +55,10 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     try:
         with Image.open(picture.path) as file:
             size = file.size
-    except (FileNotFoundError, OSError) as error:
-        raise DamagedFileError(f"the picture {picture.path} is missing or damaged") from error
+    except FileNotFoundError as error:
+        raise DamagedFileError(f"there is no picture {picture.path}") from error
+    except OSError as error:
+        raise unreadable(picture.path, error, "the picture ") from error
     if picture.crop is not None:
         size = (picture.crop[2] - picture.crop[0], picture.crop[3] - picture.crop[1])
     if frame.camera is not None and size != (frame.camera.width, frame.camera.height):

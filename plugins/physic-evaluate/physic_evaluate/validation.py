@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_evaluate.contract import TOPOLOGY_OF_COUNT
-from physic_evaluate.damage import DamagedFileError
+from physic_evaluate.damage import DamagedFileError, unreadable
 
 if TYPE_CHECKING:
     from physic_evaluate.contract import Frame, PredictedPerson, Prediction, TruePerson, Truth
@@ -26,7 +27,10 @@ def checked_truth(frame: Frame) -> Truth:
     Raises:
         DamagedFileError: a file is damaged, or a body is not finite, or not in metres.
     """
-    truth = frame.truth()
+    try:
+        truth = frame.truth()
+    except PermissionError as error:
+        raise unreadable(Path(error.filename or frame.id), error) from error
     for person in truth.people:
         who = f"the annotated person {person.name}" if person.name else "the annotated person"
         _check_person(person, who)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
-from physic_evaluate.damage import DamagedFileError, as_numbers
+from physic_evaluate.damage import DamagedFileError, as_numbers, unreadable
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
 from physic_evaluate.pickled import read_object_rows
 from physic_evaluate.touched_classes import CLASSES, class_of_object
@@ -243,7 +243,7 @@ def _array(file: Path, name: str) -> Any:
         if "pickle" not in str(error):
             raise DamagedFileError(f"{file} cannot be read: {error}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise DamagedFileError(f"{file} cannot be read: it is damaged or cut off, copy it again") from error
+        raise unreadable(file, error) from error
     return _texts_of_pickled_array(file, name)
 
 

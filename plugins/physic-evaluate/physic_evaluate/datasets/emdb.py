@@ -111,6 +111,9 @@ class Emdb(DataSet):
                 frames += _sequence(file, name, options, bodies)
             except InputError as error:
                 left_out[name] = str(error)
+        for folder in sorted(path for path in root.glob("P*/*") if path.is_dir()):
+            if not any(folder.glob("*_data.pkl")):
+                left_out[f"{folder.parent.name}/{folder.name}"] = f"there is no file {folder}/*_data.pkl"
         return FrameSet(tuple(frames), (), left_out)
 
 

@@ -14,7 +14,15 @@ import numpy as np
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Picture, Surface, TruePerson, Truth
-from physic_evaluate.damage import GENDERS, DamagedFileError, naming, number_array, require_finite, require_rotation
+from physic_evaluate.damage import (
+    GENDERS,
+    DamagedFileError,
+    naming,
+    number_array,
+    require_finite,
+    require_rotation,
+    unreadable,
+)
 from physic_evaluate.datasets.base import (
     DataSet,
     Description,
@@ -29,6 +37,8 @@ from physic_evaluate.meshes import read_vertex_colours, scene_mesh
 from physic_evaluate.pickled import pickled_arrays
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from physic_evaluate.bodies import BodyFiles
@@ -132,7 +142,8 @@ class Rich(DataSet):
         if not bodies.has("smplx"):
             raise InputError("RICH holds parameters of SMPL-X: give --smplx FOLDER with SMPLX_MALE and SMPLX_FEMALE")
         names = listed_frames(options.frames) if options.frames else _all(root, options.split)[:: options.every]
-        frames, left_out = [], {}
+        frames = []
+        left_out = {} if options.frames else dict(_without_views(root, options.split))
         for name in names:
             try:
                 frames.append(_frame(root, name, options, bodies))
@@ -251,7 +262,7 @@ def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
             with Image.open(picture) as opened:
                 size = opened.size
         except OSError as error:
-            raise DamagedFileError(f"the picture {picture} cannot be read: it is damaged or cut off") from error
+            raise unreadable(picture, error, "the picture ") from error
         # Pictures may have been made smaller by a half or a quarter: the calibration is for the full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
         if not all(0.8 < factor * full / own < 1.25 for own, full in zip(size, (width, height), strict=True)):
@@ -268,7 +279,9 @@ def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
 def _matrix(file: Path, name: str, shape: tuple[int, int] | None) -> Array:
     try:
         node = ElementTree.parse(file).find(f"./{name}/data")
-    except (ElementTree.ParseError, OSError, ValueError) as error:
+    except OSError as error:
+        raise unreadable(file, error) from error
+    except (ElementTree.ParseError, ValueError) as error:
         raise DamagedFileError(f"{file} is not valid XML: it is damaged or cut off") from error
     if node is None or not node.text:
         raise DamagedFileError(f"{file} has no {name}/data")
@@ -303,6 +316,17 @@ def _all(root: Path, split: str) -> list[str]:
         shown = [v for v in views if _picture(root, split, sequence, number, v) is not None]
         names += [f"{sequence}/{number}/{view}" for view in (shown or views)]
     return names
+
+
+def _without_views(root: Path, split: str) -> Iterator[tuple[str, str]]:
+    """Yield the sequences and frames that give no picture, with the reason."""
+    for folder in sorted(path for path in (root / "bodies" / split).glob("*") if path.is_dir()):
+        frames = sorted(path for path in folder.glob("*") if path.is_dir())
+        if not frames:
+            yield folder.name, f"there is no frame in {folder}"
+        calibration = root / "scan_calibration" / _scene_name(root, folder.name) / "calibration"
+        if frames and not any(path.stem.isdecimal() for path in calibration.glob("*.xml")):
+            yield folder.name, f"there is no calibration of a camera in {calibration}"
 
 
 def _picture(root: Path, split: str, sequence: str, number: str, view: int) -> Path | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_evaluate.bodies import SMPL_NAMES, BodyFiles, PosedBody
 from physic_evaluate.contract import PredictedPerson
-from physic_evaluate.damage import DamagedFileError, as_numbers, naming, require_finite
+from physic_evaluate.damage import DamagedFileError, as_numbers, naming, require_finite, unreadable
 from physic_evaluate.validation import check_prediction
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ class ResultReader(ABC):
             DamagedFileError: it is damaged, or its arrays do not fit together.
             InputError: a body model file is missing.
         """
-        path = self.locate(frame)
+        with naming(self.folder):
+            path = self.locate(frame)
         if path is None:
             return None
         with naming(path):
@@ -112,11 +113,13 @@ def archive_arrays(path: Path) -> dict[str, Any]:
     Raises:
         DamagedFileError: it is missing, damaged, or holds Python objects.
     """
-    if path.is_file() and not zipfile.is_zipfile(path):
-        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again")
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+        with path.open("rb") as stream:
+            if not zipfile.is_zipfile(stream):
+                raise zipfile.BadZipFile
+            stream.seek(0)
+            with np.load(stream, allow_pickle=False) as file:
+                return {name: file[name] for name in file.files}
     except FileNotFoundError as error:
         raise DamagedFileError(f"there is no file {path}") from error
     except ValueError as error:
@@ -125,7 +128,7 @@ def archive_arrays(path: Path) -> dict[str, Any]:
         )
         raise DamagedFileError(f"{path} cannot be read: {reason}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
-        raise DamagedFileError(f"{path} cannot be read: it is damaged or cut off, copy it again") from error
+        raise unreadable(path, error) from error
 
 
 def contact_of(given: Any) -> NDArray[np.bool_] | None:
