@@ -49,7 +49,7 @@ def write_evaluation(
     texts = {
         "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(notes) + "\n",
         "table.md": f"{header}\n\n{markdown_table(tables)}\n" + "\n".join(f"- {note}" for note in notes) + "\n",
-        "table.tex": f"% {header}\n{latex_table(tables)}" + "".join(f"% {note}\n" for note in notes),
+        "table.tex": _comment(header) + latex_table(tables) + "".join(map(_comment, notes)),
         "results.json": _document(evaluation, tables, settings, notes),
     }
     with atomic_write(check_writable(out)) as temporary:
@@ -60,6 +60,11 @@ def write_evaluation(
     files += [plot] if plot is not None else []
     files += write_previews(evaluation, out / "worst")
     return tables, files
+
+
+def _comment(text: str) -> str:
+    """Return a comment of LaTeX in one line: reasons may have several."""
+    return f"% {' '.join(text.splitlines())}\n"
 
 
 def summary_of(evaluation: Evaluation) -> list[str]:

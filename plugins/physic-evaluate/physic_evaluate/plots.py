@@ -22,6 +22,7 @@ __all__ = ["draw_plots"]
 
 DISTANCES_M = (0.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, math.inf)
 SHARES = (0.0, 0.1, 0.3, 0.6, 1.01)
+COUNT_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 COLORS = ("#1f5a8c", "#c2703d", "#4b8b57", "#8a4f9e", "#8a8a8a", "#b8434e")
 
 
@@ -108,11 +109,12 @@ def _bars(axis: Any, groups: Mapping[str, Sequence[Record]], tables: Tables, key
         ]
         axis.bar(places, values, width, color=COLORS[k % len(COLORS)], label=method, yerr=spread, capsize=2)
         for place, found in zip(places, figures, strict=True):
-            axis.annotate(str(found.count), (place, 0), xytext=(0, 2), textcoords="offset points", ha="center", size=6)
+            where = {"xy": (place, 0), "xytext": (0, 4), "textcoords": "offset points"}
+            axis.annotate(str(found.count), **where, ha="center", size=6, bbox=COUNT_BOX)
     axis.set_xticks(range(len(groups)), list(groups), rotation=30 if len(groups) > 4 else 0)
     axis.set_xlabel(words)
     axis.set_ylabel(title)
-    axis.legend(fontsize=7)
+    _legend(axis)
 
 
 def _curve(axis: Any, records: Sequence[Record], tables: Tables) -> None:
@@ -126,5 +128,11 @@ def _curve(axis: Any, records: Sequence[Record], tables: Tables) -> None:
                 continue  # a method without contact
             axis.plot(CURVE_CM, values, style, color=COLORS[k % len(COLORS)], label=f"{method}: {name}", marker=".")
     axis.set_xlabel("threshold of true contact, cm")
-    axis.set_ylim(0, 1)
-    axis.legend(fontsize=7)
+    axis.set_ylabel("precision and recall of contact")
+    axis.set_ylim(0, 1.02)
+    _legend(axis)
+
+
+def _legend(axis: Any) -> None:
+    """Draw the legend over the panel, where it hides nothing."""
+    axis.legend(fontsize=7, handlelength=3, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

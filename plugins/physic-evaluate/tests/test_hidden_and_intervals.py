@@ -12,8 +12,8 @@ from physic_evaluate.contract import Frame, Surface, TruePerson, Truth
 from physic_evaluate.intervals import figure
 from physic_evaluate.metrics import COLUMNS
 from physic_evaluate.plots import draw_plots
-from physic_evaluate.scoring import occluded_share, truncated_share
-from physic_evaluate.tables import measure
+from physic_evaluate.scoring import base_record, occluded_share, truncated_share
+from physic_evaluate.tables import latex_table, measure
 
 from .miniatures import SIZE, K
 
@@ -80,3 +80,12 @@ def test_the_plot_has_a_panel_for_each(tmp_path: Path):
         with Image.open(path) as page:
             widths.append(page.width)
     assert widths == [round(130 * 5.2) * 2, round(130 * 5.2) * 3]
+
+
+def test_names_of_methods_are_escaped_in_latex():
+    found = {"found": True, "has_result": True, "me_mpjpe": 30.0}
+    names = [r"a_b\c", "50 % ~x^2", "R&D"]
+    own = [base_record(FRAME, name, TruePerson()) | found for name in names]
+    table = latex_table(measure(own, names, []))
+    rows = [line.partition(" & ")[0] for line in table.splitlines()[4:7]]
+    assert rows == [r"a\_b\textbackslash{}c", r"50 \% \textasciitilde{}x\textasciicircum{}2", r"R\&D"]
