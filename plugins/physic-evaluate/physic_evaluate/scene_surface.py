@@ -134,8 +134,11 @@ class SceneIndex:
         for _ in range(_STEPS):
             height = ((points - self.centres[near]) * self.normals[near]).sum(-1)
             foot = points - height[:, None] * self.normals[near]
-            around = self.tree.query(foot, k=min(_AROUND, len(self.corners)))[1].reshape(len(points), -1)
-            near, distance = self._nearest(points, np.concatenate([near[:, None], around], 1))
+            # A foot that is far from every triangle lies beyond an edge of the sheet.
+            around = self.tree.query(foot, k=_AROUND, distance_upper_bound=self.radius + CELL_M)[1]
+            own = near[:, None]
+            around = np.where(around < len(self.corners), around, own)
+            near, distance = self._nearest(points, np.concatenate([own, around], 1))
         return distance
 
     def _exact(self, points: Array, known: Array) -> Array:
