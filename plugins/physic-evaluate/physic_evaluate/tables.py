@@ -159,4 +159,4 @@ _TEX = {letter: f"\\{letter}" for letter in "&%$#_{}"} | {
 
 
 def _escaped(text: str) -> str:
-    return text.translate(str.maketrans(_TEX))
+    return "".join(_TEX.get(letter, letter) for letter in text)
