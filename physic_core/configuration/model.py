@@ -262,6 +262,7 @@ class RunSettings(_Table):
     timeout_s: float | None = Field(
         default=None,
         gt=0,
+        le=1e6,
         allow_inf_nan=False,
         description="longest time to load and call one backend, s; in `physic run` and `physic batch`, which can end a "
         "call that hangs, and not in Python",
