@@ -642,8 +642,8 @@ def test_init_lists_every_key_with_its_meaning():
     for name, lines in _tables(text).items():
         assert all(meaning for meaning in lines.values()), name
     assert (
-        "## longer photos are reduced to this long side, px; 640-1920 (whole number >= 128, <= 10000)\n# max_side = 1280\n"
-        in text
+        "## longer photos are reduced to this long side, px; 640-1920 (whole number >= 128, <= 10000)\n"
+        "# max_side = 1280\n" in text
     )
     assert "## distance within the bounds (number >= 0, <= 1e+08)\n# distance_m = 0.02\n" in text
     assert "## focal_px, not set: focal length, px of the upright photo file (number >= 1, <= 1e+06 or unset)\n" in text

@@ -75,7 +75,7 @@ def compact_arrays(arrays: Arrays) -> Arrays:
 
 
 def is_compact(names: Container[str]) -> bool:
-    """Whether the arrays of a whole result have the smaller form, by their names."""
+    """Whether the arrays of a complete result have the smaller form, by their names."""
     return "scene_colors_change" in names
 
 

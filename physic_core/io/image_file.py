@@ -206,6 +206,6 @@ def _register_heif(source: ImageSource) -> None:
     except ImportError:
         raise InputError(
             f"cannot read the {source}: it is HEIC, which needs one more package; "
-            "run `pip install 'physic-core[heic]'`, or convert the photo to JPEG"
+            "run `pip install pi-heif`, or convert the photo to JPEG"
         ) from None
     register_heif_opener()

@@ -89,7 +89,7 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
 
 
 def _ticks(low: float, high: float) -> range:
-    """Return whole metres of a range, each 1, 10, 100, ... so that there are at most ``_MOST_TICKS``."""
+    """Return full metres of a range, each 1, 10, 100, ... so that there are at most ``_MOST_TICKS``."""
     step = 1
     while high - low > _MOST_TICKS * step:
         step *= 10

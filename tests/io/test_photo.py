@@ -157,7 +157,7 @@ def test_heic_without_its_package(tmp_path, monkeypatch):
     path.write_bytes(HEIC)
     assert message_of(path) == (
         f"cannot read the photo {path}: it is HEIC, which needs one more package; "
-        "run `pip install 'physic-core[heic]'`, or convert the photo to JPEG"
+        "run `pip install pi-heif`, or convert the photo to JPEG"
     )
 
 

@@ -19,9 +19,9 @@ class PeopleDistances:
     """Nearest other person of each vertex.
 
     Attributes:
-        distance: (N, V) signed, metres, negative inside; inf if nobody is within the search radius.
-        person: (N, V) int64, index of that person; 0 if nobody is near.
-        vertex: (N, V) int64, their nearest vertex; 0 if nobody is near.
+        distance: (N, V) signed, metres, negative inside; inf if no other person is within the search radius.
+        person: (N, V) int64, index of that person; 0 if there is none.
+        vertex: (N, V) int64, their nearest vertex; 0 if there is none.
     """
 
     distance: Tensor

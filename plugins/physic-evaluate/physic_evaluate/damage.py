@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 _SYSTEM_ERRORS = (errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE)
-"""Of the operating system, where a copy of the file would help nobody."""
+"""Of the operating system, where a copy of the file would not help either."""
 
 GENDERS = ("neutral", "male", "female")
 """Of the body model files."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["check_prediction", "checked_truth"]
 
 MAX_DISTANCE_M = 200.0
-"""Nobody is annotated farther from the camera. Millimetres and world coordinates of a map are."""
+"""No person is annotated farther from the camera. Millimetres and world coordinates of a map are."""
 
 _COUNT = {name: count for count, name in TOPOLOGY_OF_COUNT.items()}
 

@@ -29,7 +29,7 @@ _SLOPE = 0.7  # of the top beside a body
 _TOP = 3  # side of a block, in the order of BOX_QUADS
 _SAMPLES = 3  # sample points per node along each axis, for distances
 _RANGE = 0.5  # m from the block within which distances to its dent are measured
-_BELOW = 0.05  # m below the deepest dent where nobody is
+_BELOW = 0.05  # m below the deepest dent, away from people
 
 
 @dataclass(frozen=True, eq=False)
