@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import sys
 from collections.abc import Callable
@@ -18,6 +19,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The user's answers are not for the tests, nor the tests' for the user.
 os.environ["PHYSIC_CACHE"] = "off"
+
+# A shell starts background jobs with Ctrl-C ignored, and tests press it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, and no clock: a loaded machine must not fail a test.
 settings.register_profile("physic", deadline=None, derandomize=True, max_examples=50)

@@ -255,7 +255,7 @@ def one_nan(array: np.ndarray) -> np.ndarray:
         ),
         (DEPTH, camera(width=16, height=12), ["intrinsics must be for 8 x 6 px, got 16 x 12"]),
         (DEPTH, camera(source=None), ["intrinsics.source must be str, got NoneType"]),
-        (DEPTH, {"scale_sigma": np.nan}, ["scale_sigma must be a number >= 0 or None, got nan"]),
+        (DEPTH, {"scale_sigma": np.nan}, ["scale_sigma must be a number from 0 to 1000 or None, got nan"]),
         (DEPTH, {"scale_sigma": np.float32(0.1), "notes": ["a"]}, []),
         (DEPTH, {"notes": "text"}, ["notes must be a tuple of texts, got 'text'"]),
         (PEOPLE, {"masks": None}, ["masks must be a numpy array (0, 6, 8), got NoneType"]),
