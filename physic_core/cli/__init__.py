@@ -16,8 +16,8 @@ from physic_core.errors import PhysicError
 
 __all__ = ["main"]
 
-_MAX_CHARACTERS = 4096
-"""Longest message; a name of a file or plugin can have any length."""
+_MAX_LINE = 4096
+"""Most characters of a line of a message; a name of a file or plugin can have any length."""
 
 
 class _Main(ExtensibleGroup):
@@ -40,7 +40,8 @@ class _Main(ExtensibleGroup):
             from physic_core.discovery.error_text import traceback_text
 
             # Names of files and plugins in a message may contain escape sequences, which a terminal would obey.
-            click.echo(f"{traceback_text(error)}Error: {printable(shorten(str(error), _MAX_CHARACTERS))}", err=True)
+            message = "\n".join(shorten(line, _MAX_LINE) for line in str(error).split("\n"))
+            click.echo(f"{traceback_text(error)}Error: {printable(message)}", err=True)
             ctx.exit(exit_code(error))
 
 
