@@ -151,7 +151,6 @@ def measure_contacts(
     if probability is not None and likely is not None:
         likely = torch.where(hidden > 0, likely.clamp(min=ASSUMED), likely)
         probability[rows] = likely
-        contact[rows] = likely >= settings.contact.threshold
     above = None if plane is None else plane_height(around.scene.points, up, up.new_tensor(plane[1]))
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     names, region = contact_regions(model)
@@ -207,7 +206,8 @@ def _touching(
     skin = torch.full_like(kinds, SURFACES.index(PERSON))
     on_people = contact_probability(skin_distance, skin, seen_limbs, prior, reach)
     likely = (1 - (1 - on_scene) * (1 - on_people)) * chance
-    touches = likely >= reach.threshold
+    # Where the photo does not show a limb, the pose is a guess: probable contact, but none that is stated.
+    touches = (likely >= reach.threshold) & seen_limbs
     return touches, touches & (on_people > on_scene), likely
 
 

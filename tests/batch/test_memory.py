@@ -32,16 +32,16 @@ def growth_mb(process: Callable[[int], Any], first: int, last: int) -> float:
     return resident_megabytes() - before
 
 
-def test_saving_200_photos_needs_no_more_memory_than_10(make_result: Reconstruction, tmp_path: Path):
+def test_saving_100_photos_needs_no_more_memory_than_10(make_result: Reconstruction, tmp_path: Path):
     job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
     process = PhotoProcessor(job, lambda path, settings: make_result)
-    assert growth_mb(lambda i: process(PhotoItem(f"p{i % 20}", "/p.jpg")), 10, 200) < 60
+    assert growth_mb(lambda i: process(PhotoItem(f"p{i % 20}", "/p.jpg")), 10, 100) < 28
 
 
-def test_a_loaded_pipeline_needs_no_more_memory_after_25_photos_than_after_5():
+def test_a_loaded_pipeline_needs_no_more_memory_after_17_photos_than_after_5():
     image = build_world("stand").image
     with Pipeline("mock") as pipeline:
-        assert growth_mb(lambda i: pipeline(image), 5, 25) < 100
+        assert growth_mb(lambda i: pipeline(image), 5, 17) < 60
 
 
 @pytest.fixture(scope="module")
