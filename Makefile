@@ -58,7 +58,6 @@ kernels: $(VENV)/test.stamp
 
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
-	$(BIN)/python tests/attacks/kill_runs.py
 	ATTACK_EVERY_STEP=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
 # An environment of its own, without constraints.txt. Only the dependencies of the distributions themselves are the lowest:

@@ -1,153 +1,258 @@
-"""Kill processes that save at random moments, and save from many at once: ``python tests/attacks/kill_runs.py``.
+"""Kill ``physic run`` and ``physic batch`` at random moments: ``python tests/attacks/kill_runs.py [--kills 60]``.
 
-A process saves one result after another to one folder. It is killed (SIGKILL) after a random time; then the folder must
-hold one of these results completely, and the next process goes on. At the end, many processes save to one folder and
-one cache at the same time, while this one reads.
+Half of the moments are spread over the time of a command, half are while it writes. After each kill (SIGKILL), the
+output folder must hold complete results only. A batch is then resumed until it ends; its journal must have one row for
+each photo, and its files must be those of a batch that nothing interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
+import os
 import random
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
-import physic_core.io.results as results
-from fuzzing.tiny_result import difference, tiny_result
+from PIL import Image
+
+from physic_core.batch.journal import read_rows
 from physic_core.errors import InputError
-from physic_core.files.archive import DamagedFileError, read_archive, write_archive
-from physic_core.io.results import load_reconstruction, save_reconstruction
-from physic_core.types import Reconstruction
+from physic_core.files.atomic import committed_path
+from physic_core.io.result_folder import file_digest
+from physic_core.io.results import load_reconstruction, read_document
+from physic_testing.worlds import build_world
 
-RESULTS = 4
-FILES = {"reconstruction.json", "reconstruction.npz", "preview.png", "scene.glb", "combined.glb"}
-
-
-def pictures(result: Reconstruction, *, preview: bool, glb: bool) -> tuple[dict[str, bytes], None]:
-    """Pictures that name their result, of the size of rendered ones, in place of the time to render them."""
-    names = ("scene.glb", "combined.glb", "person_0.glb", "person_1.glb", "preview.png")
-    return {name: 20_000 * f"{seed_of(result)} ".encode() for name in names}, None
-
-
-def seed_of(result: Reconstruction) -> int:
-    seed: int = result.diagnostics["joint"]["seed"]
-    return seed
+PHYSIC = (sys.executable, "-P", "-m", "physic_core")
+SETTINGS = ("--preset", "mock", "--set", "engine.joint.optimiser.steps=3")
+RUN = ("run", "photo.png", "-o", "out", *SETTINGS)
+BATCH = ("batch", "photos", "-o", "batch", "--workers", "2", "--table", "csv", *SETTINGS)
+WORLDS = ("stand", "walk", "kneel", "squat")
+LONGEST_S = 600
+"""Limit of one command."""
 
 
-def save_for_ever(folder: str, compact: bool) -> None:
-    results._pictures = pictures
-    made = [tiny_result(seed) for seed in range(RESULTS)]
-    while True:
-        save_reconstruction(random.choice(made), folder, compact=compact, preview=not compact, glb=not compact)
+def start(*words: str, folder: Path) -> subprocess.Popen[bytes]:
+    """Start a command in a session of its own; its output is in ``output.txt``."""
+    environment = os.environ | {"PHYSIC_CACHE": "off", "OMP_NUM_THREADS": "1"}
+    with (folder / "output.txt").open("wb") as output:
+        return subprocess.Popen(
+            (*PHYSIC, *words), cwd=folder, env=environment, stdout=output, stderr=output, start_new_session=True
+        )
 
 
-def save_often(folder: str, cache: str, number: int, times: int) -> None:
-    results._pictures = pictures
-    for _ in range(times):
-        result = tiny_result(random.randrange(RESULTS))
-        save_reconstruction(result, folder)
-        write_archive(Path(cache, f"{random.randrange(4)}.answer.npz"), {"image": result.image}, {"process": number})
+def wait_for_moment(process: subprocess.Popen[bytes], out: Path, seconds: float) -> bool:
+    """Wait for a random moment; return whether the process still runs.
+
+    Args:
+        process: of the command.
+        out: its output folder.
+        seconds: how long the command runs if nothing interrupts it.
+    """
+    end, is_writing = time.monotonic() + LONGEST_S, random.random() < 0.5
+    if is_writing:
+        new = time.time()
+        while process.poll() is None and time.monotonic() < end and not is_written(out, new):
+            time.sleep(0.002)
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(random.uniform(0, 0.3 if is_writing else seconds))
+    return process.poll() is None
 
 
-def fault_of(folder: Path, compact: bool) -> str:
-    """Return what is wrong with the result in a folder; "" if it is one of those that were saved."""
-    try:
-        loaded = load_reconstruction(folder)
-    except InputError as error:
-        return str(error)
-    seed = seed_of(loaded)
-    if not compact and (where := difference(tiny_result(seed), loaded)):
-        return f"{where} differs from result {seed}"
-    marks = {path.read_bytes().split()[0] for path in folder.glob("[!.]*") if path.suffix in (".glb", ".png")}
-    return f"pictures of {marks} beside result {seed}" if len(marks) > 1 else ""
+def is_written(out: Path, since: float) -> bool:
+    with suppress(OSError):
+        return any(path.name.endswith(".part") and path.lstat().st_mtime >= since for path in out.rglob(".*"))
+    return False
 
 
-def kill_once(folder: Path, compact: bool, least: float, most: float) -> str:
-    """Kill a process that saves after a random time; return what was wrong with its end."""
-    process = multiprocessing.get_context("fork").Process(target=save_for_ever, args=(str(folder), compact))
-    process.start()
-    time.sleep(random.uniform(least, most))
+def kill_group(process: subprocess.Popen[bytes]) -> None:
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def kill_first(process: subprocess.Popen[bytes]) -> None:
+    """Kill the command, and wait until its workers have ended by themselves."""
     process.kill()
-    process.join()
-    return "" if process.exitcode == -signal.SIGKILL else f"it ended with {process.exitcode} by itself"
+    process.wait()
+    for _ in range(600):
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    raise AssertionError("processes of a command that was killed are still running after 30 s")
 
 
-def read_while_saved(folder: Path, cache: Path, is_running: Callable[[], bool]) -> tuple[int, list[str]]:
-    """Read result and cache until the processes have ended; return how often, and what was wrong."""
-    count, faults = 0, []
-    while is_running():
-        count += 1
-        if (folder / "reconstruction.json").exists() and (fault := fault_of_load(folder)):
-            faults.append(fault)
-        for path in cache.glob("[!.]*"):
-            try:
-                read_archive(path)
-            except DamagedFileError as error:
-                faults.append(f"{path.name}: {error}")
-    return count, faults
+def kill_worker(process: subprocess.Popen[bytes]) -> None:
+    """Kill one of the processes that a command started, if there is one."""
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    if children:
+        with suppress(ProcessLookupError):
+            os.kill(int(random.choice(children)), signal.SIGKILL)
 
 
-def fault_of_load(folder: Path) -> str:
+def fault_of(folder: Path) -> str:
+    """Return what is wrong with a result; "" if it is complete."""
     try:
-        loaded = load_reconstruction(folder)
+        load_reconstruction(folder)
+        document = read_document(folder)
     except InputError as error:
         return str(error)
-    return difference(tiny_result(seed_of(loaded)), loaded)
+    digests = document["digests"]
+    wrong = [name for name, digest in digests.items() if file_digest(committed_path(folder, name)) != digest]
+    return f"{', '.join(wrong)} of {folder} are not of its result" if wrong else ""
+
+
+def fault_of_batch(out: Path) -> str:
+    """Return what is wrong with the results of a batch that was interrupted; "" if each is complete."""
+    for name, row in read_rows(out).items():
+        if row["state"] == "done" and (fault := fault_of(out / row["folder"])):
+            return f"{name}: {fault}"
+    for path in out.glob("photos/*/*"):
+        if any(path.glob("[!.]*")) and (fault := fault_of(path)):
+            return fault
+    for path in out.glob("thumbnails/*/[!.]*"):
+        with Image.open(path) as picture:
+            picture.load()
+    return ""
+
+
+def fault_of_end(out: Path, photos: int, files: set[str]) -> str:
+    """Return what is wrong with a batch that has ended; "" for nothing."""
+    count = Counter(read_lines(out))
+    if len(count) != photos or set(count.values()) != {1}:
+        return f"rows of the journal: {dict(count)}"
+    if (found := files_of(out)) != files:
+        return f"files that only one of the batches has: {sorted(found ^ files)}"
+    return fault_of_batch(out)
+
+
+def read_lines(out: Path) -> Iterator[str]:
+    """Yield the id of each row, those of an id that has several too."""
+    with tempfile.TemporaryDirectory() as folder:
+        for line in (out / "journal.jsonl").read_bytes().splitlines(keepends=True):
+            Path(folder, "journal.jsonl").write_bytes(line)
+            yield from read_rows(Path(folder))
+
+
+def files_of(out: Path) -> set[str]:
+    paths = (path.relative_to(out) for path in out.rglob("*") if path.is_file())
+    return {str(path) for path in paths if path.parts[0] != "logs"}
+
+
+def error_in(folder: Path, ended: int) -> str:
+    lines = (folder / "output.txt").read_text(errors="replace").splitlines() or [""]
+    return f"it ended with {ended}: {lines[-1]}"
+
+
+def kill_run(folder: Path, seconds: float) -> tuple[bool, str]:
+    """Start a run over a result of an earlier one; return whether it was killed, and what is wrong."""
+    out = folder / "out"
+    if random.random() < 0.3:
+        shutil.rmtree(out, ignore_errors=True)
+    before = (out / "reconstruction.json").exists()
+    process = start(*RUN, folder=folder)
+    is_killed = wait_for_moment(process, out, seconds)
+    if is_killed:
+        kill_group(process)
+    elif process.returncode:
+        return False, error_in(folder, process.returncode)
+    if not before and is_killed and not committed_path(out, "reconstruction.json").exists():
+        left = [path.name for path in out.glob("[!.]*")]
+        return True, f"{left} without a result" if left else ""
+    return is_killed, fault_of(out)
+
+
+def kill_batch(folder: Path, seconds: float, files: set[str]) -> tuple[bool, str]:
+    """Start or resume a batch; return whether one of its processes was killed, and what is wrong."""
+    out = folder / "batch"
+    process = start(*BATCH, folder=folder)
+    is_killed = wait_for_moment(process, out, seconds)
+    kill = random.choice((kill_group, kill_first, kill_worker))
+    if is_killed:
+        kill(process)
+        if kill is not kill_worker:
+            return True, fault_of_batch(out)
+        process.wait(LONGEST_S)
+    if process.returncode:
+        text = error_in(folder, process.returncode)
+        # The first worker decides whether the backends can be loaded.
+        is_first = is_killed and "a worker ended while it loaded the backends: it was ended by SIGKILL" in text
+        return is_killed, "" if is_first else text
+    fault = fault_of_end(out, len(WORLDS) + 1, files)
+    if not fault:
+        shutil.rmtree(out)
+    return is_killed, fault
+
+
+def run_to_the_end(folder: Path, words: tuple[str, ...]) -> None:
+    if ended := start(*words, folder=folder).wait(LONGEST_S):
+        raise SystemExit(f"without a kill: {error_in(folder, ended)}")
+
+
+def prepare(folder: Path) -> tuple[float, float, set[str]]:
+    """Write photos; return the time of a run, that of a batch, and the files of a batch."""
+    (folder / "photos").mkdir()
+    for name in WORLDS:
+        Image.fromarray(build_world(name, size=(96, 72)).image).save(folder / "photos" / f"{name}.png")
+    (folder / "photos" / "broken.png").write_text("no photo")
+    shutil.copy(folder / "photos" / "stand.png", folder / "photo.png")
+    begin = time.monotonic()
+    run_to_the_end(folder, RUN)
+    middle = time.monotonic()
+    run_to_the_end(folder, BATCH)
+    end = time.monotonic()
+    out = folder / "batch"
+    files = files_of(out)
+    if fault := fault_of(folder / "out") or fault_of_end(out, len(WORLDS) + 1, files):
+        raise SystemExit(f"without a kill: {fault}")
+    shutil.rmtree(out)
+    return middle - begin, end - middle, files
 
 
 def main() -> int:
-    """Kill and save; return 1 if a result was incomplete."""
+    """Kill and resume; return 1 if a result or a journal was incomplete."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--kills", type=int, default=500)
-    parser.add_argument("--processes", type=int, default=16)
-    parser.add_argument("--saves", type=int, default=20, help="of each of these processes")
+    parser.add_argument("--kills", type=int, default=60, help="of runs, and of batches")
+    parser.add_argument("--minutes", type=float, default=1e6, help="end after this time")
+    parser.add_argument("--keep", type=Path, default=Path("fuzz-findings/kill_runs"))
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     random.seed(given.seed)
-    faults: list[str] = []
+    begin = time.monotonic()
+    failed = 0
     with tempfile.TemporaryDirectory() as temporary:
-        for compact in (False, True):
-            folder = Path(temporary, f"killed-{compact}")
-            save_often_once(folder, compact)
-            for number in range(given.kills // 2):
-                ended = kill_once(folder, compact, 0.0, 0.3)
-                if fault := ended or fault_of(folder, compact):
-                    faults.append(f"kill {number}: {fault}")
-                    shutil.rmtree(folder)
-                    save_often_once(folder, compact)
-            save_often_once(folder, compact)
-            if left := [path.name for path in folder.glob(".*")]:
-                faults.append(f"left behind: {left}")
-            print(f"{given.kills // 2} kills{' of compact saves' * compact}: {len(faults)} incomplete", flush=True)
-        folder, cache = Path(temporary, "many"), Path(temporary, "cache")
-        cache.mkdir()
-        context = multiprocessing.get_context("fork")
-        tasks = [(str(folder), str(cache), number, given.saves) for number in range(given.processes)]
-        processes = [context.Process(target=save_often, args=task) for task in tasks]
-        for process in processes:
-            process.start()
-        count, found = read_while_saved(folder, cache, lambda: any(p.is_alive() for p in processes))
-        found += [f"a process ended with {process.exitcode}" for process in processes if process.exitcode]
-        found += [fault] if (fault := fault_of(folder, False)) else []
-        found += [f"left behind: {path.name}" for path in (*folder.glob(".*"), *cache.glob(".*"))]
-        total = given.processes * given.saves
-        print(f"{total} saves by {given.processes} processes, read {count} times: {len(found)} faults", flush=True)
-        faults += found
-    for fault in faults[:20]:
-        print(fault)
-    return 1 if faults else 0
-
-
-def save_often_once(folder: Path, compact: bool) -> None:
-    results._pictures, kept = pictures, results._pictures
-    save_reconstruction(tiny_result(0), folder, compact=compact, preview=not compact, glb=not compact)
-    results._pictures = kept
+        folder = Path(temporary)
+        of_run, of_batch, files = prepare(folder)
+        attacks: dict[str, Callable[[], tuple[bool, str]]] = {
+            "run": lambda: kill_run(folder, of_run),
+            "batch": lambda: kill_batch(folder, of_batch, files),
+        }
+        for part, (name, attack) in enumerate(attacks.items(), start=1):
+            started = killed = faults = 0
+            while killed < given.kills and time.monotonic() - begin < 60 * given.minutes * part / len(attacks):
+                started += 1
+                is_killed, fault = attack()
+                killed += is_killed
+                if fault:
+                    faults += 1
+                    kept = given.keep / f"{name}-{started}"
+                    shutil.rmtree(kept, ignore_errors=True)
+                    shutil.copytree(folder, kept)
+                    (kept / "fault.txt").write_text(fault + "\n")
+                    print(f"FAILED {name} {started}: {fault}", flush=True)
+                    for path in (folder / "out", folder / "batch"):
+                        shutil.rmtree(path, ignore_errors=True)
+            print(f"physic {name}: {started} started, {killed} killed, {faults} failed", flush=True)
+            failed += faults
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
