@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
-    from physic_core.io.results import load_reconstruction, save_reconstruction
+    from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pipeline.run import Pipeline, reconstruct, reconstruct_photo
     from physic_core.types import (
         Intrinsics,
@@ -73,6 +73,7 @@ __all__ = [
     "export_reconstruction",
     "hookimpl",
     "load_config",
+    "load_people",
     "load_reconstruction",
     "preview_png",
     "reconstruct",
@@ -98,6 +99,7 @@ _ON_FIRST_USE = {
     "discover": "physic_core.discovery.plugins",
     "hookimpl": "physic_core.discovery.hookspecs",
     "load_config": "physic_core.configuration.model",
+    "load_people": "physic_core.io.results",
     "load_reconstruction": "physic_core.io.results",
     "export_reconstruction": "physic_core.visual.export.write",
     "preview_png": "physic_core.visual.preview",

@@ -36,6 +36,7 @@ PUBLIC = [
     "export_reconstruction",
     "hookimpl",
     "load_config",
+    "load_people",
     "load_reconstruction",
     "preview_png",
     "reconstruct",

@@ -1,6 +1,7 @@
 """The journal of a batch: one JSON line per photo that was tried, appended and never changed.
 
-The last line of an id counts. A line that was cut off, by a crash or a full disk, is ignored.
+The last line of an id counts. Each line has a checksum; a line that is damaged or cut off, by a crash or a full disk,
+is ignored, and so is what a damaged line could have replaced: see :class:`JournalRows`.
 """
 
 from __future__ import annotations
@@ -9,15 +10,17 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from physic_core.errors import OutputError
 from physic_core.files.atomic import sync_folder
+from physic_core.files.document_checksum import ChecksumState, checksum_state, with_checksum
 from physic_core.files.locks import try_lock
-from physic_core.files.strict_json import from_json, to_json
+from physic_core.files.strict_json import from_json, parse_json, to_json
 
-__all__ = ["COLUMNS", "Journal", "last_rows", "read_rows"]
+__all__ = ["COLUMNS", "Journal", "JournalRows", "last_rows", "read_journals", "read_rows"]
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",
@@ -34,6 +37,7 @@ COLUMNS: Mapping[str, str] = {
     "config": "digest of the settings that results depend on, with those of this photo alone",
     "save": "what was saved: full, numbers, people or summary, and +preview, +glb or +report",
     "folder": "of the results, relative to the output folder; empty without files",
+    "result": "SHA-256 of the arrays in the photo's folder, or of its picture if there are none; empty without files",
     "version": "of physic-core",
     "grade": "of the result: good, doubtful or bad",
     "checks_failed": "names of the failed self-checks, separated by spaces",
@@ -83,7 +87,7 @@ class Journal:
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        line = json.dumps(to_json(row, digits=9), ensure_ascii=True, allow_nan=False) + "\n"
+        line = json.dumps(with_checksum(to_json(row, digits=9)), ensure_ascii=True, allow_nan=False) + "\n"
         try:
             self._file.write(line.encode())
             self._file.flush()
@@ -104,35 +108,71 @@ class Journal:
         )
 
 
-def read_rows(folder: Path, columns: Iterable[str] | None = None) -> dict[str, dict[str, Any]]:
-    """Read the last row of each id from all journals of a folder, or only some columns of it.
+@dataclass(frozen=True)
+class JournalRows:
+    """Rows of all journals of a folder.
+
+    Attributes:
+        last: the last row of each id.
+        damaged: number of lines that are damaged or cut off.
+        unsure: ids of failed photos that were perhaps done later, in a line that is damaged.
+    """
+
+    last: Mapping[str, dict[str, Any]]
+    damaged: int
+    unsure: frozenset[str]
+
+
+def read_rows(folder: Path, columns: Iterable[str] | None = None) -> Mapping[str, dict[str, Any]]:
+    """Read the last row of each id from all journals of a folder, or only some columns of it."""
+    return read_journals(folder, columns).last
+
+
+def read_journals(folder: Path, columns: Iterable[str] | None = None) -> JournalRows:
+    """Read all journals of a folder, or only some columns of them.
 
     An id can be in several journals after a change of shards; then the row that was finished last counts.
     """
     found: dict[str, dict[str, Any]] = {}
+    failed: set[str] = set()
+    unsure: set[str] = set()
+    damaged = 0
     wanted = None if columns is None else {*columns, "id", "finished"}
-    for row in _all_rows(folder):
+    for row in _lines(folder):
+        if row is None:
+            damaged += 1
+            unsure |= failed
+            continue
         before = found.get(row["id"])
         if before is None or str(row.get("finished", "")) >= str(before.get("finished", "")):
             found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-    return found
+            unsure.discard(row["id"])
+            (failed.add if row["state"] == "failed" else failed.discard)(row["id"])
+    return JournalRows(found, damaged, frozenset(unsure))
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
     """Yield the last row of each id, without holding all rows in memory."""
     last = {item: row.get("finished") for item, row in read_rows(folder, ()).items()}
-    for row in _all_rows(folder):
-        if last.get(row["id"]) == row.get("finished") and last.pop(row["id"], None) is not None:
+    for row in _lines(folder):
+        if row is not None and last.get(row["id"]) == row.get("finished") and last.pop(row["id"], None) is not None:
             yield row
 
 
-def _all_rows(folder: Path) -> Iterator[dict[str, Any]]:
+def _lines(folder: Path) -> Iterator[dict[str, Any] | None]:
+    """Yield the row of each line; None for a line that is damaged or cut off."""
     for path in sorted(folder.glob("journal*.jsonl")):
         with path.open("rb") as file:
             for line in file:
-                try:
-                    row = from_json(json.loads(line))
-                except (ValueError, RecursionError):
-                    continue  # cut off
-                if isinstance(row, dict) and all(isinstance(row.get(name), str) for name in _ALWAYS):
-                    yield row
+                yield _row(line)
+
+
+def _row(line: bytes) -> dict[str, Any] | None:
+    try:
+        row = parse_json(line)
+    except ValueError:
+        return None
+    if not isinstance(row, dict) or checksum_state(row) is not ChecksumState.RIGHT:
+        return None
+    found = {name: from_json(value) for name, value in row.items() if name != "checksum"}
+    return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg, thumbnail_path
+from physic_core.batch.saving import Saving, result_digest, save_photo, thumbnail_jpeg, thumbnail_path
 from physic_core.batch.settings import config_digest, settings_digest
 from physic_core.discovery.plugins import core_version
 from physic_core.errors import OutputError
@@ -89,9 +89,9 @@ class PhotoProcessor:
         try:
             result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
-        except OutputError:
-            raise
         except Exception as error:  # whatever a photo causes costs this photo alone
+            if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
+                raise  # of the disk, which concerns every photo
             return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start)
         numbers = result.summary()
         loading = float(numbers["load_seconds"] or 0)
@@ -152,6 +152,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "config": job.digest(item),
         "save": str(job.saving),
         "folder": "",
+        "result": result_digest(Path(job.out, photo_folder(item.id)), job.saving),
         "version": core_version(),
         "grade": "",
         "checks_failed": "",

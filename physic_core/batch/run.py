@@ -11,9 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.journal import Journal, read_rows
-from physic_core.batch.photos import PhotoItem
+from physic_core.batch.journal import Journal, read_journals
+from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
+from physic_core.batch.saving import result_digest
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
@@ -26,7 +27,7 @@ Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], N
 It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be written.
 """
 
-_NEEDED = ("state", "config", "save", "folder", "photo", "bytes", "modified", "version")
+_NEEDED = ("state", "config", "save", "result", "photo", "bytes", "modified", "version")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Plan:
         failed: number of photos that failed in an earlier run and are not tried again.
         changed: number of the photos in ``todo`` that were tried before with other content or settings.
         versions: versions of physic-core of the rows that are kept.
+        damaged: number of lines of the journals that are damaged or cut off.
     """
 
     todo: tuple[PhotoItem, ...]
@@ -46,15 +48,17 @@ class Plan:
     failed: int
     changed: int
     versions: tuple[str, ...]
+    damaged: int = 0
 
 
 def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> Plan:
     """Compare the photos with the journals in the output folder.
 
     A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
-    if its files are gone. Content is compared by size and modification time first, then by digest.
+    if its files are gone or of another run. Content is compared by size and modification time first, then by digest.
     """
-    rows = read_rows(Path(job.out), _NEEDED)
+    journals = read_journals(Path(job.out), _NEEDED)
+    rows = journals.last
     todo: list[PhotoItem] = []
     count: Counter[str] = Counter()
     versions: set[str] = set()
@@ -65,12 +69,13 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
         elif not _is_current(row, item, job):
             todo.append(item)
             count["changed"] += 1
-        elif row["state"] == "failed" and retry_failed:
+        elif row["state"] == "failed" and (retry_failed or item.id in journals.unsure):
             todo.append(item)
         else:
             count[row["state"]] += 1
             versions.add(str(row.get("version", "")))
-    return Plan(tuple(todo), count["done"], count["failed"], count["changed"], tuple(sorted(versions)))
+    kept = tuple(sorted(versions))
+    return Plan(tuple(todo), count["done"], count["failed"], count["changed"], kept, journals.damaged)
 
 
 def run_batch(
@@ -131,8 +136,9 @@ def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
         return False
-    main = job.saving.main_file
-    if row["state"] == "done" and main and not os.path.exists(Path(job.out, str(row["folder"]), main)):
+    # After a kill between a result and its row, the files are those of a later run with other settings.
+    found = result_digest(Path(job.out, photo_folder(item.id)), job.saving)
+    if found != row.get("result") or (row["state"] == "done" and job.saving.main_file and not found):
         return False
     try:
         status = os.stat(item.path)

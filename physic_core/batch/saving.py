@@ -13,15 +13,12 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["LEVELS", "PEOPLE_FILE", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
+__all__ = ["LEVELS", "Saving", "result_digest", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
 
 LEVELS = ("full", "numbers", "people", "summary")
 """full: JSON, arrays, GLB files, preview. numbers: JSON, arrays. people: JSON, arrays of the people. summary: none."""
 
-PEOPLE_FILE = "people.npz"
-
 _HEIGHT = 180  # px of a thumbnail: photo with people, and side view
-_NOT_OF_PEOPLE = ("image", "scene_", "floor_points")
 
 
 @dataclass(frozen=True)
@@ -93,15 +90,15 @@ def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
     from physic_core.files.atomic import atomic_write, check_writable
     from physic_core.files.npz import write_arrays
     from physic_core.io.arrays import npz_checksum, to_arrays
-    from physic_core.io.compact import compact_arrays, specs_of
+    from physic_core.io.compact import compact_arrays, is_of_people, specs_of
     from physic_core.io.document import encode_document, to_document
-    from physic_core.io.result_folder import DOCUMENT_FILE, PREVIEW_FILE, digest_of, file_digest
+    from physic_core.io.result_folder import DOCUMENT_FILE, PEOPLE_FILE, PREVIEW_FILE, digest_of, file_digest
     from physic_core.visual.preview import preview_png
 
     pictures = {PREVIEW_FILE: preview_png(result)} if saving.preview else {}
     with atomic_write(check_writable(folder)) as temporary:
         if saving.level == "people":
-            arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if not n.startswith(_NOT_OF_PEOPLE)}
+            arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if is_of_people(n)}
             shared, of_person = specs_of(arrays, compact=True)
             specs = ([spec for spec in shared if spec.name in arrays], of_person)
             document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(PEOPLE_FILE)
@@ -111,6 +108,20 @@ def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
             document_file.write_bytes(encode_document(document))
         for name, content in pictures.items():
             temporary(name).write_bytes(content)
+
+
+def result_digest(folder: Path, saving: Saving) -> str:
+    """Return the digest of the arrays of a photo's result, or of its picture if it has none; "" without a result.
+
+    A report that is added later does not change it.
+    """
+    from physic_core.files.atomic import committed_path
+    from physic_core.io.result_folder import ARRAYS_FILE, PEOPLE_FILE, digests_of_result, file_digest
+
+    if saving.level == "summary":
+        return file_digest(committed_path(folder, saving.main_file)) if saving.main_file else ""
+    arrays = PEOPLE_FILE if saving.level == "people" else ARRAYS_FILE
+    return (digests_of_result(folder) or {}).get(arrays, "")
 
 
 def thumbnail_path(folder: str) -> str:

@@ -159,6 +159,8 @@ def _describe(plan: Plan, photos: int) -> str:
         parts.append(f"{plan.failed:,} failed before (--retry failed tries them again)")
     if plan.changed:
         parts.append(f"{plan.changed:,} of those to do were done with other content or settings")
+    if plan.damaged:
+        parts.append(f"{plan.damaged:,} lines of the journal are damaged or cut off and count for nothing")
     others = [version for version in plan.versions if version not in ("", core_version())]
     if others:
         parts.append(f"some were done by physic-core {', '.join(others)}, this is {core_version()}")

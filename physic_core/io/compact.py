@@ -28,7 +28,9 @@ __all__ = [
     "COMPACT_SHARED_ARRAYS",
     "compact_arrays",
     "expand_arrays",
+    "expand_people",
     "is_compact",
+    "is_of_people",
     "specs_of",
 ]
 
@@ -53,6 +55,7 @@ COMPACT_PERSON_ARRAYS: tuple[ArraySpec, ...] = tuple(
 )
 """Specifications of the arrays of each person."""
 
+_OF_SCENE = ("image", "scene_", "floor_points")
 _OF_PERSON = re.compile(r"person_[0-9]+_")
 _FORMS = {spec.name: spec.compact for spec in SHARED_ARRAYS}
 _PERSON_FORMS = {spec.name: spec.compact for spec in PERSON_ARRAYS}
@@ -79,18 +82,28 @@ def is_compact(names: Container[str]) -> bool:
     return "scene_colors_change" in names
 
 
+def is_of_people(name: str) -> bool:
+    """Whether an array is also in the file of a result that was saved without its scene."""
+    return not name.startswith(_OF_SCENE)
+
+
+def expand_people(arrays: Arrays) -> Arrays:
+    """Convert the arrays of people back from their smaller form."""
+    return {name: a.astype(np.float32) if _form(name) == "float16" else a for name, a in arrays.items()}
+
+
 def expand_arrays(arrays: Arrays) -> Arrays:
     """Convert arrays of the smaller form back; arrays of the usual form are returned as they are."""
     if not is_compact(arrays):
         return arrays
-    found = dict(arrays)
+    found = expand_people(arrays)
     found["scene_colors"] = found.pop("scene_colors_change") + found["image"]
     if "scene_depth" in found:
         found["scene_points"] = _points_on_rays(found.pop("scene_depth"), found["intrinsics"])
     normals = found["scene_normals"].astype(np.float32)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     found["scene_normals"] = normals / np.where(length > 0, length, 1)
-    return {name: a.astype(np.float32) if _form(name) == "float16" else a for name, a in found.items()}
+    return found
 
 
 def specs_of(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:

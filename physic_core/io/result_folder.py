@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 __all__ = [
     "ARRAYS_FILE",
     "DOCUMENT_FILE",
+    "PEOPLE_FILE",
     "PREVIEW_FILE",
     "REPORT_FILE",
     "SCHEMA",
     "check_overwrite",
     "check_overwrite_of_locked",
     "digest_of",
+    "digests_of_result",
     "file_digest",
     "files_of_result",
     "image_digest",
@@ -44,6 +46,7 @@ DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
 PREVIEW_FILE = "preview.png"
 REPORT_FILE = "report.html"
+PEOPLE_FILE = "people.npz"
 MAX_DOCUMENT_BYTES = 64 << 20
 _FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
 _PERSON = re.compile(r"person_[0-9]+\.glb")
@@ -95,7 +98,7 @@ def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
     return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
 
 
-def _digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
+def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
     """Read the digests of the files of a result; None for results of older versions."""
     document = _document(Path(folder))
     digests = None if document is None else document.get("digests")
@@ -108,7 +111,7 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     Links and files with another digest belong to the user, and so does a document that does not fit its checksum.
     """
     folder = Path(folder)
-    digests = _digests_of_result(folder)
+    digests = digests_of_result(folder)
     document = _document(folder)
     is_edited = document is not None and checksum_state(document) in (ChecksumState.WRONG, ChecksumState.EDITED)
 

@@ -23,7 +23,14 @@ from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, check_arrays, npz_checksum, number_of_people, to_arrays
 from physic_core.io.check_records import parse_checks, parse_grade
-from physic_core.io.compact import compact_arrays, expand_arrays, is_compact, specs_of
+from physic_core.io.compact import (
+    compact_arrays,
+    expand_arrays,
+    expand_people,
+    is_compact,
+    is_of_people,
+    specs_of,
+)
 from physic_core.io.contact_records import parse_contacts, parse_partners
 from physic_core.io.document import (
     decode_document,
@@ -38,6 +45,7 @@ from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
     MAX_DOCUMENT_BYTES,
+    PEOPLE_FILE,
     PREVIEW_FILE,
     check_overwrite,
     check_overwrite_of_locked,
@@ -72,6 +80,7 @@ __all__ = [
     "DOCUMENT_FILE",
     "PREVIEW_FILE",
     "check_writable",
+    "load_people",
     "load_reconstruction",
     "read_document",
     "read_image",
@@ -156,6 +165,24 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     return read_while_written(folder, DOCUMENT_FILE, partial(_load, folder))
 
 
+def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a result that ``physic batch --save people`` wrote, and verify checksums, dtypes and shapes.
+
+    Returns:
+        The arrays by name, as in :mod:`physic_core.io.arrays`, such as ``person_0_vertices`` (V, 3), metres, in the
+        frame of the OpenCV camera.
+
+    Raises:
+        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
+    """
+    folder = Path(folder)
+
+    def read() -> dict[str, NDArray[Any]]:
+        return _arrays(folder, _read_document(folder), file=PEOPLE_FILE)
+
+    return read_while_written(folder, DOCUMENT_FILE, read)
+
+
 def read_document(folder: Path) -> dict[str, Any]:
     """Read ``reconstruction.json`` of a folder and verify it; NaN and infinities stay strings.
 
@@ -196,7 +223,7 @@ def _pictures(reconstruction: Reconstruction, *, preview: bool, glb: bool) -> tu
 
 @dataclass(frozen=True)
 class _Expected:
-    """What a document says about the arrays: sizes by letter, number of people; and which are read, None for all."""
+    """What a document states of the arrays: sizes by letter, number of people; and which are read, None for all."""
 
     sizes: Mapping[str, int]
     people: int
@@ -241,16 +268,22 @@ def _unreadable(path: Path, error: OSError) -> InputError:
     return InputError(f"cannot read {path}: {error.strerror}; check who may read it")
 
 
-def _arrays(folder: Path, document: Mapping[str, Any], only: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
+def _arrays(
+    folder: Path, document: Mapping[str, Any], only: Sequence[str] | None = None, file: str = ARRAYS_FILE
+) -> dict[str, NDArray[Any]]:
     """Read and verify the arrays of a result, or only some of the shared ones."""
-    path = folder / ARRAYS_FILE
+    path = folder / file
+    listed = document.get("files", ())
+    if file not in listed and (other := {ARRAYS_FILE: PEOPLE_FILE, PEOPLE_FILE: ARRAYS_FILE}[file]) in listed:
+        reader = "load_people" if other == PEOPLE_FILE else "load_reconstruction"
+        raise InputError(f"cannot read {path}: this result was saved as {other}; physic_core.{reader} reads it")
     try:
         people, image, floor = len(document["people"]), document["image"], document["scene"]["floor"]
         sizes = {"H": image["height"], "W": image["width"], "P": 0 if floor is None else 1}
     except (KeyError, TypeError) as error:
         raise _incomplete(folder, error) from error
     try:
-        with open_regular(committed_path(folder, ARRAYS_FILE)) as stream:
+        with open_regular(committed_path(folder, file)) as stream:
             return _verified_arrays(stream, path, document, _Expected(sizes, people, only))
     except OSError as error:
         raise _unreadable(path, error) from error
@@ -259,7 +292,7 @@ def _arrays(folder: Path, document: Mapping[str, Any], only: Sequence[str] | Non
 def _verified_arrays(
     stream: BufferedReader, path: Path, document: Mapping[str, Any], expected: _Expected
 ) -> dict[str, NDArray[Any]]:
-    stated, checksum = document.get("digests", {}).get(ARRAYS_FILE), document.get("arrays", {}).get("checksum")
+    stated, checksum = document.get("digests", {}).get(path.name), document.get("arrays", {}).get("checksum")
     is_edited = document.get("checksum") == EDITED
     is_intact = file_digest(stream) == stated
     try:
@@ -276,7 +309,7 @@ def _verified_arrays(
             raise ValueError(f"its SHA-256 is not the one in {DOCUMENT_FILE}")
         if expected.only is None:
             _check_values(arrays, document)
-            arrays = expand_arrays(arrays)
+            arrays = expand_people(arrays) if path.name == PEOPLE_FILE else expand_arrays(arrays)
     except InputError:
         raise
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
@@ -294,7 +327,10 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], expected: _Expected)
         ValueError: an array has another dtype or shape, or there are other people.
     """
     people = expected.people
-    shared, of_person = specs_of(headers, compact=is_compact(headers))
+    is_of_people_alone = path.name == PEOPLE_FILE
+    shared, of_person = specs_of(headers, compact=is_of_people_alone or is_compact(headers))
+    if is_of_people_alone:
+        shared = tuple(spec for spec in shared if is_of_people(spec.name))
     required = [spec.name for spec in shared]
     required += [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if not spec.optional]
     if missing := [name for name in required if name not in headers]:
@@ -317,20 +353,13 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
     partners = len(document.get("contact_partners", ()))
     for index in range(len(document["people"])):
         ids = arrays.get(f"person_{index}_contact_partner")
-        if ids is not None and ids.size and (ids.min() < -1 or ids.max() >= partners):
+        if ids is not None and ids.size and (ids.min() < NO_PARTNER or ids.max() >= partners):
             raise ValueError(f"person_{index}_contact_partner has {ids.min()} to {ids.max()}, of {partners} partners")
     faces = arrays["faces"]
     if document["people"] and faces.size:
         vertices = len(arrays["person_0_vertices"])
         if faces.min() < 0 or faces.max() >= vertices:
             raise ValueError(f"faces has vertices {faces.min()} to {faces.max()}, and a person has {vertices}")
-    partners = len(document.get("contact_partners", ()))
-    for index in range(len(document["people"])):
-        partner = arrays.get(f"person_{index}_contact_partner")
-        if partner is not None and partner.size and not NO_PARTNER <= partner.min() <= partner.max() < partners:
-            raise ValueError(
-                f"contact_partner has {partner.min()} to {partner.max()}, and there are {partners} partners"
-            )
 
 
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:

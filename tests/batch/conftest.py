@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 STANDIN = Path(__file__).parent / "standin"
+# The package ``fuzzing``, which has a result without any estimator.
+sys.path.insert(0, str(Path(__file__).parents[1] / "attacks"))
 
 
 @pytest.fixture

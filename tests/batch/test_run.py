@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,15 +18,17 @@ from typing import Any
 
 import pytest
 
+from fuzzing.tiny_result import tiny_result
 from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import COLUMNS, Journal, last_rows, read_rows
-from physic_core.batch.photos import find_photos
+from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
+from physic_core.batch.photos import find_photos, photo_folder
 from physic_core.batch.process import BatchJob, base_row
 from physic_core.batch.run import plan_batch
-from physic_core.batch.saving import Saving
+from physic_core.batch.saving import Saving, save_photo
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
+from physic_core.files.document_checksum import with_checksum
 
 from .conftest import STANDIN
 
@@ -69,7 +73,7 @@ def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Pa
     assert rows["broken"]["message"] == "three lines here"
     assert rows["abort"]["attempts"] == 2
     assert all(COLUMNS.keys() <= row.keys() for row in rows.values())
-    assert rows["a"].keys() - COLUMNS.keys() == {"people", "load_seconds", "check_floor"}
+    assert rows["a"].keys() - COLUMNS.keys() == {"people", "load_seconds", "check_floor", "checksum"}
     assert rows["broken"]["photo"].startswith("sha256:")
 
 
@@ -134,7 +138,8 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
         journal.append(row("b"))
         journal.append(row("a", "2026-01-02T00:00:00", value=1.0 / 3))
     with (tmp_path / "journal.jsonl").open("ab") as file:
-        file.write(b'{"id": ["x"], "state": "done", "config": "c", "finished": "f"}\nnull\n\x00\xff\n')
+        odd = with_checksum({"id": ["x"], "state": "done", "config": "c", "finished": "f"})
+        file.write(json.dumps(odd).encode() + b"\nnull\n\x00\xff\n")
         file.write(b"[" * 100_000 + b'\n{"id": "c", "state": "do')
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(row("d"))
@@ -142,6 +147,28 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
     assert read_rows(tmp_path)["a"]["value"] == pytest.approx(1 / 3)
     assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
     assert read_rows(tmp_path, ("state",))["d"] == {"id": "d", "state": "done", "finished": "2026-01-01T00:00:00"}
+
+
+def test_a_damaged_row_counts_for_nothing(tmp_path: Path):
+    path, rng = tmp_path / "journal.jsonl", random.Random(0)
+    with Journal(path) as journal:
+        journal.append(row("a", value=0.5, message="ä"))
+        journal.append(row("b", value=1e300, state="failed"))
+    content, before = path.read_bytes(), read_rows(tmp_path)
+    assert list(before) == ["a", "b"]
+    for at in range(len(content)):
+        for damaged in (content[:at] + bytes([content[at] ^ 1 << rng.randrange(8)]) + content[at + 1 :], content[:at]):
+            path.write_bytes(damaged)
+            found = read_journals(tmp_path)
+            assert all(found.last[name] == before[name] for name in found.last)
+            assert len(found.last) + found.damaged == sum(map(bool, damaged.split(b"\n")))
+    path.write_bytes(content.replace(b"1e+300", b"1e+200"))
+    assert read_journals(tmp_path) == JournalRows({"a": before["a"]}, 1, frozenset())
+
+
+def test_a_row_without_checksum_counts_for_nothing(tmp_path: Path):
+    (tmp_path / "journal.jsonl").write_text(json.dumps(row("a")) + "\n")
+    assert read_journals(tmp_path) == JournalRows({}, 1, frozenset())
 
 
 def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path):
@@ -228,10 +255,35 @@ def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
 
 def test_lost_files_are_made_again(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
-    finished(job, photos, folder="photos/00/a")
+    finished(job, photos)
     assert todo(job, photos) == ["a"]
-    (out / "photos/00/a").mkdir(parents=True)
-    (out / "photos/00/a/reconstruction.json").touch()
+    save_photo(tiny_result(), out / photo_folder(find_photos([str(photos)])[0].id), job.saving)
+    finished(job, photos)
+    assert todo(job, photos) == []
+    shutil.rmtree(out / "photos")
+    assert todo(job, photos) == ["a"]
+
+
+def test_files_of_a_later_run_without_a_row_are_made_again(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
+    folder = out / photo_folder(find_photos([str(photos)])[0].id)
+    save_photo(tiny_result(), folder, job.saving)
+    finished(job, photos)
+    assert todo(job, photos) == []
+    save_photo(tiny_result(), folder, Saving("people", report=True))
+    assert todo(job, photos) == []  # the same arrays
+    save_photo(tiny_result(1), folder, job.saving)  # a run with other settings was killed before it wrote the row
+    assert todo(job, photos) == ["a"]
+
+
+def test_a_failed_photo_above_a_damaged_row_is_tried_again(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
+    finished(job, photos, state="failed", error="NoPersonError")
+    with (out / "journal.jsonl").open("ab") as file:
+        file.write(b'{"id": "a", "state": "do\n')
+    assert todo(job, photos) == ["a"]
+    assert plan_batch(find_photos([str(photos)]), job).damaged == 1
+    finished(job, photos, state="failed", error="NoPersonError")
     assert todo(job, photos) == []
 
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, load_reconstruction, save_reconstruction
+from physic_core import Reconstruction, load_people, load_reconstruction, save_reconstruction
 from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.saving import PEOPLE_FILE, Saving, save_photo, thumbnail_jpeg
+from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
@@ -107,12 +107,28 @@ def test_what_is_saved(result: Reconstruction, tmp_path: Path, saving: Saving, f
     assert not saving.main_file or saving.main_file in files
 
 
-def test_people_are_arrays_that_numpy_reads(result: Reconstruction, tmp_path: Path):
+def test_people_are_arrays_that_numpy_reads_too(result: Reconstruction, tmp_path: Path):
     save_photo(result, tmp_path, Saving("people"))
-    with np.load(tmp_path / PEOPLE_FILE) as arrays:
-        assert np.abs(arrays["person_1_vertices"] - result.people[1].vertices).max() < 4e-5
-        assert {"faces", "intrinsics", "person_0_body_pose"} <= set(arrays)
-        assert not [name for name in arrays if name.startswith("scene")]
+    arrays = load_people(tmp_path)
+    assert np.abs(arrays["person_1_vertices"] - result.people[1].vertices).max() < 4e-5
+    assert arrays["person_1_distance"].dtype == np.float32
+    assert {"faces", "intrinsics", "person_0_body_pose"} <= set(arrays)
+    assert not [name for name in arrays if name.startswith("scene")]
+    with np.load(tmp_path / "people.npz") as stored:
+        assert set(stored) == set(arrays)
+
+
+def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_path: Path):
+    save_photo(result, tmp_path / "people", Saving("people"))
+    save_photo(result, tmp_path / "numbers", Saving("numbers"))
+    with pytest.raises(InputError) as error:
+        load_reconstruction(tmp_path / "people")
+    assert str(error.value) == (
+        f"cannot read {tmp_path / 'people' / 'reconstruction.npz'}: this result was saved as people.npz; "
+        "physic_core.load_people reads it"
+    )
+    with pytest.raises(InputError, match=r"saved as reconstruction\.npz; physic_core\.load_reconstruction reads it$"):
+        load_people(tmp_path / "numbers")
 
 
 @pytest.mark.parametrize(("level", "glb"), [("everything", False), ("people", True)])
@@ -144,6 +160,20 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
         for name in ("one", "bad", "two"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     return out
+
+
+def test_a_file_of_the_user_in_the_folder_of_a_photo_costs_that_photo_alone(result: Reconstruction, tmp_path: Path):
+    folder = tmp_path / photo_folder("one")
+    folder.mkdir(parents=True)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
+    (folder / "reconstruction.json").write_text("mine too")
+    row = PhotoProcessor(job, lambda path, settings: result)(PhotoItem("one", "/photos/one.jpg"))
+    assert (row["state"], row["error"]) == ("failed", "OutputError")
+    assert row["message"] == (
+        f"cannot write results to {folder}: reconstruction.json there is not of an earlier run: name another folder, "
+        "or move it away"
+    )
+    assert (folder / "reconstruction.json").read_text() == "mine too"
 
 
 def test_the_table_has_a_row_for_each_photo(batch: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -41,7 +42,7 @@ def work(text: str, seconds: float = 0.0) -> str:
             marker.touch()
             os.kill(os.getpid(), signal.SIGKILL)
     if name.startswith("full"):
-        raise OutputError("cannot write results: No space left on device")
+        raise OutputError("cannot write results: No space left on device") from OSError(errno.ENOSPC, "")
     if name.startswith("nobody"):
         raise NoPersonError("no person was found")
     if name.startswith("broken"):

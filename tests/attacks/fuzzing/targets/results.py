@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import random
 import tempfile
@@ -9,14 +10,17 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from fuzzing.mutations import mutate_bytes, mutate_text
 from fuzzing.target import Target
 from fuzzing.tiny_result import difference, tiny_result
+from physic_core.batch.saving import Saving, save_photo
 from physic_core.errors import InputError
-from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 
-DOCUMENT, ARRAYS = "reconstruction.json", "reconstruction.npz"
+DOCUMENT, ARRAYS, PEOPLE = "reconstruction.json", "reconstruction.npz", "people.npz"
 SEEDS = ((0, False), (1, True))
 """Seed, and whether the arrays have the smaller form."""
 
@@ -51,6 +55,31 @@ def attack_file(name: str, data: bytes, folder: Path) -> None:
         files, before = saved(*seed)
         if (loaded := read({**files, name: data}, folder)) is not None:
             assert not (where := difference(before, loaded)), f"{where} differs"
+
+
+@cache
+def saved_people() -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        save_photo(tiny_result(), Path(folder), Saving("people"))
+        return {name: Path(folder, name).read_bytes() for name in (DOCUMENT, PEOPLE)}
+
+
+def attack_people(data: bytes, folder: Path) -> None:
+    """The arrays are those that were saved, or the file is refused."""
+    (folder / DOCUMENT).write_bytes(saved_people()[DOCUMENT])
+    (folder / PEOPLE).write_bytes(data)
+    try:
+        loaded = load_people(folder)
+    except InputError as error:
+        message = str(error)
+    else:
+        message = ""
+    if message:
+        assert message.startswith(f"cannot read {folder / PEOPLE}: "), message
+        return
+    with np.load(io.BytesIO(saved_people()[PEOPLE])) as before:
+        assert set(loaded) == set(before)
+        assert all(np.array_equal(loaded[name], before[name].astype(loaded[name].dtype)) for name in before)
 
 
 def attack_edited(data: bytes, folder: Path) -> None:
@@ -92,5 +121,6 @@ def mutate_archive(data: bytes, rng: random.Random, others: Sequence[bytes]) -> 
 TARGETS = [
     Target("results-json", seeds_of(DOCUMENT), lambda d, f: attack_file(DOCUMENT, d, f), mutate_document, 600),
     Target("results-npz", seeds_of(ARRAYS), lambda d, f: attack_file(ARRAYS, d, f), mutate_archive, 600),
+    Target("results-people", lambda _: [saved_people()[PEOPLE]], attack_people, mutate_archive, 200),
     Target("results-edited", edited_seeds, attack_edited, mutate_document, 400),
 ]
