@@ -119,14 +119,19 @@ def test_run_says_where_each_person_stands_and_touches(pipeline):
         failed_checks: tuple[str, ...]
         unknown_checks: tuple[str, ...]
         grade: Grade
+        support: str
 
     joints = numpy.full((55, 3), 2.5)
     pipeline.result.people = (
-        One(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean"), Grade.DOUBTFUL),
+        One(
+            *(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean"), Grade.DOUBTFUL),
+            support="balanced: left foot on floor",
+        ),
     )
     assert physic(*run()).stdout.splitlines()[:2] == [
         "1 person in 3.2 s, and 0.5 s to load models",
-        "  person 0: doubtful: 2.5 m away, 2 of 3 vertices touch; check: reprojection; not measured: floating, lean",
+        "  person 0: doubtful: 2.5 m away, 2 of 3 vertices touch; balanced: left foot on floor; check: reprojection; "
+        "not measured: floating, lean",
     ]
 
 

@@ -165,7 +165,8 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"told": {"mask_covered_share": 0.78}}, ("mask_covered",)),
         ({"told": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
         ({"told": {"clearance_m": 0.28}}, ("support",)),
-        ({"told": {"clearance_m": 0.28, "support_gap_m": 0.28, "assumed_hold": 1.0}}, ()),
+        ({"told": {"clearance_m": 0.28, "support_gap_m": 0.28, "assumed_support": 1.0}}, ()),
+        ({"told": {"balance_m": 0.3}}, ("balance",)),
         ({"told": {"clearance_m": 0.28}, "legs": False}, ("legs_seen", "support")),
         ({"told": {"sole_height_m": 0.25}}, ("sole_height",)),
         ({"told": {"sole_height_m": 0.25}, "legs": False}, ("legs_seen",)),
@@ -196,12 +197,12 @@ def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...])
     assert failed_checks(found, 1) == ()
 
 
-def test_the_support_of_who_needs_an_assumed_seat_is_unknown() -> None:
-    (support,) = [d for d in run_checks(*case(told={"clearance_m": 0.0, "assumed_seat": 1.0})) if d.name == "support"]
+def test_the_support_of_who_needs_an_assumed_support_is_unknown() -> None:
+    (support,) = [
+        d for d in run_checks(*case(told={"clearance_m": 0.0, "assumed_support": 1.0})) if d.name == "support"
+    ]
     assert support.state == "unknown"
-    assert (
-        support.message == "not measured: a seat or a hold that the scene does not show is assumed to carry this person"
-    )
+    assert support.message == "not measured: a support that the scene does not show is assumed to carry this person"
 
 
 def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:

@@ -322,7 +322,8 @@ def _summary(result: Reconstruction, folder: Path, report: bool) -> str:
         else:
             place = "no body"
         grade = f"{person.grade}: " if person.grade else ""
-        lines.append(f"  person {i}: {grade}{place}{failed}{unknown}")
+        support = f"; {person.support}" if person.support else ""
+        lines.append(f"  person {i}: {grade}{place}{support}{failed}{unknown}")
     lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]

@@ -43,8 +43,8 @@ class ContactSettings:
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
         people: contact with other people too.
-        assume_supports: people whom nothing in the scene carries touch a hidden seat, or what their hands hold
-            (:mod:`physic_core.engine.assumed_support`).
+        assume_supports: people whom nothing in the scene carries touch a hidden support, such as a seat or what their
+            hands hold (:mod:`physic_core.engine.contact.support`).
     """
 
     rule: Literal["probability", "distance"] = "probability"

@@ -17,7 +17,7 @@ from physic_core.files.strict_json import from_json, parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
 from physic_core.io.check_records import check_record
-from physic_core.io.contact_records import contact_record, partner_record
+from physic_core.io.contact_records import contact_record, partner_record, support_record
 from physic_core.io.result_folder import SCHEMA
 from physic_core.io.schema_file import schema_fault
 from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord, UnposedPerson
@@ -213,6 +213,7 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "pelvis": np.asarray(person.joints)[0] if len(person.joints) else None,
         "contact_vertices": int(np.sum(person.contact)),
         "contacts": None if person.contact_partner is None else [contact_record(one) for one in person.contacts],
+        "support": None if person.support is None else support_record(person.support),
         "vertices": len(person.vertices),
     }
 

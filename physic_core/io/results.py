@@ -31,7 +31,7 @@ from physic_core.io.compact import (
     is_of_people,
     specs_of,
 )
-from physic_core.io.contact_records import parse_contacts, parse_partners
+from physic_core.io.contact_records import parse_contacts, parse_partners, parse_support
 from physic_core.io.document import (
     decode_document,
     encode_document,
@@ -429,6 +429,7 @@ def _person(
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
         grade=parse_grade(record),
         contacts=parse_contacts(record),
+        support=parse_support(record),
     )
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import isinf
 from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat
 from physic_core.engine.contact.distance import (
     SEARCH_RADIUS_M,
     ContactSurfaces,
@@ -20,6 +20,13 @@ from physic_core.engine.contact.people import PeopleDistances, people_distances
 from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SURFACES, contact_probability
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
+from physic_core.engine.contact.support import (
+    Carried,
+    ContactEvidence,
+    PosedPerson,
+    find_support,
+    support_record,
+)
 from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.geometry.free_space import front_depth, in_free_space
@@ -36,7 +43,7 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.types import BodyContact
+    from physic_core.types import BodyContact, Support
 
 __all__ = ["Contacts", "classify_points", "measure_contacts"]
 
@@ -54,6 +61,7 @@ class Contacts:
         partners: of the contact vertices.
         by_part: per person, contacts by body part.
         measures: per person, measured numbers by name.
+        supports: per person, what carries them; None for non-finite vertices.
     """
 
     contact: Tensor
@@ -62,6 +70,7 @@ class Contacts:
     partners: ContactPartners
     by_part: tuple[tuple[BodyContact, ...], ...]
     measures: list[dict[str, float | None]]
+    supports: tuple[Support | None, ...]
 
 
 def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
@@ -95,7 +104,8 @@ def measure_contacts(
     probability = torch.zeros_like(distance) if by_probability else None
     measured: list[dict[str, float | None]] = [{} for _ in finite]
     if not len(rows):
-        return Contacts(contact, probability, distance, ContactPartners((), index), ((),) * len(finite), measured)
+        nobody = ContactPartners((), index), ((),) * len(finite), measured, (None,) * len(finite)
+        return Contacts(contact, probability, distance, *nobody)
     vertices = result.vertices[rows]
     outward = vertex_normals(vertices, model.faces)
     in_air = problem.feet_in_air()[rows]
@@ -121,21 +131,23 @@ def measure_contacts(
         settings,
     )
     hidden = torch.zeros(touches.shape, dtype=torch.int64, device=touches.device)
+    carried: dict[int, Carried] = {}
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
     up = up.to(vertices)
     soles = torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, s))
     for row, (i, body, normals) in enumerate(zip(rows.tolist(), vertices, outward, strict=True)):
         seen = problem.masks[i]
-        if settings.contact.assume_supports:
-            posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
-            lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
-            held = assumed_hold(model, touches[row], problem.contact_probability[i], lifted)
-            seat = assumed_seat(model, posed, touches[row], supports[row] & ~lifted.all(), up)
-            hidden[row, seat & ~touches[row]] = _SEAT
-            hidden[row, held & ~touches[row]] = _HELD
-            measured[i] = {"assumed_seat": float(seat.any()), "assumed_hold": float(held.any())}
+        posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
+        lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
+        evidence = ContactEvidence(
+            touches[row], may_touch[row], near.nearest[row], problem.contact_probability[i], lifted
+        )
+        carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
+        hidden[row, carried[i].hidden & supports[row]] = _SEAT if carried[i].hidden_is_seat else _HELD
         measured[i] |= {
+            "balance_m": None if isinf(carried[i].outside_m) else max(0.0, carried[i].outside_m),
+            "assumed_support": float(carried[i].hidden.any()),
             **silhouettes[i],
             "clearance_m": clearance(body, distance[i], up, height),
             "sole_height_m": sole_height(body, soles, up, height),
@@ -161,7 +173,14 @@ def measure_contacts(
         body_contacts(own, None if probability is None else probability[i], partners.table, names, region)
         for i, own in enumerate(index)
     )
-    return Contacts(contact, probability, distance, ContactPartners(partners.table, index), by_part, measured)
+    supports_of = tuple(
+        support_record(carried[i], own, None if probability is None else probability[i], partners.table, names, region)
+        if i in carried
+        else None
+        for i, own in enumerate(index)
+    )
+    table = ContactPartners(partners.table, index)
+    return Contacts(contact, probability, distance, table, by_part, measured, supports_of)
 
 
 def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: ClassifiedPoints) -> Tensor:

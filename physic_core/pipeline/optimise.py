@@ -15,7 +15,7 @@ import torch
 from physic_core.body.joints import joint_pair
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.assumed_support import hands_may_hold
+from physic_core.engine.contact.support import hands_may_hold
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.limbs import is_standing
 from physic_core.engine.joint.problem import JointProblem
@@ -342,7 +342,7 @@ def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, model: BodyM
     everything = torch.ones(joints.shape[:2], dtype=torch.bool, device=joints.device)
     height = joints @ up
     hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
-    return hands_may_hold(model, contact) & (hands_up | ~is_standing(rotations, joints, everything, up))
+    return hands_may_hold(model, contact).any(1) & (hands_up | ~is_standing(rotations, joints, everything, up))
 
 
 def _detections(

@@ -403,6 +403,7 @@ def _result(
                 contact_probability=None if solution.contact_probability is None else solution.contact_probability[i],
                 contact_partner=solution.contact_partner[i],
                 contacts=solution.contacts[i],
+                support=solution.supports[i],
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray
+    from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support
 
 __all__ = ["Solution", "assemble_solution", "scene_alone"]
 
@@ -45,6 +45,7 @@ class Solution(ShortRepr):
         contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part.
+        supports: per person, what carries them; None without a finite body.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage; without people of the scene alone.
@@ -61,6 +62,7 @@ class Solution(ShortRepr):
     contact_partner: NDArray[np.int16]
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]
+    supports: tuple[Support | None, ...]
     people: tuple[Mapping[str, Any], ...]
     failures: tuple[str, ...]
     diagnostics: Mapping[str, Any]
@@ -102,6 +104,7 @@ def assemble_solution(
         contact_partner=touch.partners.index.cpu().numpy(),
         partners=touch.partners.table,
         contacts=touch.by_part,
+        supports=touch.supports,
         people=people,
         failures=result.failures,
         diagnostics={
@@ -133,6 +136,7 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
         contact_partner=np.full((0, model.num_vertices), NO_PARTNER, np.int16),
         partners=(),
         contacts=(),
+        supports=(),
         people=(),
         failures=(),
         diagnostics={"scene": dict(scene.diagnostics)},

@@ -20,6 +20,7 @@ from physic_core.types.prompt import PeoplePrompt
 from physic_core.types.records import CheckResult, CheckState, Grade, Provenance, StageRecord, summarize_checks
 from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
+from physic_core.types.support import Support, SupportState
 from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ __all__ = [
     "Scene",
     "Skeleton",
     "StageRecord",
+    "Support",
+    "SupportState",
     "SurfaceLabels",
     "UnposedPerson",
     "skeleton_named",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
+    from physic_core.types.support import Support
     from physic_core.visual.export.write import Exported
 
 __all__ = ["Person", "Reconstruction", "Scene"]
@@ -75,6 +76,7 @@ class Person(ShortRepr):
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``, :data:`NO_PARTNER` for vertices
             that are not in contact. None in an older result.
         contacts: contacts by body part, most probable first.
+        support: what carries this person; None without a body, or in an older result.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None in a result that was written without grades.
@@ -98,6 +100,7 @@ class Person(ShortRepr):
     contact_probability: NDArray[np.float16] | None = None
     contact_partner: NDArray[np.int16] | None = None
     contacts: tuple[BodyContact, ...] = ()
+    support: Support | None = None
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).

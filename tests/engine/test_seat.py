@@ -8,14 +8,12 @@ from functools import partial
 import pytest
 import torch
 
-from physic_core.engine.assumed_support import PosedPerson, assumed_hold, assumed_seat, is_over_feet
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import is_sitting
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.seat import seat_energy
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.robust import cauchy
-from physic_core.geometry.visibility import vertex_normals
 
 SITS = {
     "left_hip": (-1.45, 0, 0),
@@ -26,11 +24,6 @@ SITS = {
 LUNGES = {"left_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (0.6, 0, 0)}
 UP = torch.tensor([0.0, -1.0, 0.0])
 SETTINGS = PRESETS["default"].joint
-
-
-def person(stage):
-    normals = vertex_normals(stage.vertices, stage.problem.model.faces)[0]
-    return PosedPerson(stage.vertices[0], normals, stage.joints[0], stage.problem.rotations0[0])
 
 
 def bends_over(stage_of):
@@ -110,58 +103,3 @@ def test_a_seat_beyond_the_reach_of_contact_is_found(seated):
 
     print(f"{100 * gap(without):.1f} cm over the seat without the term, {100 * gap(settings):.1f} cm with it")
     assert abs(gap(settings)) < 0.05 < gap(without)
-
-
-def test_a_hidden_seat_is_assumed_under_who_sits_on_nothing(make_stage):
-    stage = make_stage([(SITS, (0.0, 0.0, 3.0))])
-    model, vertices = stage.problem.model, stage.vertices[0]
-    posed = person(stage)
-    nothing, every = torch.zeros(len(vertices), dtype=torch.bool), torch.ones(len(vertices), dtype=torch.bool)
-    seat = assumed_seat(model, posed, nothing, every, UP)
-    parts = torch.zeros_like(seat)
-    for name in ("thighs", "gluteus"):
-        parts[model.contact_sets[name]] = True
-    assert seat.any()
-    assert not (seat & ~parts).any()
-    heights = vertices[seat] @ UP
-    assert float(heights.max() - heights.min()) < 0.1
-    # With a seat, or with no part of the body that may touch, none is assumed.
-    assert not assumed_seat(model, posed, parts, every, UP).any()
-    assert not assumed_seat(model, posed, nothing, nothing, UP).any()
-
-
-def test_no_seat_is_assumed_under_who_squats_or_stands(make_stage):
-    squats = {
-        "left_hip": (-2.0, 0, 0),
-        "right_hip": (-2.0, 0, 0),
-        "left_knee": (2.2, 0, 0),
-        "right_knee": (2.2, 0, 0),
-        "spine1": (0.5, 0, 0),
-    }
-    for bends in ({}, squats):
-        stage = make_stage([(bends, (0.0, 0.0, 3.0))])
-        model, vertices, joints = stage.problem.model, stage.vertices[0], stage.joints[0]
-        posed = person(stage)
-        every = torch.ones(len(vertices), dtype=torch.bool)
-        soles = torch.zeros_like(every)
-        soles[model.contact_sets["left_sole"]] = True
-        assert is_over_feet(vertices, joints, UP)
-        assert not assumed_seat(model, posed, soles, every, UP).any()
-    assert not is_over_feet(
-        make_stage([(SITS, (0, 0, 3.0))]).vertices[0], make_stage([(SITS, (0, 0, 3.0))]).joints[0], UP
-    )
-
-
-def test_hands_hold_who_is_in_the_air_where_the_prior_says_so(body):
-    none = torch.zeros(body.num_vertices, dtype=torch.bool)
-    probability = torch.zeros(body.num_vertices)
-    left, right = body.contact_sets["left_hand"], body.contact_sets["right_hand"]
-    probability[left], probability[right] = 0.9, 0.5
-    air, one = torch.tensor([True, True]), torch.tensor([True, False])
-    held = assumed_hold(body, none, probability, air)
-    assert held[left].all()
-    assert not held[right].any()
-    assert not assumed_hold(body, none, probability, one).any()
-    seat = none.clone()
-    seat[body.contact_sets["thighs"]] = True
-    assert not assumed_hold(body, seat, probability, air).any()

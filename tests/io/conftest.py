@@ -18,6 +18,7 @@ from physic_core.types import (
     Reconstruction,
     Scene,
     StageRecord,
+    Support,
 )
 
 FLOOR = ContactPartner("floor", "floor")
@@ -155,6 +156,7 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
         contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
+        support=Support("balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)),
     )
     return person, faces
 

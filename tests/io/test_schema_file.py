@@ -100,7 +100,7 @@ def test_a_result_that_an_earlier_version_wrote_is_still_read(version: int):
 def test_every_key_is_on_the_page_with_the_words_of_the_schema():
     rows = dict(re.findall(r"^\| `([\w.]+)` \| ([^|]*) \|$", PAGE.read_text(), re.M))
     wanted = dict(properties(SCHEMA))
-    for name in ("intrinsics", "check", "person", "partner", "contact", "unposed", "stage", "backend"):
+    for name in ("intrinsics", "check", "person", "support", "partner", "contact", "unposed", "stage", "backend"):
         wanted |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
     assert {name: one["description"] for name, one in wanted.items() if "description" in one} == rows
 

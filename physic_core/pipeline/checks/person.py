@@ -25,7 +25,7 @@ _NO_FLOOR = "no floor was found"
 _ASSUMED_FLOOR = "the floor is only assumed at the people's feet"
 _NO_BODY = "there is no body, or nothing of it to measure"
 _HIDDEN_LEG = "a leg is not visible"
-_ASSUMED_SUPPORT = "a seat or a hold that the scene does not show is assumed to carry this person"
+_ASSUMED_SUPPORT = "a support that the scene does not show is assumed to carry this person"
 
 
 def check_person(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
@@ -118,7 +118,7 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
     # With an invisible leg or an assumed support, what carries the person is unknown.
     legs = _visible_legs(estimates, person)
-    assumed = _ASSUMED_SUPPORT if report.get("assumed_seat") or report.get("assumed_hold") else None
+    assumed = _ASSUMED_SUPPORT if report.get("assumed_support") else None
     unknown = assumed or _floor_problem(solution) or (None if legs is None or legs == 2 else _HIDDEN_LEG)
     yield check_value(
         "floating",
@@ -131,6 +131,12 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
         measured(report, "clearance_m") if assumed is None else None,
         "nothing carries this person: neither floor nor a surface of the scene is near",
         unmeasured=assumed or "there is no floor, and no surface near the body",
+    )
+    yield check_value(
+        "balance",
+        measured(report, "balance_m"),
+        "the centre of mass is beside what carries this person: they move, or the pose or a contact is wrong",
+        unmeasured="nothing carries this person",
     )
     yield _check_soles(solution, person, unknown)
     yield _check_lean(solution, person, unknown)

@@ -140,6 +140,8 @@ _ALL = (
     _person("floating", "at most", 0.05, "m", "from the supporting vertices to the nearest surface or floor"),
     # Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4.
     _person("support", "at most", 0.1, "m", "from the body, seen or not, to the nearest surface or floor", needed=True),
+    # People in motion are beside their support; a wrong pose alone does not put them there.
+    _person("balance", "at most", 0.12, "m", "from the centre of mass to the hull of what carries, level", "ignored"),
     # On floors that are right 0-0.08, and 0.25 on a treadmill; with wrong floors 0.6-1.7 above or below.
     _person("sole_height", "at most", 0.1, "m", "from the lower sole to the floor, if above it of a person who stands"),
     # People who stand or walk: up to 4 in photos, 3 in worlds. Sideways tilt is visible in the photo and not checked.

@@ -44,7 +44,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest`` (heights over the floor, m), ``others``
     (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, m), ``contact_vertices``,
     ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB, ``probability``), and ``contact`` (``part``,
-    ``cm2``, ``share``) by body part.
+    ``cm2``, ``share``) by body part. ``support`` is a sentence on what carries the person.
     """
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
     gaps = _gaps(reconstruction)
@@ -64,6 +64,7 @@ def _record(
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
         "contacts": [_contact(contact) for contact in person.contacts],
+        "support": None if person.support is None else str(person.support),
     }
     if not is_posed(person):
         return (

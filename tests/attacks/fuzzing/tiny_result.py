@@ -21,6 +21,8 @@ from physic_core.types import (
     Reconstruction,
     Scene,
     StageRecord,
+    Support,
+    SupportState,
     UnposedPerson,
 )
 
@@ -92,6 +94,7 @@ def _person(rng: np.random.Generator) -> Person:
         contact_probability=rng.random(4).astype(np.float16),
         contact_partner=np.int16([-1, 0, 1, -1]),
         contacts=(BodyContact("left_hand", PARTNERS[1], 0.75, 1),),
+        support=Support(SupportState.ASSUMED, (BodyContact("seat", PARTNERS[0], None, 4),), None, (0.5, 0.25, 3.0)),
         failed_checks=("floating",),
         unknown_checks=("lean",),
         grade=Grade.DOUBTFUL,

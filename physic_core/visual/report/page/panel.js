@@ -46,6 +46,7 @@ function personCard(data, index) {
         ["person", "pelvis to pelvis", "gap"],
         person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)]), ["pelvis to pelvis", "gap"]));
     }
+    if (person.support) card.append(element("h3", { textContent: "Support" }), element("p", { textContent: person.support }));
     card.append(element("h3", { textContent: "Contact" }), ...partnerRows(person), ...contactRows(person));
   }
   const checks = data.checks.filter(check => check.person === index);

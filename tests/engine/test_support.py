@@ -1,0 +1,200 @@
+"""What carries a person: balance over contacts, hands that hold, and hidden supports."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from physic_core.engine.contact.support import (
+    ContactEvidence,
+    PosedPerson,
+    beside_hull,
+    centre_of_mass,
+    find_support,
+    support_record,
+)
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.types import NO_PARTNER, BodyContact, ContactPartner, Support, SupportState
+
+SITS = {
+    "left_hip": (-1.45, 0, 0),
+    "right_hip": (-1.45, 0, 0),
+    "left_knee": (1.45, 0, 0),
+    "right_knee": (1.45, 0, 0),
+}
+SQUATS = {
+    "left_hip": (-2.0, 0, 0),
+    "right_hip": (-2.0, 0, 0),
+    "left_knee": (2.2, 0, 0),
+    "right_knee": (2.2, 0, 0),
+    "spine1": (0.5, 0, 0),
+}
+HANGS = {"left_shoulder": (0, 0, 1.4), "right_shoulder": (0, 0, -1.4)}
+UP = torch.tensor([0.0, -1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def posed(make_stage):
+    """Return a function that gives model and posed person of some bends."""
+
+    def pose(bends):
+        stage = make_stage([(bends, (0.0, 0.0, 3.0))])
+        model = stage.problem.model
+        normals = vertex_normals(stage.vertices, model.faces)[0]
+        return model, PosedPerson(stage.vertices[0], normals, stage.joints[0], stage.problem.rotations0[0])
+
+    return pose
+
+
+def evidence(model, *touching, prior=(), lifted=(False, False)):
+    """Contact of some sets of vertices, and a contact prior of 0.9 on others."""
+    contact = torch.zeros(model.num_vertices, dtype=torch.bool)
+    probability = torch.full((model.num_vertices,), 0.1)
+    for name in touching:
+        contact[model.contact_sets[name]] = True
+    for name in prior:
+        probability[model.contact_sets[name]] = 0.9
+    return ContactEvidence(
+        contact=contact,
+        may_touch=model.outer,
+        distance=torch.full((model.num_vertices,), torch.inf),
+        prior=probability,
+        lifted_feet=torch.tensor(lifted),
+    )
+
+
+def within(model, chosen, *names):
+    allowed = torch.zeros_like(chosen)
+    for name in names:
+        allowed[model.contact_sets[name]] = True
+    return not bool((chosen & ~allowed).any())
+
+
+@pytest.mark.parametrize(("bends", "state"), [({}, "balanced"), (SQUATS, "balanced")])
+def test_feet_balance_who_stands_or_squats(posed, bends, state):
+    model, body = posed(bends)
+    found = find_support(model, body, evidence(model, "left_sole", "right_sole"), UP, assume=True)
+    assert found.state == state
+    assert found.outside_m < 0.12
+    assert not found.hidden.any()
+
+
+@pytest.mark.parametrize("touching", [(), ("left_sole", "right_sole")])
+def test_a_hidden_seat_carries_who_sits_on_nothing(posed, touching):
+    model, body = posed(SITS)
+    found = find_support(model, body, evidence(model, *touching, prior=("gluteus", "thighs")), UP, assume=True)
+    assert (found.state, found.hidden_is_seat) == (SupportState.ASSUMED, True)
+    assert found.hidden.any()
+    assert within(model, found.hidden, "gluteus", "thighs")
+    heights = body.vertices[found.hidden] @ UP
+    assert float(heights.max() - heights.min()) < 0.1
+    assert find_support(model, body, evidence(model, *touching), UP, assume=False).state == SupportState.UNBALANCED
+
+
+def test_a_seat_in_contact_needs_no_hidden_one(posed):
+    model, body = posed(SITS)
+    found = find_support(model, body, evidence(model, "gluteus", "thighs", prior=("gluteus",)), UP, assume=True)
+    assert found.state == SupportState.BALANCED
+    assert not found.hidden.any()
+
+
+def test_who_is_in_the_air_holds_something_or_jumps_by_the_contact_prior(posed):
+    model, body = posed(HANGS)
+    lifted = (True, True)
+    holds = find_support(
+        model, body, evidence(model, prior=("left_hand", "right_hand"), lifted=lifted), UP, assume=True
+    )
+    assert holds.state == SupportState.ASSUMED
+    assert within(model, holds.hidden, "left_hand", "right_hand")
+    assert holds.hidden[model.contact_sets["left_hand"]].all()
+    jumps = find_support(model, body, evidence(model, lifted=lifted), UP, assume=True)
+    assert jumps.state == SupportState.AIRBORNE
+    assert math.isinf(jumps.outside_m)
+
+
+def test_hands_above_the_centre_of_mass_carry_alone(posed):
+    model, body = posed(HANGS)
+    high = find_support(model, body, evidence(model, "left_hand", "right_hand"), UP, assume=False)
+    assert high.state == SupportState.HANGING
+    low = find_support(model, body, evidence(model, "left_hand", "right_hand"), -UP, assume=False)
+    assert low.state != SupportState.HANGING
+
+
+def test_a_person_without_contact_is_never_without_a_named_support(posed):
+    for bends in ({}, SITS, SQUATS, HANGS):
+        model, body = posed(bends)
+        found = find_support(model, body, evidence(model), UP, assume=True)
+        assert found.state == SupportState.ASSUMED
+        assert found.hidden.any()
+
+
+def test_the_centre_of_mass_of_a_box_moves_with_it():
+    box = trimesh.creation.box((0.2, 1.7, 0.4))
+    offset = torch.tensor([0.3, -0.2, 4.0])
+    centre = centre_of_mass(torch.tensor(np.array(box.vertices)).float() + offset, torch.tensor(np.array(box.faces)))
+    assert torch.allclose(centre, offset, atol=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(3, 30))
+def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
+    draw = np.random.default_rng(seed)
+    points, centre = draw.normal(size=(count, 3)), draw.normal(size=3)
+    hull = ConvexHull(points[:, [0, 2]])
+    inside = float((hull.equations @ np.append(centre[[0, 2]], 1.0)).max())
+    found = beside_hull(*(torch.tensor(x) for x in (centre, points)), UP.double())
+    # The supporting lines of 360 directions leave out 1 % of the hull's size.
+    slack = 0.01 * float(np.ptp(points, axis=0).max())
+    if inside <= 0:
+        assert inside - slack <= found <= inside + slack
+    else:
+        corners = points[hull.vertices][:, [0, 2]]
+        ends = np.roll(corners, -1, axis=0)
+        share = ((centre[[0, 2]] - corners) * (ends - corners)).sum(1) / ((ends - corners) ** 2).sum(1)
+        nearest = corners + np.clip(share, 0, 1)[:, None] * (ends - corners)
+        distance = float(np.linalg.norm(centre[[0, 2]] - nearest, axis=1).min())
+        assert distance - slack <= found <= distance + 1e-9
+
+
+def test_the_hull_of_no_points_is_out_of_reach():
+    assert math.isinf(beside_hull(torch.zeros(3), torch.zeros(0, 3), UP))
+
+
+def test_the_record_lists_seen_and_hidden_supports(posed):
+    model, body = posed(SITS)
+    found = find_support(
+        model, body, evidence(model, "left_sole", "right_sole", prior=("gluteus", "thighs")), UP, assume=True
+    )
+    floor = ContactPartner("floor", "floor")
+    index = torch.where(found.contact, 0, NO_PARTNER)
+    support = support_record(found, index, None, (floor,), model.part_names, model.part_of_vertex)
+    assert {one.partner.kind for one in support.contacts} == {"floor", "hidden"}
+    assert support.hidden == ("hidden seat",)
+    assert str(support) == "assumed: left foot on floor, right foot on floor, hidden seat"
+    unnamed = support_record(replace(found, contact=~found.hidden), index, None, (floor,), ("torso",), index * 0)
+    assert unnamed.outside_m == support.outside_m
+
+
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [
+        ("left_upper_leg", "hidden support under the thighs"),
+        ("right_hand", "hidden hold"),
+        ("back", "hidden support behind the back"),
+        ("left_foot", "hidden support under the feet"),
+        ("right_lower_leg", "hidden support under the knees"),
+        ("torso", "hidden support under the body"),
+        ("head", "hidden support under the head"),
+    ],
+)
+def test_names_of_hidden_supports(part, name):
+    support = Support("assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0))
+    assert str(support) == f"assumed: {name}"
