@@ -42,7 +42,7 @@ class ContactSettings:
         inside_m: largest depth inside of a vertex in contact, metres; 0.15 as released. 0.05 is the usual compression
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
-        people: contact with other people too.
+        people: contact with other people and with the own body too.
         assume_supports: people whom nothing in the scene carries touch a hidden support, such as a seat or what their
             hands hold (:mod:`physic_core.engine.contact.support`).
     """

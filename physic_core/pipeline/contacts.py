@@ -16,10 +16,10 @@ from physic_core.engine.contact.distance import (
     surface_distances,
 )
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
-from physic_core.engine.contact.people import PeopleDistances, people_distances
-from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SURFACES, contact_probability
+from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SELF, SURFACES, contact_probability
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
+from physic_core.engine.contact.skin import SkinContacts, SkinDistances, own_distances, people_distances
 from physic_core.engine.contact.support import (
     Carried,
     ContactEvidence,
@@ -39,6 +39,7 @@ from physic_core.types.contacts import NO_PARTNER
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.scene.build import SceneState
     from physic_core.engine.settings import EngineSettings
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 __all__ = ["Contacts", "classify_points", "measure_contacts"]
 
 _SEAT, _HELD = 1, 2  # assumed supports, as in assign_partners
+_PEOPLE, _OWN_BODY = 1, 2  # what a vertex touches; 0 is scene and floor
+_OWN_RADIUS_M = 0.08  # of the search on the own body, whose parts are off by less than scene and people
 
 
 @dataclass(frozen=True)
@@ -119,10 +122,10 @@ def measure_contacts(
         free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
     near = surface_distances(vertices, around.scene, around.floor, settings.contact, free)
     distance[rows] = near.nearest
-    others = people_distances(vertices, outward, model.outer, SEARCH_RADIUS_M)
-    touches, on_person, likely = _touching(
+    skin = _skin_distances(model, vertices, outward, settings)
+    touches, touched, likely = _touching(
         near,
-        others,
+        skin,
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,
@@ -140,9 +143,9 @@ def measure_contacts(
         seen = problem.masks[i]
         posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
         lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
-        evidence = ContactEvidence(
-            touches[row], may_touch[row], near.nearest[row], problem.contact_probability[i], lifted
-        )
+        outward_contact = touches[row] & (touched[row] != _OWN_BODY)
+        prior = problem.contact_probability[i]
+        evidence = ContactEvidence(outward_contact, may_touch[row], near.nearest[row], prior, lifted)
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
         hidden[row, carried[i].hidden & supports[row]] = _SEAT if carried[i].hidden_is_seat else _HELD
         measured[i] |= {
@@ -166,8 +169,11 @@ def measure_contacts(
     above = None if plane is None else plane_height(around.scene.points, up, up.new_tensor(plane[1]))
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     names, region = contact_regions(model)
-    everybody = replace(others, person=rows[others.person])
-    partners = assign_partners(contact[rows], near, parts, everybody, on_person, hidden, names, region)
+    on_people, on_self = (
+        SkinContacts(touched == kind, replace(one, person=rows[one.person]))
+        for kind, one in zip((_PEOPLE, _OWN_BODY), skin, strict=True)
+    )
+    partners = assign_partners(contact[rows], near, parts, on_people, on_self, hidden, names, region)
     index[rows] = partners.index
     by_part = tuple(
         body_contacts(own, None if probability is None else probability[i], partners.table, names, region)
@@ -193,9 +199,24 @@ def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: Cla
     return torch.where(floor | (row < 0), 0, torch.where(inpainted, 2, 1))
 
 
+def _skin_distances(
+    model: BodyModel, vertices: Tensor, normals: Tensor, settings: EngineSettings
+) -> tuple[SkinDistances, SkinDistances]:
+    """Return the distances to other people and to the own body (N, V) each, inf if the settings exclude them."""
+    if not settings.contact.people:
+        index = torch.zeros(vertices.shape[:2], dtype=torch.int64, device=vertices.device)
+        none = SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
+        return none, none
+    rest = model(*model.zero_pose()).vertices[0]
+    return (
+        people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M),
+        own_distances(vertices, normals, model.outer, model.part_of_vertex, rest, _OWN_RADIUS_M),
+    )
+
+
 def _touching(
     near: SurfaceDistances,
-    others: PeopleDistances,
+    skin: tuple[SkinDistances, SkinDistances],
     may_touch: Tensor,
     chance: Tensor,
     seen_limbs: Tensor,
@@ -203,11 +224,11 @@ def _touching(
     prior: Tensor,
     settings: EngineSettings,
 ) -> tuple[Tensor, Tensor, Tensor | None]:
-    """Return vertices (N, V) in contact, those of them that touch another person, and the probability of contact.
+    """Return vertices in contact, what they touch (0 scene, 1 people, 2 own body), and the probability: (N, V) each.
 
     Args:
         near: distances to scene and floor.
-        others: distances to other people.
+        skin: distances to other people and to the own body.
         may_touch: (N, V) bool, vertices that may be in contact by distance.
         chance: (N, V) factor on the probability.
         seen_limbs: (N, V) bool, vertices of limbs that the photo shows.
@@ -217,17 +238,17 @@ def _touching(
     """
     reach = settings.contact
     if reach.rule == "distance":
-        touches = (near.nearest <= reach.distance_m) & (near.nearest >= -reach.inside_m) & may_touch
-        skin = (others.distance <= reach.distance_m) & (others.distance >= -reach.inside_m) & may_touch & reach.people
-        return touches | skin, skin & (~touches | (others.distance.abs() < near.nearest.abs())), None
-    on_scene = contact_probability(near.nearest, kinds, seen_limbs, prior, reach)
-    skin_distance = others.distance if reach.people else torch.full_like(others.distance, torch.inf)
-    skin = torch.full_like(kinds, SURFACES.index(PERSON))
-    on_people = contact_probability(skin_distance, skin, seen_limbs, prior, reach)
-    likely = (1 - (1 - on_scene) * (1 - on_people)) * chance
+        distances = torch.stack([near.nearest, *(one.distance for one in skin)])
+        within = (distances <= reach.distance_m) & (distances >= -reach.inside_m) & may_touch
+        return within.any(0), torch.where(within, distances.abs(), torch.inf).argmin(0), None
+    each = [contact_probability(near.nearest, kinds, seen_limbs, prior, reach)]
+    for surface, one in zip((PERSON, SELF), skin, strict=True):
+        kind = torch.full_like(kinds, SURFACES.index(surface))
+        each.append(contact_probability(one.distance, kind, seen_limbs, None, reach))
+    probabilities = torch.stack(each)
+    likely = (1 - (1 - probabilities).prod(0)) * chance
     # Where the photo does not show a limb, the pose is a guess: probable contact, but none that is stated.
-    touches = (likely >= reach.threshold) & seen_limbs
-    return touches, touches & (on_people > on_scene), likely
+    return (likely >= reach.threshold) & seen_limbs, probabilities.argmax(0), likely
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:

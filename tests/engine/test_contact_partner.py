@@ -6,8 +6,8 @@ import torch
 
 from physic_core.engine.contact.distance import SurfaceDistances
 from physic_core.engine.contact.partner import assign_partners, body_contacts
-from physic_core.engine.contact.people import PeopleDistances, people_distances
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
+from physic_core.engine.contact.skin import SkinContacts, SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table")
@@ -56,18 +56,19 @@ def assigned(
     floor: list[float],
     point: list[int],
     parts: SceneParts,
-    on_person: list[bool],
+    on_skin: list[str],
     hidden: list[int],
 ) -> list[ContactPartner]:
     count = len(scene)
     surfaces = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
-    others = PeopleDistances(
-        torch.zeros(1, count), torch.ones(1, count, dtype=torch.int64), torch.ones(1, count).long()
-    )
+    skin = SkinDistances(torch.zeros(1, count), torch.ones(1, count, dtype=torch.int64), torch.ones(1, count).long())
     region = torch.tensor([0, 1] * 8)[: max(count, 2)]
     touch = torch.ones(1, count, dtype=torch.bool)
+    on_people, on_self = (
+        SkinContacts(torch.tensor([[name == kind for name in on_skin]]), skin) for kind in ("person", "self")
+    )
     found = assign_partners(
-        touch, surfaces, parts, others, torch.tensor([on_person]), torch.tensor([hidden]), ("head", "left_hand"), region
+        touch, surfaces, parts, on_people, on_self, torch.tensor([hidden]), ("head", "left_hand"), region
     )
     return [found.table[i] for i in found.index[0].tolist()]
 
@@ -76,16 +77,17 @@ def test_each_contact_vertex_has_its_partner():
     _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
     far = torch.inf
     found = assigned(
-        [0.01, 0.01, far, 0.01, far, far],
-        [far, far, 0.0, far, far, far],
-        [0, 500, 0, 500, 0, 0],
+        [0.01, 0.01, far, 0.01, 0.01, far, far],
+        [far, far, 0.0, far, far, far, far],
+        [0, 500, 0, 500, 500, 0, 0],
         parts,
-        [False, False, False, True, False, False],
-        [0, 0, 0, 0, 1, 2],
+        ["", "", "", "person", "self", "", ""],
+        [0, 0, 0, 0, 0, 1, 2],
     )
     floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=0)
     other = ContactPartner("person", person=1, part="left_hand")
-    assert found == [floor, seat, floor, other, ContactPartner("hidden", "seat"), ContactPartner("hidden")]
+    own = ContactPartner("self", part="left_hand")
+    assert found == [floor, seat, floor, other, own, ContactPartner("hidden", "seat"), ContactPartner("hidden")]
 
 
 def test_vertices_without_contact_have_no_partner():
@@ -93,8 +95,8 @@ def test_vertices_without_contact_have_no_partner():
     distance = torch.full((1, 2), 0.1)
     none = torch.zeros(1, 2, dtype=torch.bool)
     surfaces = SurfaceDistances(distance, distance, torch.zeros(1, 2).long())
-    others = PeopleDistances(distance, torch.zeros(1, 2).long(), torch.zeros(1, 2).long())
-    found = assign_partners(none, surfaces, parts, others, none, none.long(), ("head",), torch.zeros(2).long())
+    skin = SkinContacts(none, SkinDistances(distance, torch.zeros(1, 2).long(), torch.zeros(1, 2).long()))
+    found = assign_partners(none, surfaces, parts, skin, skin, none.long(), ("head",), torch.zeros(2).long())
     assert found.table == ()
     assert found.index.tolist() == [[NO_PARTNER, NO_PARTNER]]
 
@@ -108,22 +110,6 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     assert contacts == (BodyContact("seat", seat, 0.8, 5), BodyContact("left_foot", floor, 0.5, 4))
     assert [str(one) for one in contacts] == ["seat: seat, 0.80", "left foot: floor, 0.50"]
     assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region)[0].probability is None
-
-
-def test_the_distance_to_another_person_is_signed_along_their_normal():
-    steps = torch.arange(0, 0.2, 0.01)
-    a, b = torch.meshgrid(steps, steps, indexing="xy")
-    sheet = torch.stack([a, b, torch.zeros_like(a)], -1).reshape(-1, 3)
-    facing = torch.tensor([0.0, 0.0, -1.0]).expand_as(sheet)
-    vertices = torch.stack([sheet, sheet + torch.tensor([0.0, 0.0, 0.03])])
-    normals = torch.stack([facing, facing])
-    outer = torch.ones(len(sheet), dtype=torch.bool)
-    found = people_distances(vertices, normals, outer, 0.15)
-    assert torch.allclose(found.distance[0], torch.full((len(sheet),), 0.03))
-    assert torch.allclose(found.distance[1], torch.full((len(sheet),), -0.03))
-    assert found.person[0].unique().tolist() == [1]
-    assert torch.equal(found.vertex[0], torch.arange(len(sheet)))
-    assert torch.isinf(people_distances(vertices[:1], normals[:1], outer, 0.15).distance).all()
 
 
 def test_titles_of_partners():

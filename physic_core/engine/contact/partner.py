@@ -1,4 +1,4 @@
-"""With what each contact vertex is in contact: floor, part of the scene, another person, or a hidden support."""
+"""With what each contact vertex is in contact: floor, part of the scene, skin, or a hidden support."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distance import SurfaceDistances
-from physic_core.engine.contact.people import PeopleDistances
 from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.engine.contact.skin import SkinContacts
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
 __all__ = ["ContactPartners", "assign_partners", "body_contacts"]
@@ -36,8 +36,8 @@ def assign_partners(
     contact: Tensor,
     surfaces: SurfaceDistances,
     parts: SceneParts,
-    people: PeopleDistances,
-    on_person: Tensor,
+    on_people: SkinContacts,
+    on_self: SkinContacts,
     hidden: Tensor,
     region_names: Sequence[str],
     region: Tensor,
@@ -48,8 +48,8 @@ def assign_partners(
         contact: (N, V) bool.
         surfaces: distances (N, V) to scene and floor.
         parts: of the scene's points, to which ``surfaces.point`` refers.
-        people: distances (N, V) to other people.
-        on_person: (N, V) bool, contacts with another person.
+        on_people: contacts with other people.
+        on_self: contacts with the own body.
         hidden: (N, V) int64, contacts with an assumed support: 0 none, 1 seat, 2 anything that a hand holds.
         region_names: of the body parts.
         region: (V,) int64, body part of each vertex, index into ``region_names``.
@@ -62,8 +62,8 @@ def assign_partners(
             index[rows] = len(table)
             table.append(partner)
 
-    on_person, assumed = on_person & contact, (hidden > 0) & contact
-    on_scene = contact & ~on_person & ~assumed
+    on_person, on_own, assumed = (touch & contact for touch in (on_people.touching, on_self.touching, hidden > 0))
+    on_scene = contact & ~on_person & ~on_own & ~assumed
     ground = surfaces.on_floor
     if len(parts.ground):
         ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
@@ -75,11 +75,13 @@ def assign_partners(
             rows = on_scene & (touched == surface)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             add(rows, ContactPartner("scene", parts.names[label] if label >= 0 else "", id=number))
-    if bool(on_person.any()):
-        pair = people.person * len(region_names) + region[people.vertex]
-        for code in torch.unique(pair[on_person]).tolist():
+    for kind, touch, skin in (("person", on_person, on_people.skin), ("self", on_own, on_self.skin)):
+        person = skin.person if kind == "person" else torch.zeros_like(skin.person)
+        pair = person * len(region_names) + region[skin.vertex]
+        for code in torch.unique(pair[touch]).tolist():
             other, part = divmod(code, len(region_names))
-            add(on_person & (pair == code), ContactPartner("person", person=other, part=region_names[part]))
+            partner = ContactPartner(kind, person=other if kind == "person" else None, part=region_names[part])
+            add(touch & (pair == code), partner)
     add(assumed & (hidden == 1), ContactPartner("hidden", "seat"))
     add(assumed & (hidden == 2), ContactPartner("hidden"))
     return ContactPartners(tuple(table), index)

@@ -8,9 +8,12 @@ weak evidence:
     p = r (Phi((distance_m - d) / s) - Phi((-inside_m - d) / s)) + (1 - r) b exp(-|d| / 0.3 m)
 
 ``r``, ``s`` and ``b`` depend on the surface: the floor is a plane through many points, the visible scene has the errors
-of depth, what people hide is inpainted, and two people have errors of their own. For a limb that the photo does not
-show, ``r`` is lower and ``s`` larger. The prior shifts the log-odds of ``p`` by a small amount, since stage 3 has used
-it already. A foot that is found to be in the air keeps a fifth of its probability.
+of depth, what people hide is inpainted, two people have errors of their own, and parts of one body only those of its
+pose. For a limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air
+keeps a fifth of its probability.
+
+The prior shifts the log-odds of ``p`` by a small amount, since stage 3 has used it already. It is a prior of contact
+with the scene, so that contact with skin has none.
 
 The constants of scene and floor are fitted by maximum likelihood on 38 synthetic worlds (``physic bench``, seed 900),
 with errors of versions 3 and 4. Those of other people, of lifted feet and of assumed supports are set by hand. The
@@ -26,7 +29,7 @@ from torch import Tensor
 
 from physic_core.engine.settings import ContactSettings
 
-__all__ = ["ASSUMED", "LIFTED_FOOT", "PERSON", "SURFACES", "SurfaceError", "contact_probability"]
+__all__ = ["ASSUMED", "LIFTED_FOOT", "PERSON", "SELF", "SURFACES", "SurfaceError", "contact_probability"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,10 @@ HIDDEN_SCENE = SurfaceError(2.2, 0.026, -1.25, 1.0, 0.6)
 PERSON = SurfaceError(0.0, 0.030, 0.0, 0.15, 0.15)
 """Skin of another person."""
 
-SURFACES = (FLOOR, VISIBLE_SCENE, HIDDEN_SCENE, PERSON)
+SELF = SurfaceError(1.4, 0.024, -1.1, 0.024, 0.005)
+"""Skin of another part of the own body."""
+
+SURFACES = (FLOOR, VISIBLE_SCENE, HIDDEN_SCENE, PERSON, SELF)
 """Kinds of surfaces, in the order of the argument ``kind`` of :func:`contact_probability`."""
 
 LIFTED_FOOT = 0.2
@@ -77,7 +83,7 @@ _PRIOR_RANGE = (0.05, 0.95)
 
 
 def contact_probability(
-    distance: Tensor, kind: Tensor, seen: Tensor, prior: Tensor, settings: ContactSettings
+    distance: Tensor, kind: Tensor, seen: Tensor, prior: Tensor | None, settings: ContactSettings
 ) -> Tensor:
     """Return the probability of contact (...); 0 beyond the search radius.
 
@@ -85,7 +91,7 @@ def contact_probability(
         distance: (...) signed, metres; inf beyond the search radius.
         kind: (...) int64, index into :data:`SURFACES`.
         seen: (...) bool, vertices of limbs that the photo shows.
-        prior: (...) of the contact prior, in [0, 1].
+        prior: (...) of the contact prior, in [0, 1]; None for contact with skin.
         settings: the contact interval.
     """
     table = distance.new_tensor([(e.log_odds, e.sigma_m, e.unseen_log_odds, e.share, e.unseen_share) for e in SURFACES])
@@ -98,6 +104,8 @@ def contact_probability(
     outer, inner = (torch.special.ndtr((bound - d) / sigma) for bound in (settings.distance_m, -settings.inside_m))
     share = torch.where(seen, seen_share, unseen_share)
     p = right * (outer - inner) + (1 - right) * share * torch.exp(-d.abs() / _REACH_M)
-    evidence = _PRIOR_WEIGHT * torch.logit(prior.to(d).clamp(*_PRIOR_RANGE)) + _PRIOR_OFFSET
-    p = torch.sigmoid(torch.logit(p.clamp(1e-6, 1 - 1e-6)) + evidence)
+    p = p.clamp(1e-6, 1 - 1e-6)
+    if prior is not None:
+        evidence = _PRIOR_WEIGHT * torch.logit(prior.to(d).clamp(*_PRIOR_RANGE)) + _PRIOR_OFFSET
+        p = torch.sigmoid(torch.logit(p) + evidence)
     return torch.where(known, p, torch.zeros_like(p))

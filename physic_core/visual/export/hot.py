@@ -50,16 +50,18 @@ def export_hot(request: ExportRequest) -> ExportedFiles:
     """Return the JSON and a PNG of the image.
 
     ``object`` has one entry for each connected region of contact in the image, hidden ones included: soles are under
-    the foot. ``people`` has contact by part in vertices, square metres and share of the part's surface.
+    the foot. ``people`` has contact by part in vertices, square metres and share of the part's surface. Contact with
+    the own body is left out, since HOT has none.
     """
     result = request.result
     parts = hot_part_of_vertex(body_of_result(result, request.body_file))
     objects: list[dict[str, Any]] = []
     people = []
     for index, person in request.chosen():
-        people.append({"person": index, "parts": _contact_by_part(person, result.faces, parts)})
+        touching = _outward_contact(person, result)
+        people.append({"person": index, "parts": _contact_by_part(person, touching, result.faces, parts)})
         for part, name in enumerate(HOT_PARTS):
-            for outline in polygons(_contact_mask(person, result, parts == part)):
+            for outline in polygons(_contact_mask(person, result, touching & (parts == part))):
                 x, y = np.round(outline, 2).T.tolist()
                 objects.append(
                     {
@@ -104,8 +106,17 @@ def hot_part_of_vertex(model: BodyModel) -> NDArray[np.int64]:
     return parts
 
 
+def _outward_contact(person: Person, result: Reconstruction) -> BoolArray:
+    """Return the vertices (V,) in contact with anything but the own body."""
+    if person.contact_partner is None:
+        return person.contact
+    own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
+    found: BoolArray = person.contact & ~own[person.contact_partner]
+    return found
+
+
 def _contact_by_part(
-    person: Person, faces: NDArray[np.int32], parts: NDArray[np.int64]
+    person: Person, contact: BoolArray, faces: NDArray[np.int32], parts: NDArray[np.int64]
 ) -> dict[str, dict[str, float | int]]:
     """Return contact of each part that has some: vertices, area and share of the part."""
     corners = person.vertices[faces].astype(np.float64)
@@ -114,7 +125,7 @@ def _contact_by_part(
     area = np.bincount(faces.reshape(-1), np.repeat(sizes / 3, 3), len(person.vertices))
     found = {}
     for part, name in enumerate(HOT_PARTS):
-        touching = (parts == part) & person.contact
+        touching = (parts == part) & contact
         if touching.any():
             found[name] = {
                 "vertices": int(touching.sum()),
@@ -124,13 +135,13 @@ def _contact_by_part(
     return found
 
 
-def _contact_mask(person: Person, result: Reconstruction, part: BoolArray) -> BoolArray:
-    """Return the pixels (H, W) of the faces of a part that are in contact, seen through the body."""
+def _contact_mask(person: Person, result: Reconstruction, contact: BoolArray) -> BoolArray:
+    """Return the pixels (H, W) of the faces whose vertices are in contact, seen through the body."""
     import cv2
 
     camera = result.intrinsics
     mask = np.zeros((camera.height, camera.width), np.uint8)
-    touching = (part & person.contact)[result.faces].all(1) & (person.vertices[result.faces][..., 2] > 0.01).all(1)
+    touching = contact[result.faces].all(1) & (person.vertices[result.faces][..., 2] > 0.01).all(1)
     points = person.vertices @ camera.matrix.T
     pixels = points[:, :2] / np.where(points[:, 2:] > 0.01, points[:, 2:], 1.0)
     # OpenCV takes fixed-point coordinates: 4 bits are 1/16 px.

@@ -83,12 +83,21 @@ def _person(person: Person, topology: str, result: Reconstruction, factor: Array
         topology=topology,
         joints=person.joints.astype(np.float64) if finite else None,
         joint_names=tuple(JOINT_NAMES),
-        contact=person.contact,
+        contact=_contact(person, result),
         contact_classes=_classes(person, result),
         keypoints=keypoints,
         box=np.asarray(person.box, np.float64) * np.tile(factor, 2),
         grade=str(person.grade or ""),
     )
+
+
+def _contact(person: Person, result: Reconstruction) -> NDArray[np.bool_]:
+    """Return contact with anything but the own body, which no data set annotates."""
+    if person.contact_partner is None:
+        return person.contact
+    own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
+    found: NDArray[np.bool_] = person.contact & ~own[person.contact_partner]
+    return found
 
 
 def _classes(person: Person, result: Reconstruction) -> dict[str, NDArray[np.bool_]] | None:

@@ -1,0 +1,82 @@
+"""Distances to skin: of other people, and of other parts of the own body."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from physic_core.engine.contact.skin import own_distances, people_distances
+from physic_core.geometry.visibility import vertex_normals
+
+RADIUS_M = 0.15
+FRONT, BACK = torch.tensor([0.0, 0.0, -1.0]), torch.tensor([0.0, 0.0, 1.0])
+
+
+def sheet(depth: float, normal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Points of a square of 20 cm, 1 cm apart, at a depth, and their normals."""
+    steps = torch.arange(0, 0.2, 0.01)
+    a, b = torch.meshgrid(steps, steps, indexing="xy")
+    points = torch.stack([a, b, torch.full_like(a, depth)], -1).reshape(-1, 3)
+    return points, normal.expand_as(points)
+
+
+def two_people(depth: float, first: torch.Tensor, second: torch.Tensor):
+    (a, along_a), (b, along_b) = sheet(0.0, first), sheet(depth, second)
+    outer = torch.ones(len(a), dtype=torch.bool)
+    return people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer, RADIUS_M)
+
+
+@pytest.mark.parametrize("depth", [0.03, -0.02])
+def test_the_distance_is_signed_along_the_normal_of_the_other_person(depth: float):
+    found = two_people(depth, BACK, FRONT)
+    assert found.distance[0].tolist() == pytest.approx([depth] * 400, abs=1e-6)
+    assert found.person[0].unique().tolist() == [1]
+    assert torch.equal(found.vertex[0], torch.arange(400))
+
+
+def test_skin_that_looks_the_same_way_does_not_touch():
+    assert torch.isinf(two_people(0.03, FRONT, FRONT).distance).all()
+
+
+def test_somebody_alone_has_no_distance_to_people():
+    points, normals = sheet(0.0, FRONT)
+    outer = torch.ones(len(points), dtype=torch.bool)
+    assert torch.isinf(people_distances(points[None], normals[None], outer, RADIUS_M).distance).all()
+
+
+def own(rest_gap: float, part: int) -> torch.Tensor:
+    """Distances of two sheets of one body, 3 cm apart, and ``rest_gap`` in the rest pose."""
+    (a, along_a), (b, along_b) = sheet(0.0, BACK), sheet(0.03, FRONT)
+    vertices, rest = torch.cat([a, b]), torch.cat([a, b + torch.tensor([0.0, 0.0, rest_gap])])
+    parts = torch.tensor([0] * 400 + [part] * 400)
+    outer = torch.ones(800, dtype=torch.bool)
+    outer[0] = False
+    return own_distances(vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest, RADIUS_M).distance[0]
+
+
+def test_other_parts_of_the_body_have_a_distance_for_outer_vertices():
+    found = own(0.3, 1)
+    assert torch.isinf(found[0])
+    assert found[400].isfinite()
+    assert found[1:400].tolist() == pytest.approx([0.03] * 399, abs=1e-6)
+
+
+def test_one_part_and_neighbours_in_the_rest_pose_do_not_touch():
+    assert torch.isinf(own(0.3, 0)).all()
+    assert torch.isinf(own(0.0, 1)).all()
+
+
+def test_a_hand_at_the_thigh_touches_the_leg_and_a_body_in_the_rest_pose_touches_nothing(body, make_stage):
+    bends = {"left_shoulder": (0.0, 0.0, -1.75)}  # the hand is inside the thigh
+    rest = body(*body.zero_pose(1)).vertices
+    posed = make_stage([(bends, (0.0, 0.0, 3.0))]).vertices
+    at_rest, touching = (
+        own_distances(one, vertex_normals(one, body.faces), body.outer, body.part_of_vertex, rest[0].to(one), 0.08)
+        for one in (rest, posed)
+    )
+    assert (at_rest.distance > 0.02).all()
+    index = body.part_names.index
+    hand = body.part_of_vertex == index("left_hand")
+    near = hand & (touching.distance[0] < 0.02)
+    assert near.sum() > 100
+    assert body.part_of_vertex[touching.vertex[0, near]].mode().values == index("left_upper_leg")
