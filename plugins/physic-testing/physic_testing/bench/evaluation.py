@@ -149,9 +149,7 @@ def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability:
 
 def engine_estimate(solution: Solution) -> Estimate:
     """Return the engine's solution as an Estimate."""
-    contacts = ContactMap(
-        solution.contact, getattr(solution, "contact_probability", None), solution.contact_partner, solution.partners
-    )
+    contacts = ContactMap(solution.contact, solution.contact_probability, solution.contact_partner, solution.partners)
     return Estimate(
         solution.vertices,
         solution.joints,

@@ -1,4 +1,4 @@
-"""Plot of the ablation: rows with intervals beside the paper's numbers, and errors by action."""
+"""Plots of the ablation and of the calibration of contact probabilities."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import PhysicError
+from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.paper_results import PAPER_RESULTS
 from physic_testing.bench.tables import main_row
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from physic_testing.bench.results import Results
     from physic_testing.bench.summary import RowStatistics
 
-__all__ = ["draw_plot"]
+__all__ = ["draw_plot", "draw_reliability"]
 
 _OURS, _START, _PAPER_COLUMNS = "#1f5a8c", "#8a8a8a", "#c2703d"
 _PANELS = (("pa_mpjpe_mm", "PA-MPJPE, mm"), ("mpjpe_mm", "MPJPE, mm"), ("f1_of_means", "contact F1"))
@@ -32,6 +33,53 @@ def draw_plot(results: Results, path: Path) -> Path:
     Raises:
         PhysicError: matplotlib is not installed.
     """
+    labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}
+    actions = results.document["actions"]
+    key = main_row(list(labels))
+    heights = [0.34 * len(labels) + 1.0]
+    if key is not None:
+        heights.append(0.25 * len(actions) + 1.0)
+    figure = _figure(11, sum(heights))
+    upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    _rows_part(upper, results.figures, labels, _subtitle(results.document))
+    if key is not None:
+        _actions_part(lower[0], actions, key, labels[key])
+    figure.savefig(path, dpi=150)
+    return path
+
+
+def draw_reliability(results: Results, path: Path) -> Path | None:
+    """Write the reliability diagram of the main row; None without contact probabilities.
+
+    The points are the share of vertices in contact per bin of the estimated probability, those of a calibrated
+    estimate are on the diagonal. The bars are the number of vertices per bin.
+
+    Raises:
+        PhysicError: matplotlib is not installed.
+    """
+    key = main_row(list(results.figures))
+    if key is None or not results.figures[key].reliability.any():
+        return None
+    row = results.figures[key]
+    count, likely, true = row.reliability[row.reliability[:, 0] > 0].T
+    figure = _figure(5, 6)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(4, 1))
+    upper.plot([0, 1], [0, 1], color="#c8c8c8", linewidth=1)
+    upper.plot(likely / count, true / count, "o-", color=_OURS, linewidth=2, markersize=6)
+    upper.set(xlim=(0, 1), ylim=(0, 1), ylabel="share of the vertices in contact")
+    lower.bar(likely / count, count, width=0.6 / BINS, color=_OURS)
+    lower.set(yscale="log", xlabel="estimated probability of contact", ylabel="vertices")
+    figure.suptitle(f"Calibration: ECE {row.figures['ece'].value:.3f}\n{_subtitle(results.document)}", fontsize=10)
+    figure.savefig(path, dpi=150)
+    return path
+
+
+def _figure(width: float, height: float) -> Any:
+    """Return an empty figure, size in inches.
+
+    Raises:
+        PhysicError: matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -39,21 +87,9 @@ def draw_plot(results: Results, path: Path) -> Path:
         raise PhysicError(
             f"the plot needs {error.name}: `pip install -e 'plugins/physic-testing[plot]'` in a checkout of PhySIC"
         ) from error
-
-    labels = {key: row["label"] for key, row in results.document["settings"]["rows"].items()}
-    actions = results.document["actions"]
-    key = main_row(list(labels))
-    heights = [0.34 * len(labels) + 1.0]
-    if key is not None:
-        heights.append(0.25 * len(actions) + 1.0)
-    figure = Figure(figsize=(11, sum(heights)), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
-    _rows_part(upper, results.figures, labels, _subtitle(results.document))
-    if key is not None:
-        _actions_part(lower[0], actions, key, labels[key])
-    figure.savefig(path, dpi=150)
-    return path
+    return figure
 
 
 def _rows_part(part: Any, rows: Mapping[str, RowStatistics], labels: Mapping[str, str], subtitle: str) -> None:

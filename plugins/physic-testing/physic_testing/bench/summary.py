@@ -68,6 +68,8 @@ class RowStatistics:
         false_alarms: number of bodies without a true person.
         errors: number of worlds in which the row failed.
         draws: name -> (BOOTSTRAP_DRAWS,) values, for differences between rows.
+        reliability: (BINS, 3) per bin of the contact probability: vertices, sum of their probabilities, and how many of
+            them are in contact.
     """
 
     figures: Mapping[str, Statistic]
@@ -77,6 +79,7 @@ class RowStatistics:
     false_alarms: int
     errors: int
     draws: Mapping[str, FloatArray]
+    reliability: FloatArray
 
 
 @dataclass(frozen=True)
@@ -107,8 +110,9 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
     ratios["recall_pooled"] = _Ratio(hits, hits + misses)
     every = [person for those in people for person in those]
     answer, draws = _with_intervals(ratios)
+    bins = _reliability(people)
     for name, least in (("ece", 0), ("ece_likely", 1)):
-        answer[name], draws[name] = _calibration_error(people, least)
+        answer[name], draws[name] = _calibration_error(bins[:, least:])
     return RowStatistics(
         figures=answer,
         people=len(every),
@@ -117,6 +121,7 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
         false_alarms=sum(record["false_alarms"] for record in records),
         errors=sum(bool(r["error"]) for r in rows),
         draws=draws,
+        reliability=bins.sum(axis=0),
     )
 
 
@@ -198,12 +203,16 @@ def _partner_ratios(people: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, 
     return found
 
 
-def _calibration_error(people: Sequence[Sequence[Mapping[str, Any]]], least: int) -> tuple[Statistic, FloatArray]:
-    """Return the expected calibration error over the bins from ``least`` on, and its bootstrap draws."""
+def _reliability(people: Sequence[Sequence[Mapping[str, Any]]]) -> FloatArray:
+    """Return the counts (W, BINS, 3) of the reliability diagram of each world."""
     empty = np.zeros((BINS, 3))
-    bins = np.array(
+    return np.array(
         [np.sum([person.get("reliability", empty) for person in those] or [empty], axis=0) for those in people]
-    )[:, least:]
+    )
+
+
+def _calibration_error(bins: FloatArray) -> tuple[Statistic, FloatArray]:
+    """Return the expected calibration error over some bins (W, b, 3) of each world, and its bootstrap draws."""
     off, count = bins[:, :, 1] - bins[:, :, 2], bins[:, :, 0].sum(axis=1)
 
     def error(weights: FloatArray) -> FloatArray:

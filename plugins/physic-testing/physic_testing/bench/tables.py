@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.paper_results import PAPER_RESULTS
 from physic_testing.bench.summary import row_difference
 
@@ -122,6 +123,7 @@ def accuracy_tables(
         Table(paper.title, head, counted, tuple(notes)),
         _figures_table("Contact and hidden limbs", rows, labels, _CONTACT_COLUMNS),
         _partner_table(rows, labels),
+        *_reliability_table(rows, labels),
         Table(
             scene.title,
             scene.head,
@@ -216,6 +218,21 @@ def _partner_table(rows: _Rows, labels: Mapping[str, str]) -> Table:
         "people; support: over body parts; ECE: over outer vertices, in ten bins",
     )
     return Table(table.title, table.head, table.rows, notes)
+
+
+def _reliability_table(rows: _Rows, labels: Mapping[str, str]) -> list[Table]:
+    """Build the table of the reliability diagram of the main row."""
+    key = main_row(list(rows))
+    if key is None or not rows[key].reliability.any():
+        return []
+    body = []
+    for number, (count, likely, true) in enumerate(rows[key].reliability):
+        shares = (likely / count, true / count) if count else (math.nan, math.nan)
+        body.append(
+            (f"{number / BINS:.1f} to {(number + 1) / BINS:.1f}", f"{count:.0f}", *(_number(x, 3) for x in shares))
+        )
+    head = ("probability of contact", "vertices", "mean probability", "in contact")
+    return [Table(f"Calibration: {labels[key]}", head, tuple(body), ("outer vertices of all people with a body",))]
 
 
 def _printed_table(rows: _Rows, labels: Mapping[str, str]) -> Table:

@@ -221,7 +221,7 @@ def _configs(preset: str, mocks: dict[str, int], trial: list[str], others: list[
 
 def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
     """Run the benchmark, write the results and print the tables."""
-    from physic_testing.bench.plot import draw_plot
+    from physic_testing.bench.plot import draw_plot, draw_reliability
     from physic_testing.bench.results import summarise_records, write_results
     from physic_testing.bench.run_worlds import run_cases
     from physic_testing.bench.tables import as_text
@@ -242,6 +242,8 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
         click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
         try:
             paths.append(draw_plot(results, out / "ablation.png"))
+            diagram = draw_reliability(results, out / "reliability.png")
+            paths += [] if diagram is None else [diagram]
         except PhysicError as error:  # the results are already written
             click.echo(f"note: {error}", err=True)
     click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
