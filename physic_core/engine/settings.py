@@ -43,6 +43,8 @@ class ContactSettings:
             of soft tissue and cushions.
         metric: "plane" measures along the normal of the surface, "point" to the nearest point.
         people: contact with other people and with the own body too.
+        objects: small objects in hands and on laps are no part of the scene, and people touch them
+            (:mod:`physic_core.engine.contact.objects`).
         assume_supports: people whom nothing in the scene carries touch a hidden support, such as a seat or what their
             hands hold (:mod:`physic_core.engine.contact.support`).
     """
@@ -53,6 +55,7 @@ class ContactSettings:
     inside_m: NotNegative = 0.05
     metric: Literal["plane", "point"] = "plane"
     people: bool = True
+    objects: bool = True
     assume_supports: bool = True
 
 

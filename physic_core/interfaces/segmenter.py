@@ -55,7 +55,7 @@ class Segmenter(Backend):
 
     @classmethod
     def check(cls, result: People, request: SegmenterRequest) -> Iterator[str]:
-        """Check masks (disjoint), boxes and scores of N people, and optional floor mask, keypoints and surfaces."""
+        """Check masks (disjoint), boxes and scores of N people, and all optional fields."""
         height, width = request.image.shape[:2]
         n = length(result.masks)
         wrong = [
@@ -67,6 +67,8 @@ class Segmenter(Backend):
             wrong += check_array("floor", result.floor, (height, width), "bool")
         if result.unposed_mask is not None:
             wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
+        if result.objects is not None:
+            wrong += check_array("objects", result.objects, (length(result.objects), height, width), "bool")
         yield from wrong
         yield from _check_unposed(result.unposed)
         if not wrong and n:

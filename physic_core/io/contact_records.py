@@ -37,6 +37,7 @@ def contact_record(contact: BodyContact) -> dict[str, Any]:
         **partner_record(contact.partner),
         "probability": contact.probability,
         "vertices": contact.vertices,
+        "dent_m": contact.dent_m,
     }
 
 
@@ -72,7 +73,8 @@ def parse_support(person: Mapping[str, Any]) -> Support | None:
 
 
 def _contact(record: Mapping[str, Any]) -> BodyContact:
-    return BodyContact(record["part"], _partner(record), from_json(record["probability"]), record["vertices"])
+    probability, dent = from_json(record["probability"]), from_json(record.get("dent_m"))
+    return BodyContact(record["part"], _partner(record), probability, record["vertices"], dent)
 
 
 def _partner(record: Mapping[str, Any]) -> ContactPartner:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.engine.contact.dents import above_dents, dent_depths, give_of_points
 from physic_core.engine.contact.distance import (
     SEARCH_RADIUS_M,
     ContactSurfaces,
@@ -15,10 +16,11 @@ from physic_core.engine.contact.distance import (
     contact_surfaces,
     surface_distances,
 )
+from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
 from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SELF, SURFACES, contact_probability
 from physic_core.engine.contact.regions import contact_regions
-from physic_core.engine.contact.scene_parts import ClassifiedPoints, scene_parts
+from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
 from physic_core.engine.contact.skin import SkinContacts, SkinDistances, own_distances, people_distances
 from physic_core.engine.contact.support import (
     Carried,
@@ -79,13 +81,18 @@ class Contacts:
 def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
     """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
     surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
+    uncarved = None if scene.uncarved is None else (scene.uncarved[0][scene.valid], scene.uncarved[1][scene.valid])
     if surfaces is None:
-        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen)
-    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen)
+        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen, uncarved)
+    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen, uncarved)
 
 
 def measure_contacts(
-    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints
+    problem: JointProblem,
+    result: JointResult,
+    settings: EngineSettings,
+    classes: ClassifiedPoints,
+    objects: Tensor,
 ) -> Contacts:
     """Compute contacts of all people, and the measures of each.
 
@@ -96,6 +103,7 @@ def measure_contacts(
         result: of stage 3.
         settings: of the engine.
         classes: of ``problem.scene_points``.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps.
     """
     s, model = result.scene_scale, problem.model
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
@@ -122,9 +130,14 @@ def measure_contacts(
         free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
     near = surface_distances(vertices, around.scene, around.floor, settings.contact, free)
     distance[rows] = near.nearest
+    above = None
+    if plane is not None:
+        above = plane_height(around.scene.points, plane[0].to(vertices), vertices.new_tensor(plane[1]))
+    parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
+    give = _give(near, parts)
     skin = _skin_distances(model, vertices, outward, settings)
     touches, touched, likely = _touching(
-        near,
+        replace(near, scene=above_dents(near.scene, give), floor=above_dents(near.floor, give)),
         skin,
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
@@ -133,6 +146,14 @@ def measure_contacts(
         problem.contact_probability[rows],
         settings,
     )
+    ratio = _depth_ratios(problem, vertices, outward, rows, s)
+    on_object = torch.full(touches.shape, -1, dtype=torch.int64, device=touches.device)
+    to_objects = _held_objects(problem, vertices, objects, ratio, s, settings)
+    if to_objects is not None and likely is not None:
+        by_object = object_probability(to_objects, may_touch, seen_limbs, settings.contact)
+        nearest = to_objects.distance.abs() < torch.minimum(near.nearest.abs(), skin[0].distance.abs())
+        on_object = torch.where((by_object >= settings.contact.threshold) & nearest, to_objects.object, on_object)
+        touches, likely = touches | (on_object >= 0), 1 - (1 - likely) * (1 - by_object)
     hidden = torch.zeros(touches.shape, dtype=torch.int64, device=touches.device)
     carried: dict[int, Carried] = {}
     up, height = plane or (vertices.new_tensor([0.0, -1.0, 0.0]), None)
@@ -143,7 +164,7 @@ def measure_contacts(
         seen = problem.masks[i]
         posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
         lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
-        outward_contact = touches[row] & (touched[row] != _OWN_BODY)
+        outward_contact = touches[row] & (touched[row] != _OWN_BODY) & (on_object[row] < 0)
         prior = problem.contact_probability[i]
         evidence = ContactEvidence(outward_contact, may_touch[row], near.nearest[row], prior, lifted)
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
@@ -160,24 +181,25 @@ def measure_contacts(
             ),
         }
         if problem.human_depth is not None:
-            depth = problem.human_depth * s
-            measured[i]["depth_ratio"] = depth_ratio(body, normals, model.outer, seen, problem.K, depth)
+            measured[i]["depth_ratio"] = ratio[row]
     contact[rows] = touches | (hidden > 0)
     if probability is not None and likely is not None:
         likely = torch.where(hidden > 0, likely.clamp(min=ASSUMED), likely)
         probability[rows] = likely
-    above = None if plane is None else plane_height(around.scene.points, up, up.new_tensor(plane[1]))
-    parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     names, region = contact_regions(model)
     on_people, on_self = (
-        SkinContacts(touched == kind, replace(one, person=rows[one.person]))
+        SkinContacts((touched == kind) & (on_object < 0), replace(one, person=rows[one.person]))
         for kind, one in zip((_PEOPLE, _OWN_BODY), skin, strict=True)
     )
-    partners = assign_partners(contact[rows], near, parts, on_people, on_self, hidden, names, region)
+    partners = assign_partners(contact[rows], near, parts, on_people, on_self, hidden, on_object, names, region)
     index[rows] = partners.index
+    of_scene = torch.tensor([*(one.kind in ("floor", "scene") for one in partners.table), False], device=index.device)
+    dents = torch.full_like(distance, torch.nan)
+    dent = _dents(problem, vertices, s, settings, around, parts, classes)
+    dents[rows] = torch.where(of_scene[partners.index.long()], dent, torch.nan)
     by_part = tuple(
-        body_contacts(own, None if probability is None else probability[i], partners.table, names, region)
-        for i, own in enumerate(index)
+        body_contacts(own, None if probability is None else probability[i], partners.table, names, region, dent=deep)
+        for i, (own, deep) in enumerate(zip(index, dents, strict=True))
     )
     supports_of = tuple(
         support_record(carried[i], own, None if probability is None else probability[i], partners.table, names, region)
@@ -187,6 +209,72 @@ def measure_contacts(
     )
     table = ContactPartners(partners.table, index)
     return Contacts(contact, probability, distance, table, by_part, measured, supports_of)
+
+
+def _give(near: SurfaceDistances, parts: SceneParts) -> Tensor:
+    """Return the largest depth (N, V) of a dent of the surface nearest to each vertex; 0 where none is near."""
+    if not len(parts.label):
+        return torch.zeros_like(near.scene)
+    return torch.where(torch.isfinite(near.scene), give_of_points(parts).to(near.scene)[near.point], 0.0)
+
+
+def _dents(
+    problem: JointProblem,
+    vertices: Tensor,
+    scale: float,
+    settings: EngineSettings,
+    around: ContactSurfaces,
+    parts: SceneParts,
+    classes: ClassifiedPoints,
+) -> Tensor:
+    """Return the depth (N, V) of the dent at each vertex, metres; NaN where nothing gives way.
+
+    It is measured from the scene before inpainted points were moved out of people.
+    """
+    nothing = torch.full_like(vertices[..., 0], torch.nan)
+    own = around.row >= 0
+    give = vertices.new_zeros(len(problem.scene_points))
+    give[around.row[own]] = give_of_points(parts).to(give)[own]
+    if not bool((give > 0).any()):
+        return nothing
+    points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
+    before = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
+    surfaces = contact_surfaces(before, vertices, scale, settings)
+    found = surface_distances(vertices, surfaces.scene, None, settings.contact)
+    near = torch.isfinite(found.scene)
+    allowed = (
+        torch.where(near, give[surfaces.row][found.point], 0.0) if len(surfaces.row) else torch.zeros_like(nothing)
+    )
+    return torch.where(allowed > 0, dent_depths(found.scene, allowed), nothing)
+
+
+def _depth_ratios(
+    problem: JointProblem, vertices: Tensor, outward: Tensor, rows: Tensor, scale: float
+) -> list[float | None]:
+    """Return the depth of the photo over that of each body; None where it cannot be measured."""
+    if problem.human_depth is None:
+        return [None] * len(rows)
+    depth, outer, K = problem.human_depth * scale, problem.model.outer, problem.K
+    return [
+        depth_ratio(body, normals, outer, mask, K, depth)
+        for body, normals, mask in zip(vertices, outward, problem.masks[rows], strict=True)
+    ]
+
+
+def _held_objects(
+    problem: JointProblem,
+    vertices: Tensor,
+    objects: Tensor,
+    ratio: list[float | None],
+    scale: float,
+    settings: EngineSettings,
+) -> ObjectDistances | None:
+    """Return the distances of vertices (N, V, 3) to objects; None if people touch none, or their depth is unknown."""
+    if not len(objects) or problem.human_depth is None or settings.contact.rule == "distance":
+        return None
+    nearer = vertices.new_tensor([torch.nan if one is None else 1 / one for one in ratio])
+    depth = problem.human_depth * scale
+    return object_distances(vertices, objects.to(depth.device), depth, nearer, problem.K, SEARCH_RADIUS_M)
 
 
 def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: ClassifiedPoints) -> Tensor:

@@ -27,6 +27,7 @@ from physic_core.interfaces.backend import interface_of, violations
 from physic_core.interfaces.body_estimator import valid_bodies
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
+from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
@@ -68,7 +69,7 @@ class Estimates(ShortRepr):
         image: (H, W, 3) uint8 RGB.
         camera_given: whether the user or the file gave ``intrinsics``.
         hole: (H, W) bool, inpainted pixels.
-        inpainted: (H, W, 3) uint8 RGB, the photo without its people.
+        inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
         scene: relative point map of ``inpainted``.
         original: relative point map of ``image``.
         floor: in the units of ``scene``, or None.
@@ -79,6 +80,7 @@ class Estimates(ShortRepr):
             keypoints of confidence 0, a body of NaN, flat hands or no prior contact.
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter looks for none.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
     """
 
@@ -98,6 +100,7 @@ class Estimates(ShortRepr):
     missing_results: tuple[tuple[str, ...], ...] = ()
     known: KnownSizes = field(default_factory=KnownSizes)
     statures: FloatArray | None = None
+    objects: BoolArray | None = None
     scale_guess: str = ""
 
 
@@ -141,6 +144,9 @@ def run_backends(
     hole = np.logical_or.reduce(people.masks)
     if people.unposed_mask is not None:
         hole |= people.unposed_mask
+    objects = select_held_objects(people, keypoints) if plan.engine.contact.objects else None
+    if objects is not None:
+        hole |= objects.any(axis=0)
     hole = dilate(hole, max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
     inpainted = image
     if hole.any():
@@ -187,6 +193,7 @@ def run_backends(
         contact=contact,
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
+        objects=objects,
         scale_guess=scale_guess,
         known=known,
         statures=statures,

@@ -31,7 +31,7 @@ __all__ = [
 Result = TypeVar("Result", "People", "Keypoints", "Bodies")
 
 
-_SHARED = ("floor", "labels", "faces", "rest", "unposed_mask")
+_SHARED = ("floor", "labels", "faces", "rest", "unposed_mask", "objects")
 """Names of arrays without a row for each person."""
 
 

@@ -16,12 +16,13 @@ from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["clearance", "depth_ratio", "sole_height", "support_gap", "visible_share"]
+__all__ = ["clearance", "depth_ratio", "moved_scene", "sole_height", "support_gap", "visible_share"]
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
 _LOWEST_M = 0.1  # metres above the lowest vertex: the feet of a standing person
 _MIN_VERTICES = 20  # vertices with a depth, for a median
+_MOST = 0.9  # quantile of the ways of moved points
 
 
 def visible_share(
@@ -111,6 +112,21 @@ def sole_height(vertices: Tensor, soles: Tensor, up: Tensor, floor_offset: float
         floor_offset: the floor is ``up . X + floor_offset = 0``, metres.
     """
     return None if floor_offset is None else float((vertices[soles] @ up).min()) + floor_offset
+
+
+def moved_scene(points: Tensor, before: Tensor, mask: Tensor) -> float | None:
+    """Return how far inpainted scene points were moved behind a person: the 0.9 quantile, in the unit of the points.
+
+    None with too few moved points.
+
+    Args:
+        points: (H, W, 3) of the final scene.
+        before: (H, W, 3) before they were moved.
+        mask: (H, W) bool, the person's visible pixels with a scene point.
+    """
+    way = (points[mask] - before[mask]).norm(dim=-1)
+    way = way[way > 0]
+    return float(way.quantile(_MOST)) if len(way) >= _MIN_VERTICES else None
 
 
 def depth_ratio(

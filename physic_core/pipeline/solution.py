@@ -11,7 +11,9 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.contacts import classify_points, measure_contacts
+from physic_core.pipeline.measures import moved_scene
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
@@ -87,10 +89,12 @@ def assemble_solution(
         settings: of the engine.
     """
     s = result.scene_scale
-    touch = measure_contacts(problem, result, settings, classify_points(estimates, scene))
+    touch = measure_contacts(problem, result, settings, classify_points(estimates, scene), _objects(estimates))
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **end, **more}
-        for start, end, more in zip(placement["people"], result.diagnostics, touch.measures, strict=True)
+        {**{f"placement_{k}": v for k, v in start.items()}, **end, **more, "moved_scene_m": moved}
+        for start, end, more, moved in zip(
+            placement["people"], result.diagnostics, touch.measures, _moved_scene(estimates, scene, s), strict=True
+        )
     )
     return Solution(
         intrinsics=_intrinsics(scene.K, estimates),
@@ -164,6 +168,20 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
         scale=scale,
         scale_sigma=estimates.depth.scale_sigma,
     )
+
+
+def _objects(estimates: Estimates) -> Tensor:
+    """Return the visible pixels (K, H, W) bool of objects in hands and on laps."""
+    objects = estimates.objects
+    return tensor(np.zeros((0, *estimates.hole.shape), bool) if objects is None else objects)
+
+
+def _moved_scene(estimates: Estimates, scene: SceneState, scale: float) -> list[float | None]:
+    """Return how far inpainted points were moved behind each person, metres."""
+    if scene.uncarved is None:
+        return [None] * len(estimates.people)
+    masks = tensor(estimates.people.masks) & scene.valid
+    return [moved_scene(scene.points * scale, scene.uncarved[0] * scale, mask) for mask in masks]
 
 
 def _camera_source(K: Tensor, estimates: Estimates) -> tuple[str, CameraTrust, float | None]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 __all__ = ["NO_PARTNER", "PARTNER_KINDS", "BodyContact", "ContactPartner"]
 
-PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden")
+PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the own body; a support
-that the reconstructed scene does not have, such as a seat behind the person or a thin bar."""
+that the reconstructed scene does not have, such as a seat behind the person or a thin bar; a small object in somebody's
+hands or on their lap, which is no part of the scene."""
 
 NO_PARTNER = -1
 """Entry of ``Person.contact_partner`` for a vertex that is not in contact."""
@@ -21,7 +22,8 @@ class ContactPartner:
     Attributes:
         kind: one of :data:`PARTNER_KINDS`.
         surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`; "" if no class is known.
-        id: of the connected surface, for kind "scene"; the same for all people who touch it. None otherwise.
+        id: of the connected surface, for kind "scene", or of the object, for kind "object"; the same for all people who
+            touch it. None otherwise.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
     """
@@ -42,6 +44,8 @@ class ContactPartner:
             return f"own {part}"
         if self.kind == "hidden":
             return f"hidden {self.surface}" if self.surface else "hidden support"
+        if self.kind == "object":
+            return f"object {self.id}"
         return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
 
 
@@ -54,12 +58,15 @@ class BodyContact:
         partner: what it touches.
         probability: that this part touches this partner, in [0, 1]; None if the preset estimates none.
         vertices: number of vertices in contact.
+        dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9 quantile over the
+            vertices in contact, metres. None where nothing gives way, and in older results.
     """
 
     part: str
     partner: ContactPartner
     probability: float | None
     vertices: int
+    dent_m: float | None = None
 
     def __str__(self) -> str:
         sure = "" if self.probability is None else f", {self.probability:.2f}"

@@ -73,6 +73,9 @@ class People(ShortRepr):
         unposed: person-like boxes that are not among the N people, for the report of the result.
         unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the scene as those of people
             are. Or None.
+        objects: (K, H, W) bool, visible pixels of each thing that one person can carry: a ball, a cup, a bag, a laptop.
+            Objects in hands and on laps are removed from the scene as people are. Or None if the backend does not look
+            for objects.
     """
 
     masks: BoolArray
@@ -83,6 +86,7 @@ class People(ShortRepr):
     surfaces: SurfaceLabels | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     unposed_mask: BoolArray | None = None
+    objects: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.masks)

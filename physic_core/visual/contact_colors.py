@@ -19,7 +19,13 @@ BODY_RGB = (196, 192, 186)
 CONTACT_RGB = (214, 62, 46)
 """sRGB colour of body vertices in contact, where partners are not shown or unknown."""
 
-_OF_KIND = {"floor": (42, 140, 84), "person": (200, 58, 150), "self": (206, 176, 28), "hidden": (120, 74, 48)}
+_OF_KIND = {
+    "floor": (42, 140, 84),
+    "person": (200, 58, 150),
+    "self": (206, 176, 28),
+    "hidden": (120, 74, 48),
+    "object": (96, 128, 152),
+}
 _OF_SURFACE = {
     "seat": (46, 104, 200),
     "bed": (110, 84, 196),

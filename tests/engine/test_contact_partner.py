@@ -58,6 +58,7 @@ def assigned(
     parts: SceneParts,
     on_skin: list[str],
     hidden: list[int],
+    held: list[int],
 ) -> list[ContactPartner]:
     count = len(scene)
     surfaces = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
@@ -67,9 +68,9 @@ def assigned(
     on_people, on_self = (
         SkinContacts(torch.tensor([[name == kind for name in on_skin]]), skin) for kind in ("person", "self")
     )
-    found = assign_partners(
-        touch, surfaces, parts, on_people, on_self, torch.tensor([hidden]), ("head", "left_hand"), region
-    )
+    assumed, objects = torch.tensor([hidden]), torch.tensor([held])
+    names = ("head", "left_hand")
+    found = assign_partners(touch, surfaces, parts, on_people, on_self, assumed, objects, names, region)
     return [found.table[i] for i in found.index[0].tolist()]
 
 
@@ -77,17 +78,18 @@ def test_each_contact_vertex_has_its_partner():
     _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
     far = torch.inf
     found = assigned(
-        [0.01, 0.01, far, 0.01, 0.01, far, far],
-        [far, far, 0.0, far, far, far, far],
-        [0, 500, 0, 500, 500, 0, 0],
+        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01],
+        [far, far, 0.0, far, far, far, far, far],
+        [0, 500, 0, 500, 500, 0, 0, 500],
         parts,
-        ["", "", "", "person", "self", "", ""],
-        [0, 0, 0, 0, 0, 1, 2],
+        ["", "", "", "person", "self", "", "", ""],
+        [0, 0, 0, 0, 0, 1, 2, 0],
+        [-1, -1, -1, -1, -1, -1, -1, 4],
     )
     floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=0)
-    other = ContactPartner("person", person=1, part="left_hand")
-    own = ContactPartner("self", part="left_hand")
-    assert found == [floor, seat, floor, other, own, ContactPartner("hidden", "seat"), ContactPartner("hidden")]
+    skin = [ContactPartner("person", person=1, part="left_hand"), ContactPartner("self", part="left_hand")]
+    hidden = [ContactPartner("hidden", "seat"), ContactPartner("hidden")]
+    assert found == [floor, seat, floor, *skin, *hidden, ContactPartner("object", "object", id=4)]
 
 
 def test_vertices_without_contact_have_no_partner():
@@ -96,7 +98,8 @@ def test_vertices_without_contact_have_no_partner():
     none = torch.zeros(1, 2, dtype=torch.bool)
     surfaces = SurfaceDistances(distance, distance, torch.zeros(1, 2).long())
     skin = SkinContacts(none, SkinDistances(distance, torch.zeros(1, 2).long(), torch.zeros(1, 2).long()))
-    found = assign_partners(none, surfaces, parts, skin, skin, none.long(), ("head",), torch.zeros(2).long())
+    zero = torch.zeros(1, 2, dtype=torch.int64)
+    found = assign_partners(none, surfaces, parts, skin, skin, zero, zero - 1, ("head",), torch.zeros(2).long())
     assert found.table == ()
     assert found.index.tolist() == [[NO_PARTNER, NO_PARTNER]]
 
@@ -106,10 +109,11 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     index = torch.tensor([0] * 4 + [1] * 5 + [NO_PARTNER] * 3 + [1] * 2)
     region = torch.tensor([1] * 4 + [0] * 8 + [1] * 2)
     probability = torch.tensor([0.5] * 4 + [0.8] * 5 + [0.1] * 3 + [0.9] * 2)
-    contacts = body_contacts(index, probability, (floor, seat), ("seat", "left_foot"), region)
-    assert contacts == (BodyContact("seat", seat, 0.8, 5), BodyContact("left_foot", floor, 0.5, 4))
+    dent = torch.tensor([torch.nan] * 4 + [0.02] * 10)
+    contacts = body_contacts(index, probability, (floor, seat), ("seat", "left_foot"), region, dent=dent)
+    assert contacts == (BodyContact("seat", seat, 0.8, 5, 0.02), BodyContact("left_foot", floor, 0.5, 4))
     assert [str(one) for one in contacts] == ["seat: seat, 0.80", "left foot: floor, 0.50"]
-    assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region)[0].probability is None
+    assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region, dent=dent)[0].probability is None
 
 
 def test_titles_of_partners():
@@ -121,5 +125,6 @@ def test_titles_of_partners():
         "own head": ContactPartner("self", part="head"),
         "hidden seat": ContactPartner("hidden", "seat"),
         "hidden support": ContactPartner("hidden"),
+        "object 2": ContactPartner("object", "object", id=2),
     }
     assert {title: partner.title for title, partner in titles.items()} == {title: title for title in titles}

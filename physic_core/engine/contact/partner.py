@@ -1,4 +1,4 @@
-"""With what each contact vertex is in contact: floor, part of the scene, skin, or a hidden support."""
+"""With what each contact vertex is in contact: floor, part of the scene, skin, held object, or a hidden support."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 __all__ = ["ContactPartners", "assign_partners", "body_contacts"]
 
 _MIN_VERTICES = 3  # of a contact that is listed
+_DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 _TOP_SHARE = 10  # vertices whose mean probability is that of the body part
 
 
@@ -39,6 +40,7 @@ def assign_partners(
     on_people: SkinContacts,
     on_self: SkinContacts,
     hidden: Tensor,
+    on_object: Tensor,
     region_names: Sequence[str],
     region: Tensor,
 ) -> ContactPartners:
@@ -51,6 +53,7 @@ def assign_partners(
         on_people: contacts with other people.
         on_self: contacts with the own body.
         hidden: (N, V) int64, contacts with an assumed support: 0 none, 1 seat, 2 anything that a hand holds.
+        on_object: (N, V) int64, index of the object that a vertex touches; -1 for none.
         region_names: of the body parts.
         region: (V,) int64, body part of each vertex, index into ``region_names``.
     """
@@ -63,7 +66,8 @@ def assign_partners(
             table.append(partner)
 
     on_person, on_own, assumed = (touch & contact for touch in (on_people.touching, on_self.touching, hidden > 0))
-    on_scene = contact & ~on_person & ~on_own & ~assumed
+    held = contact & (on_object >= 0) & ~on_person & ~on_own & ~assumed
+    on_scene = contact & ~on_person & ~on_own & ~assumed & ~held
     ground = surfaces.on_floor
     if len(parts.ground):
         ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
@@ -82,6 +86,8 @@ def assign_partners(
             other, part = divmod(code, len(region_names))
             partner = ContactPartner(kind, person=other if kind == "person" else None, part=region_names[part])
             add(touch & (pair == code), partner)
+    for number in torch.unique(on_object[held]).tolist():
+        add(held & (on_object == number), ContactPartner("object", "object", id=number))
     add(assumed & (hidden == 1), ContactPartner("hidden", "seat"))
     add(assumed & (hidden == 2), ContactPartner("hidden"))
     return ContactPartners(tuple(table), index)
@@ -93,6 +99,8 @@ def body_contacts(
     table: Sequence[ContactPartner],
     region_names: Sequence[str],
     region: Tensor,
+    *,
+    dent: Tensor | None = None,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
@@ -105,6 +113,7 @@ def body_contacts(
         table: partners.
         region_names: of the body parts.
         region: (V,) int64, body part of each vertex.
+        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way. None without dents.
     """
     touching = index >= 0
     code = index.long() * len(region_names) + region
@@ -117,5 +126,13 @@ def body_contacts(
         if probability is not None:
             likely = probability[touching & (code == value)]
             sure = round(float(likely.topk(min(_TOP_SHARE, len(likely))).values.mean()), 4)
-        found.append(BodyContact(region_names[part], table[partner], sure, count))
+        here = touching & (code == value)
+        deep = None if dent is None else _dent_of(dent[here])
+        found.append(BodyContact(region_names[part], table[partner], sure, count, deep))
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
+
+
+def _dent_of(depths: Tensor) -> float | None:
+    """Return the depth of a dent with depths (n,) of its vertices; None if too few of them give way."""
+    known = depths[torch.isfinite(depths)]
+    return round(float(known.quantile(_DENT_QUANTILE)), 4) if len(known) >= _MIN_VERTICES else None

@@ -17,7 +17,9 @@ from physic_core.engine.settings import ContactSettings, EngineSettings, Placeme
 
 __all__ = ["PRESETS"]
 
-_RELEASED_CONTACT = ContactSettings(rule="distance", inside_m=0.15, metric="point", people=False, assume_supports=False)
+_RELEASED_CONTACT = ContactSettings(
+    rule="distance", inside_m=0.15, metric="point", people=False, objects=False, assume_supports=False
+)
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
 # calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04

@@ -249,6 +249,9 @@ def _noisy_depth(found: RecognisedWorld, hints: Hints, options: RelativePointmap
     for i, mask in enumerate(world.masks):
         drawn = options.person_bias + options.person_offset * seeded_rng(world, seed, f"depth of person {i}").normal()
         depth = flatten_relief(depth, mask & found.people, min(1.0, noise * options.relief_lost), noise * drawn)
+        # What somebody holds is as far away as they are, also to a network.
+        held = [item for k, item in enumerate(found.items) if found.present[i] and (world.touched_item[i] == k).any()]
+        depth = np.where(np.any(held, axis=0), depth * np.exp(noise * drawn), depth) if held else depth
     depth = blur_depth_edges(depth, noise * scale_to_image(options.smear_px, depth.shape))
     depth = add_hole_noise(depth, hints.hole, noise * options.hole_noise, _HOLE_WAVES, seeded_rng(world, seed, "hole"))
     for sigma, waves, purpose in (
@@ -288,11 +291,12 @@ def _image_kind(found: RecognisedWorld) -> str:
 
 def _visible_depth(found: RecognisedWorld, hints: Hints, options: DepthOptions) -> FloatArray:
     """Return the depth map of an image from which some people may be removed."""
-    depth = np.where(found.people, found.world.depth, found.world.empty_depth).astype(np.float64)
+    shown = found.people | found.items.any(axis=0)
+    depth = np.where(shown, found.world.depth, found.world.empty_depth).astype(np.float64)
     if options.hole_depth == "truth" or options.noise == 0 or hints.hole is None:
         return depth
     # Inverse depth, which is linear on a plane, and zero in the sky.
-    hole = hints.hole & ~found.people
+    hole = hints.hole & ~shown
     inverse = fill_from_surroundings(1 / depth[..., None], hole)[..., 0]
     with np.errstate(divide="ignore"):
         return np.where(hole, 1 / inverse, depth)
@@ -322,7 +326,7 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
     world = found.world
     if hints.bodies.body_model != world.body_model or not len(hints.people):
         return 1.0
-    rows = match_people(RecognisedWorld(world, found.people, np.ones(len(world.masks), bool)), hints.people)
+    rows = match_people(replace(found, present=np.ones(len(world.masks), bool)), hints.people)
     true = world.joints[rows, 0, 2].astype(np.float64)
     own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
     return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))

@@ -44,6 +44,7 @@ class SegmenterOptions(MockOptions):
         le=8,
         description="Mean number of bits of other things in the floor's mask, and of bits of floor left out.",
     )
+    objects: bool = Field(True, description="Whether small objects are segmented, without errors.")
     surfaces: bool = Field(
         False,
         description="Whether surfaces are labelled, without errors. The engine then also looks for feet in the air, "
@@ -77,6 +78,7 @@ class MockSegmenter(interfaces.Segmenter):
             boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
             scores=scores,
             floor=_floor(found, self.options),
+            objects=found.items & ~taken if self.options.objects else None,
             surfaces=_surfaces(found) if self.options.surfaces else None,
         )
 

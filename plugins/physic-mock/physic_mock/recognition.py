@@ -59,11 +59,13 @@ class RecognisedWorld:
     Attributes:
         world: the world.
         people: (H, W) bool, pixels in which a person of the world is visible.
+        items: (K, H, W) bool, pixels in which each small object is visible.
         present: (N,) bool, people with more than half of their pixels visible.
     """
 
     world: World
     people: BoolArray
+    items: BoolArray
     present: BoolArray
 
 
@@ -93,7 +95,8 @@ def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> Recogni
         raise _unknown_image_error(
             width, height, f"differs from the world {name!r}, seed {seed}, in {1 - explained.mean():.1%} of its pixels"
         )
-    return _find_remaining_people(world, photo if hole is None else photo & ~hole, empty)
+    shown = np.ones_like(photo) if hole is None else ~hole
+    return _find_remaining(world, photo & shown, empty, shown)
 
 
 def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
@@ -105,9 +108,9 @@ def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
     )
 
 
-def _find_remaining_people(world: World, photo: BoolArray, empty: BoolArray) -> RecognisedWorld:
+def _find_remaining(world: World, photo: BoolArray, empty: BoolArray, shown: BoolArray) -> RecognisedWorld:
+    """Find the people and the small objects that are still visible in the pixels ``shown`` of the photo."""
     # Where a person has the colour of what is behind them, a pixel belongs to them if most of their others do.
-    """Find the people that are still visible in the photo."""
     people: BoolArray = photo & ~empty & world.masks.any(axis=0)
     present = np.zeros(len(world.masks), bool)
     telling = ~_similar_pixels(world.image, world.empty_image)
@@ -115,7 +118,11 @@ def _find_remaining_people(world: World, photo: BoolArray, empty: BoolArray) -> 
         present[i] = (people & mask & telling).sum() > 0.5 * (mask & telling).sum()
     for mask in world.masks[present]:
         people = people | (photo & mask)
-    return RecognisedWorld(world, people, present)
+    items = np.zeros_like(world.item_masks)
+    for k, mask in enumerate(world.item_masks):
+        if (photo & ~empty & mask).sum() > 0.5 * (telling & mask & shown).sum():
+            items[k] = photo & mask
+    return RecognisedWorld(world, people, items, present)
 
 
 def match_people(recognised: RecognisedWorld, people: People) -> list[int]:

@@ -36,7 +36,7 @@ from physic_mock.contact import ContactOptions
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
-from physic_mock.pixels import SegmenterOptions
+from physic_mock.pixels import InpainterOptions, SegmenterOptions
 from physic_mock.recognition import MockOptions
 from physic_testing import violations
 from physic_testing.worlds import build_world, labels
@@ -405,3 +405,18 @@ def test_options_are_shared_by_all_mocks():
         options = getattr(import_module(module), name).Options
         assert issubclass(options, MockOptions)
         assert all(field.description for field in options.model_fields.values())
+
+
+def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():
+    world = build_world("hold_ball")
+    people = MockSegmenter(TRUE_MASKS).infer(world.image)
+    assert people.objects is not None
+    assert np.array_equal(people.objects, world.item_masks)
+    assert MockSegmenter(SegmenterOptions(objects=False)).infer(world.image).objects is None
+    ball = world.item_masks[0]
+    exact = MockRelativePointmap(RelativePointmapOptions(noise=0, unknown="scale"))
+    inpainter = MockInpainter(InpainterOptions(noise=0))
+    for hole, depth in ((world.masks.any(0), world.depth), (world.masks.any(0) | ball, world.empty_depth)):
+        hints = Hints(hole=hole)
+        found = exact.infer(inpainter.infer(world.image, hole), hints).points[..., 2]
+        assert np.allclose(found[ball], depth[ball], rtol=1e-4)

@@ -1,0 +1,127 @@
+"""Small objects that people hold or have on their laps, and the distances of body vertices to them.
+
+A photo shows the front of an object only. Its back is assumed to be as the front is wide: at a pixel ``r`` metres from
+the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r (2 R - r))`` thick, as a ball is. Camera
+frame, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from physic_core.engine.contact.probability import SURFACES, VISIBLE_SCENE, contact_probability
+from physic_core.engine.settings import ContactSettings
+from physic_core.geometry.camera import project
+from physic_core.geometry.pointmap import depth_to_pointmap
+
+__all__ = ["ObjectDistances", "object_distances", "object_probability"]
+
+_MAX_DEPTH_SPREAD = 0.15  # of the median depth: pixels farther from it show what is behind the object
+_PRIOR = 0.5  # the contact prior is about the scene
+
+
+@dataclass(frozen=True)
+class ObjectDistances:
+    """Nearest object of each vertex.
+
+    Attributes:
+        distance: (N, V) signed, metres, negative inside; inf if no object is within the search radius.
+        object: (N, V) int64, index of that object; 0 if there is none.
+    """
+
+    distance: Tensor
+    object: Tensor
+
+
+def object_distances(
+    vertices: Tensor, objects: Tensor, depth: Tensor, ratio: Tensor, K: Tensor, radius: float
+) -> ObjectDistances:
+    """Find the nearest object of each vertex.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        objects: (K, H, W) bool, visible pixels of each object.
+        depth: (H, W) metres along z of the photo, NaN where unknown.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object is as far from the person
+            who holds it as in the photo. Who has NaN touches no object.
+        K: (3, 3) px.
+        radius: of the search, metres.
+    """
+    people, count, _ = vertices.shape
+    distance = vertices.new_full((people, count), torch.inf)
+    nearest = torch.zeros(people, count, dtype=torch.int64, device=vertices.device)
+    points = depth_to_pointmap(depth, K)
+    for k, mask in enumerate(objects):
+        shape = _shape(mask, points, float(K[0, 0]))
+        if shape is None:
+            continue
+        front, thickness = shape
+        for i in torch.isfinite(ratio).nonzero()[:, 0].tolist():
+            found = _distance_to(vertices[i], front * ratio[i], thickness * ratio[i], K, radius)
+            closer = found.abs() < distance[i].abs()
+            distance[i] = torch.where(closer, found, distance[i])
+            nearest[i] = torch.where(closer, k, nearest[i])
+    return ObjectDistances(distance, nearest)
+
+
+def object_probability(
+    distances: ObjectDistances, may_touch: Tensor, seen: Tensor, settings: ContactSettings
+) -> Tensor:
+    """Return the probability (N, V) that each vertex touches an object.
+
+    An object has the errors of the visible scene. Limbs that the photo does not show touch it only if no other limb is
+    likely to: somebody holds what the photo shows in the air.
+
+    Args:
+        distances: to the objects.
+        may_touch: (N, V) bool, vertices that may touch anything.
+        seen: (N, V) bool, vertices of limbs that the photo shows.
+        settings: the contact interval.
+    """
+    kind = torch.full_like(distances.object, SURFACES.index(VISIBLE_SCENE))
+    prior = torch.full_like(distances.distance, _PRIOR)
+    likely = contact_probability(distances.distance, kind, seen, prior, settings)
+    likely = torch.where(may_touch, likely, 0.0)
+    found = torch.unique(distances.object[seen & (likely >= settings.threshold)])
+    return torch.where(seen | ~torch.isin(distances.object, found), likely, 0.0)
+
+
+def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:
+    """Return the visible points (H, W, 3) of an object, NaN elsewhere, and its thickness (H, W), metres along z."""
+    import cv2
+
+    z = points[..., 2]
+    known = mask & torch.isfinite(z) & (z > 0)
+    if not bool(known.any()):
+        return None
+    middle = z[known].median()
+    known = known & ((z - middle).abs() < _MAX_DEPTH_SPREAD * middle)
+    # One pixel of border, so that the picture's edge counts as a silhouette.
+    inside = np.pad(mask.cpu().numpy().astype(np.uint8), 1)
+    to_rim = torch.from_numpy(cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]).to(z)
+    depth = to_rim * (middle / focal_px)
+    widest = depth.amax()
+    thickness = 2 * torch.sqrt((depth * (2 * widest - depth)).clamp(min=0))
+    return torch.where(known[..., None], points, torch.nan), thickness
+
+
+def _distance_to(vertices: Tensor, front: Tensor, thickness: Tensor, K: Tensor, radius: float) -> Tensor:
+    """Return the signed distance (V,) of vertices (V, 3) to an object, inf beyond the radius."""
+    known = torch.isfinite(front[..., 2])
+    ahead = front[known]
+    behind = ahead * (1 + thickness[known] / ahead[:, 2])[:, None]
+    tree = cKDTree(torch.cat([ahead, behind]).cpu().double().numpy(), balanced_tree=False, compact_nodes=False)
+    apart, _ = tree.query(vertices.cpu().double().numpy(), distance_upper_bound=radius)
+    distance = torch.from_numpy(apart).to(vertices)
+    height, width = known.shape
+    column, row = project(vertices, K).round().unbind(-1)
+    inside = (vertices[:, 2] > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    pixel = torch.where(inside, row * width + column, 0.0).long()
+    z, depth = vertices[:, 2], front[..., 2].flatten()[pixel]
+    inside = inside & (z > depth) & (z < depth + thickness.flatten()[pixel])
+    return torch.where(inside & torch.isfinite(distance), -distance, distance)

@@ -1,0 +1,89 @@
+"""Objects in hands and on laps: which are held, their shape, and the probability that a vertex touches one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
+from physic_core.engine.settings import ContactSettings
+from physic_core.pipeline.held_objects import select_held_objects
+from physic_core.types import Keypoints, People
+
+K = torch.tensor([[200.0, 0.0, 60.0], [0.0, 200.0, 50.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
+RADIUS, AWAY = 0.15, 2.0
+
+
+def ball() -> tuple[torch.Tensor, torch.Tensor]:
+    """Mask (1, H, W) and depth (H, W) of a ball on the optical axis, in front of a wall."""
+    row, column = torch.meshgrid(torch.arange(100.0), torch.arange(120.0), indexing="ij")
+    x, y = ((column - 60) / 200).double(), ((row - 50) / 200).double()
+    along = 1 + x.square() + y.square()
+    root = AWAY**2 - along * (AWAY**2 - RADIUS**2)
+    depth = torch.where(root > 0, (AWAY - root.clamp(min=0).sqrt()) / along, 4.0)
+    return (root > 0)[None], depth
+
+
+def distances(points: list[list[float]], ratio: float = 1.0) -> list[float]:
+    mask, depth = ball()
+    vertices = torch.tensor([points], dtype=torch.float64)
+    found = object_distances(vertices, mask, depth, torch.tensor([ratio], dtype=torch.float64), K, 0.15)
+    return found.distance[0].tolist()
+
+
+def test_the_hidden_side_of_an_object_is_as_far_behind_as_the_object_is_wide():
+    front, side, back, inside, far = distances(
+        [[0, 0, AWAY - 0.2], [0.2, 0, AWAY], [0, 0, AWAY + 0.2], [0, 0, AWAY + 0.1], [0, 0, AWAY - 0.4]]
+    )
+    assert [front, side, back] == pytest.approx([0.05] * 3, abs=0.015)
+    assert inside == pytest.approx(-0.05, abs=0.015)
+    assert far == np.inf
+
+
+def test_an_object_is_moved_with_the_person_who_holds_it():
+    (moved,) = distances([[0, 0, 1.1 * (AWAY - 0.2)]], ratio=1.1)
+    assert moved == pytest.approx(0.055, abs=0.002)
+    assert distances([[0, 0, AWAY - 0.2]], ratio=np.nan) == [np.inf]
+
+
+def test_an_unseen_limb_touches_an_object_only_if_no_seen_limb_does():
+    index = torch.tensor([[0, 0, 1]])
+    found = ObjectDistances(torch.zeros(1, 3), index)
+    seen, may_touch = torch.tensor([[True, False, False]]), torch.ones(1, 3, dtype=torch.bool)
+    near, unseen, alone = object_probability(found, may_touch, seen, ContactSettings())[0].tolist()
+    assert unseen == 0.0
+    assert near > alone > 0.3
+    assert object_probability(found, ~may_touch, seen, ContactSettings()).tolist() == [[0.0] * 3]
+
+
+def people(*objects: tuple[int, int]) -> tuple[People, Keypoints]:
+    """A person 40 px wide with a wrist at (60, 50), and objects of 6 px at (x, y)."""
+    masks = np.zeros((1, 100, 120), bool)
+    masks[0, 10:90, 40:60] = True
+    patches = np.zeros((len(objects), 100, 120), bool)
+    for patch, (x, y) in zip(patches, objects, strict=True):
+        patch[y : y + 6, x : x + 6] = True
+    points = np.zeros((1, 17, 2), np.float32)
+    confidence = np.zeros((1, 17), np.float32)
+    points[0, 9], points[0, 7], confidence[0, [7, 9]] = (60, 50), (50, 40), 0.9
+    boxes = np.array([[40, 10, 60, 90]], np.float32)
+    found = People(masks, boxes, np.ones(1, np.float32), objects=patches)
+    return found, Keypoints(points, confidence, "coco17")
+
+
+def test_objects_near_a_hand_are_held_without_the_pixels_of_people():
+    found, keypoints = people((57, 52), (100, 10))
+    held = select_held_objects(found, keypoints)
+    assert held is not None
+    assert held.shape == (1, 100, 120)
+    assert held[0].sum() == 6 * 3
+    assert not (held[0] & found.masks[0]).any()
+
+
+def test_a_segmenter_that_looks_for_no_objects_leaves_them_unknown():
+    found, keypoints = people()
+    held = select_held_objects(found, keypoints)
+    assert held is not None
+    assert held.shape == (0, 100, 120)
+    assert select_held_objects(People(found.masks, found.boxes, found.scores), keypoints) is None
