@@ -18,10 +18,24 @@ from physic_core.engine.contact.distance import (
 )
 from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
-from physic_core.engine.contact.probability import ASSUMED, LIFTED_FOOT, PERSON, SELF, SURFACES, contact_probability
+from physic_core.engine.contact.probability import (
+    ASSUMED,
+    LIFTED_FOOT,
+    OWN_HAND,
+    PERSON,
+    SELF,
+    SURFACES,
+    contact_probability,
+)
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
-from physic_core.engine.contact.skin import SkinContacts, SkinDistances, own_distances, people_distances
+from physic_core.engine.contact.skin import (
+    SkinContacts,
+    SkinDistances,
+    own_distances,
+    people_distances,
+    without_shared_gap,
+)
 from physic_core.engine.contact.support import (
     Carried,
     ContactEvidence,
@@ -137,6 +151,7 @@ def measure_contacts(
     give = _give(near, parts)
     skin = _skin_distances(model, vertices, outward, settings)
     touches, touched, likely = _touching(
+        model,
         replace(near, scene=above_dents(near.scene, give), floor=above_dents(near.floor, give)),
         skin,
         may_touch,
@@ -303,6 +318,7 @@ def _skin_distances(
 
 
 def _touching(
+    model: BodyModel,
     near: SurfaceDistances,
     skin: tuple[SkinDistances, SkinDistances],
     may_touch: Tensor,
@@ -315,6 +331,7 @@ def _touching(
     """Return vertices in contact, what they touch (0 scene, 1 people, 2 own body), and the probability: (N, V) each.
 
     Args:
+        model: body model.
         near: distances to scene and floor.
         skin: distances to other people and to the own body.
         may_touch: (N, V) bool, vertices that may be in contact by distance.
@@ -329,14 +346,23 @@ def _touching(
         distances = torch.stack([near.nearest, *(one.distance for one in skin)])
         within = (distances <= reach.distance_m) & (distances >= -reach.inside_m) & may_touch
         return within.any(0), torch.where(within, distances.abs(), torch.inf).argmin(0), None
-    each = [contact_probability(near.nearest, kinds, seen_limbs, prior, reach)]
-    for surface, one in zip((PERSON, SELF), skin, strict=True):
-        kind = torch.full_like(kinds, SURFACES.index(surface))
-        each.append(contact_probability(one.distance, kind, seen_limbs, None, reach))
-    probabilities = torch.stack(each)
+    people, own = skin
+    part = model.part_of_vertex
+    hands = torch.tensor([name.endswith("hand") for name in model.part_names], device=part.device)[part]
+    on_person = torch.full_like(kinds, SURFACES.index(PERSON))
+    on_own = torch.where(hands | hands[own.vertex], SURFACES.index(OWN_HAND), SURFACES.index(SELF))
+    probabilities = torch.stack(
+        [
+            contact_probability(near.nearest, kinds, seen_limbs, prior, reach),
+            contact_probability(without_shared_gap(people, part), on_person, seen_limbs, None, reach),
+            contact_probability(own.distance, on_own, seen_limbs, None, reach),
+        ]
+    )
     likely = (1 - (1 - probabilities).prod(0)) * chance
+    skin_likely = probabilities[1:].amax(0) * chance
+    on_skin = (skin_likely >= reach.skin_threshold) & (probabilities.argmax(0) > 0)
     # Where the photo does not show a limb, the pose is a guess: probable contact, but none that is stated.
-    return (likely >= reach.threshold) & seen_limbs, probabilities.argmax(0), likely
+    return ((likely >= reach.threshold) | on_skin) & seen_limbs, probabilities.argmax(0), likely
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.contact.probability import PERSON, SURFACES, contact_probability
+from physic_core.engine.contact.probability import OWN_HAND, PERSON, SELF, SURFACES, contact_probability
 from physic_core.engine.presets import PRESETS
 
 SETTINGS = PRESETS["default"].contact
@@ -44,6 +47,20 @@ def test_it_is_zero_beyond_the_search_radius(kind: int, seen: bool, prior: float
 
 def test_the_floor_is_surest_and_a_person_least():
     assert probability(0.0, 0) > probability(0.0, 1) > probability(0.0, 2) > probability(0.0, SURFACES.index(PERSON))
+
+
+def test_a_hand_near_the_own_body_is_surer_than_other_parts_at_some_distance():
+    hand, other = (SURFACES.index(kind) for kind in (OWN_HAND, SELF))
+    assert probability(0.04, hand) > 3 * probability(0.04, other)
+
+
+def test_without_a_prior_the_probability_is_that_of_the_distance():
+    one = torch.tensor([0.0])
+    kind, seen = torch.tensor([SURFACES.index(SELF)]), torch.tensor([True])
+    expected = 0.5 * (math.erf(0.02 / SELF.sigma_m / 2**0.5) + math.erf(0.05 / SELF.sigma_m / 2**0.5))
+    right = 1 / (1 + math.exp(-SELF.log_odds))
+    found = float(contact_probability(one, kind, seen, None, SETTINGS))
+    assert found == pytest.approx(right * expected + (1 - right) * SELF.share, abs=1e-3)
 
 
 def test_a_limb_that_the_photo_shows_is_surer():

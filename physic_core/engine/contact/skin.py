@@ -12,11 +12,14 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = ["SkinContacts", "SkinDistances", "own_distances", "people_distances"]
+__all__ = ["SkinContacts", "SkinDistances", "own_distances", "people_distances", "without_shared_gap"]
 
 _SPACING_M = 0.012  # half the largest distance of neighbouring vertices
 _CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
 _MAX_COSINE = 0.5  # between two normals; skin that looks the same way does not touch
+_SHARED = 0.5  # of the gap between two people's parts: the part of it that is an error of all their vertices
+_MAX_SHARED_M = 0.1  # largest gap that is taken for an error
+_NEAREST = 5  # vertices; the gap is the distance of the fifth, so that single ones do not decide
 _SAME_SKIN_M = 0.12  # in the rest pose; nearer vertices are one piece of skin
 
 
@@ -150,3 +153,24 @@ def own_distances(
         for p in np.unique(parts):
             bodies.compare(i, bodies.outer[parts != p], i, bodies.outer[parts == p], radius, at_rest)
     return bodies.distances(vertices)
+
+
+def without_shared_gap(people: SkinDistances, part: Tensor) -> Tensor:
+    """Return the distances (N, V) to other people less half of the gap between the two body parts, metres.
+
+    People are off by several centimetres relative to each other, mostly along the rays. All vertices of a body part are
+    off by the same vector, so that their distances to one part of another person share an error.
+
+    Args:
+        people: distances to other people.
+        part: (V,) int64, body part of each vertex.
+    """
+    distance, count = people.distance.clone(), int(part.max()) + 1
+    own, other = part.expand_as(people.vertex), part[people.vertex] + count * people.person
+    for row, known in enumerate(torch.isfinite(distance)):
+        pair = own[row] + count * other[row]
+        for code in torch.unique(pair[known]):
+            chosen = known & (pair == code)
+            gap = distance[row, chosen].kthvalue(min(_NEAREST, int(chosen.sum()))).values
+            distance[row, chosen] -= _SHARED * gap.clamp(-_MAX_SHARED_M, _MAX_SHARED_M)
+    return distance
