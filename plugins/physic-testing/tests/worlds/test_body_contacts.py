@@ -1,0 +1,64 @@
+"""True contacts: which item, other person and own part a vertex touches, within the reach and for outer skin alone."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core.body import load_body
+from physic_testing.worlds.body_contacts import NONE, touched_item, touched_own_part, touched_people
+from physic_testing.worlds.rooms import Room
+from physic_testing.worlds.solids import LEVEL_GROUND, Block
+from physic_testing.worlds.textures import Patch
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray
+
+REACH = 0.02
+
+
+@lru_cache(maxsize=1)
+def model() -> BodyModel:
+    return load_body("embedded").to(dtype=torch.float64)
+
+
+@lru_cache(maxsize=1)
+def t_pose() -> FloatArray:
+    vertices: FloatArray = model()(*model().zero_pose()).vertices[0].numpy()
+    return vertices
+
+
+def test_an_item_is_touched_within_the_reach_by_outer_vertices() -> None:
+    ball, cup = (
+        Block((x, 1.0, 0.0), (0.1, 0.1, 0.1), rounding=0.1, item=name) for x, name in ((0.0, "ball"), (1.0, "cup"))
+    )
+    table = Block((2.0, 0.4, 0.0), (0.3, 0.4, 0.3))
+    room = Room(LEVEL_GROUND, (table, ball, cup), None, Patch("wood", 0))
+    at = [(0.0, 1.115, 0.0), (0.0, 1.13, 0.0), (1.1, 1.0, 0.0), (2.0, 0.8, 0.0), (0.0, 1.0, 0.0), (0.0, 1.1, 0.0)]
+    outer = np.array([True] * 5 + [False])
+    found = touched_item(room, outer, np.array([at]), REACH)
+    assert room.items == ("ball", "cup")
+    assert found.tolist() == [[0, NONE, 1, NONE, 0, NONE]]
+
+
+def test_people_touch_each_other_and_nobody_far_away() -> None:
+    body = t_pose()
+    near = np.stack([body, body + np.array([0.0, 0.0, 0.2])])
+    person, part = touched_people(model(), near, REACH)
+    assert set(person[0].tolist()) == {NONE, 1}
+    assert set(person[1].tolist()) == {NONE, 0}
+    assert np.array_equal(person == NONE, part == NONE)
+    assert not (person[:, ~model().outer.numpy()] != NONE).any()
+    person, part = touched_people(model(), np.stack([body, body + np.array([0.0, 0.0, 3.0])]), REACH)
+    assert (person == NONE).all()
+    assert (part == NONE).all()
+
+
+def test_hands_and_feet_of_a_t_pose_touch_no_part_of_the_own_body() -> None:
+    found = touched_own_part(model(), t_pose()[None], REACH)[0]
+    for name in ("left_hand", "right_hand", "left_sole", "right_sole"):
+        assert (found[model().contact_sets[name].numpy()] == NONE).all()
