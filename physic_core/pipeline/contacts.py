@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.engine.contact.carrying_surfaces import correct_carrying_classes
 from physic_core.engine.contact.dents import above_dents, dent_depths, give_of_points
 from physic_core.engine.contact.distance import (
     SEARCH_RADIUS_M,
@@ -37,6 +38,7 @@ from physic_core.engine.contact.skin import (
     without_shared_gap,
 )
 from physic_core.engine.contact.support import (
+    DOWNWARD,
     Carried,
     ContactEvidence,
     PosedPerson,
@@ -65,7 +67,7 @@ if TYPE_CHECKING:
 __all__ = ["Contacts", "classify_points", "measure_contacts"]
 
 _SEAT, _HELD = 1, 2  # assumed supports, as in assign_partners
-_PEOPLE, _OWN_BODY = 1, 2  # what a vertex touches; 0 is scene and floor
+_SCENE, _PEOPLE, _OWN_BODY = 0, 1, 2  # what a vertex touches; the scene is with the floor
 _OWN_RADIUS_M = 0.08  # of the search on the own body, whose parts are off by less than scene and people
 
 
@@ -201,12 +203,16 @@ def measure_contacts(
     if probability is not None and likely is not None:
         likely = torch.where(hidden > 0, likely.clamp(min=ASSUMED), likely)
         probability[rows] = likely
+    under = touches & (touched == _SCENE) & (on_object < 0) & torch.isfinite(near.scene) & (outward @ up < DOWNWARD)
+    carrying = torch.zeros_like(parts.ground)
+    carrying[near.point[under].to(carrying.device)] = True
+    named = correct_carrying_classes(parts, around.scene.points, carrying, above)
     names, region = contact_regions(model)
     on_people, on_self = (
         SkinContacts((touched == kind) & (on_object < 0), replace(one, person=rows[one.person]))
         for kind, one in zip((_PEOPLE, _OWN_BODY), skin, strict=True)
     )
-    partners = assign_partners(contact[rows], near, parts, on_people, on_self, hidden, on_object, names, region)
+    partners = assign_partners(contact[rows], near, named, on_people, on_self, hidden, on_object, names, region)
     index[rows] = partners.index
     of_scene = torch.tensor([*(one.kind in ("floor", "scene") for one in partners.table), False], device=index.device)
     dents = torch.full_like(distance, torch.nan)

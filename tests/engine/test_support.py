@@ -13,6 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
+from physic_core.engine.contact.carrying_surfaces import correct_carrying_classes
+from physic_core.engine.contact.scene_parts import SceneParts
 from physic_core.engine.contact.support import (
     ContactEvidence,
     PosedPerson,
@@ -198,3 +200,38 @@ def test_the_record_lists_seen_and_hidden_supports(posed):
 def test_names_of_hidden_supports(part, name):
     support = Support("assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0))
     assert str(support) == f"assumed: {name}"
+
+
+NAMES = ("unknown", "wall", "seat", "object")
+
+
+def level_parts(height, label, carrying):
+    """Points in a row, 10 cm apart, of given heights over the floor and labels, after the correction."""
+    count = len(height)
+    points = torch.stack([0.1 * torch.arange(count), torch.zeros(count), torch.full((count,), 2.0)], 1)
+    labels = torch.tensor([NAMES.index(name) if name else -1 for name in label])
+    ground = torch.zeros(count, dtype=torch.bool)
+    parts = SceneParts(NAMES, labels, torch.arange(count), ground)
+    return correct_carrying_classes(parts, points, torch.tensor(carrying), torch.tensor(height))
+
+
+def test_what_carries_at_the_height_of_the_floor_is_floor():
+    parts = level_parts([0.02, 0.02, 0.3], ["object", "object", "object"], [True, False, True])
+    assert parts.ground.tolist() == [True, False, False]
+    assert [NAMES[i] for i in parts.label] == ["object"] * 3
+
+
+def test_a_wall_carries_nobody_from_below():
+    parts = level_parts([0.5] * 4, ["wall", "wall", "seat", "wall"], [True, True, False, False])
+    assert [NAMES[i] for i in parts.label] == ["seat", "seat", "seat", "wall"]
+    assert parts.surface.tolist() == [2, 2, 2, 3]
+    alone = level_parts([0.5] * 2, ["wall", "wall"], [True, False])
+    assert alone.label.tolist() == [-1, 1]
+    assert alone.surface.tolist() == [2, 1]
+
+
+def test_a_back_alone_carries_nobody(posed):
+    model, body = posed({})
+    found = find_support(model, body, evidence(model, prior=("back",)), UP, assume=True)
+    assert found.state == SupportState.ASSUMED
+    assert not found.hidden[model.contact_sets["back"]].any()

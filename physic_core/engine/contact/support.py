@@ -24,6 +24,7 @@ from physic_core.types.contacts import NO_PARTNER, ContactPartner
 from physic_core.types.support import Support, SupportState
 
 __all__ = [
+    "DOWNWARD",
     "Carried",
     "ContactEvidence",
     "PosedPerson",
@@ -36,7 +37,9 @@ __all__ = [
 
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
-_DOWNWARD = -0.3  # cosine between a normal and up: carrying vertices face down
+DOWNWARD = -0.3
+"""Cosine between a normal and up; skin below it faces down, and can rest on something."""
+
 _BALANCE_M = 0.12  # metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray
 _PATCH_M = 0.04  # thickness of the layer of vertices that rests on a hidden support; cushions give way
 _BED_M = 0.1  # the same of a lying body
@@ -48,7 +51,7 @@ _LEVEL_TRUNK_COSINE = 0.5  # 60 degrees between up and the trunk of a person who
 _KNEELING_FLEXION = 1.0  # radians
 
 # Costs are negative log odds, set by hand.
-_MOVING_COST = 1.2  # of a body without balance, in motion
+_MOVING_COST = 0.6  # of a body without balance, in motion
 _FEET_COST, _SEAT_COST, _HOLD_COST, _BED_COST, _BACK_COST, _KNEES_COST = 1.2, 0.9, 1.9, 1.2, 2.3, 2.3
 _BALANCE_SIGMA_M = 0.1  # of the distance beyond the balance
 _GAP_SIGMA_M, _MAX_GAP_M = 0.075, 0.15  # of the distance from a part to the nearest surface
@@ -118,15 +121,17 @@ class _Hypothesis:
 
     Attributes:
         patch: (V,) bool, vertices on it.
+        rests: (V,) bool, vertices that may rest on something beside it.
         cost: before the evidence.
         is_seat: whether it is a seat.
-        is_thin: whether it is a few pixels wide, so that the scene may have no surface near it.
+        needs_surface: whether the scene should have a surface near it. People hide their seat, and a bar is too thin.
     """
 
     patch: Tensor
+    rests: Tensor
     cost: float
     is_seat: bool = False
-    is_thin: bool = False
+    needs_surface: bool = True
 
 
 def find_support(
@@ -150,7 +155,7 @@ def find_support(
     for side in SIDES:
         hands[model.contact_sets[f"{side}_hand"]] = True
     hold = contact & hands & ((vertices - centre) @ up > 0)
-    level = contact & (body.normals @ up < _DOWNWARD) & ~hold
+    level = contact & (body.normals @ up < DOWNWARD) & ~hold
     hanging = SupportState.BALANCED if bool(level.any()) else SupportState.HANGING
     for state, carrying in (
         (SupportState.BALANCED, level),
@@ -168,9 +173,9 @@ def find_support(
     best, least = moving, _MOVING_COST + (0.0 if airborne else _imbalance(outside))
     for hypothesis in _hypotheses(model, body, evidence, up):
         hidden = hypothesis.patch & ~contact
-        outside = beside_hull(centre, vertices[contact | hidden], up)
+        outside = beside_hull(centre, vertices[contact | hidden | hypothesis.rests], up)
         cost = hypothesis.cost + _imbalance(outside) - _log_odds(evidence.prior[hypothesis.patch])
-        if not hypothesis.is_thin:
+        if hypothesis.needs_surface:
             cost += _surface_gap(evidence.distance[hypothesis.patch])
         if cost < least:
             state = SupportState.ASSUMED if outside <= _BALANCE_M else SupportState.UNBALANCED
@@ -202,7 +207,7 @@ def support_record(
     carrying = torch.where(carried.contact & ~carried.hidden, index.long(), NO_PARTNER)
     carrying = torch.where(carried.hidden, len(table), carrying)
     parts = body_contacts(carrying, probability, partners, region_names, region)
-    contacts = tuple(one for one in parts if one.vertices >= _MIN_VERTICES)
+    contacts = tuple(one for one in parts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
     x, y, z = carried.centre.tolist()
     outside = round(carried.outside_m, 4) if carried.outside_m < float("inf") else None
     return Support(carried.state, contacts, outside, (round(x, 4), round(y, 4), round(z, 4)))
@@ -248,7 +253,7 @@ def hands_may_hold(model: BodyModel, probability: Tensor) -> Tensor:
 
 
 def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor) -> Iterator[_Hypothesis]:
-    """Yield the hidden supports that the pose allows, with at least one vertex each."""
+    """Yield the hidden supports that the pose allows, with at least ten vertices each."""
     sets, none = model.contact_sets, torch.zeros_like(evidence.contact)
 
     def members(*names: str) -> Tensor:
@@ -258,27 +263,31 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
         return chosen & evidence.may_touch
 
     def lowest(chosen: Tensor, thickness: float = _PATCH_M) -> Tensor:
-        chosen = chosen & (body.normals @ up < _DOWNWARD)
+        chosen = chosen & (body.normals @ up < DOWNWARD)
         if not bool(chosen.any()):
             return chosen
         height = body.vertices @ up
         bottom = height[chosen].kthvalue(max(1, round(_LOWEST_SHARE * int(chosen.sum())))).values
         return chosen & (height < bottom + thickness)
 
-    found = [_Hypothesis(lowest(members("left_sole", "right_sole")), _FEET_COST)]
+    soles = lowest(members("left_sole", "right_sole"))
+    found = [_Hypothesis(soles, none, _FEET_COST)]
     in_air = bool(evidence.lifted_feet.all())
     if not in_air and bool(is_sitting(body.rotations[None], body.joints[None], up)[0]):
-        found.append(_Hypothesis(lowest(members("thighs", "gluteus")), _SEAT_COST, is_seat=True))
+        seat = lowest(members("thighs", "gluteus"))
+        found.append(_Hypothesis(seat, soles, _SEAT_COST, is_seat=True, needs_surface=False))
     held = hands_may_hold(model, evidence.prior[None])[0]
     hands = members(*(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
-    found.append(_Hypothesis(hands, _HOLD_COST, is_thin=True))
-    found.append(_Hypothesis(_outermost(body, members("back")), _BACK_COST))
+    found.append(_Hypothesis(hands, none, _HOLD_COST, needs_surface=False))
+    if bool(evidence.contact.any()):
+        # A back leans on something, and does not carry a body alone.
+        found.append(_Hypothesis(_outermost(body, members("back")), none, _BACK_COST))
     if bool((hinge_angles(body.rotations[None])[0, :2] > _KNEELING_FLEXION).any()):
-        found.append(_Hypothesis(lowest(_knees(model, body) & evidence.may_touch), _KNEES_COST))
+        found.append(_Hypothesis(lowest(_knees(model, body) & evidence.may_touch), none, _KNEES_COST))
     trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
-        found.append(_Hypothesis(lowest(model.outer & evidence.may_touch, _BED_M), _BED_COST))
-    return (one for one in found if bool(one.patch.any()))
+        found.append(_Hypothesis(lowest(model.outer & evidence.may_touch, _BED_M), none, _BED_COST))
+    return (one for one in found if int(one.patch.sum()) >= _MIN_VERTICES)
 
 
 def _knees(model: BodyModel, body: PosedPerson) -> Tensor:
