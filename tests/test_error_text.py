@@ -193,3 +193,12 @@ def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, d
     assert done.returncode == 1
     assert SAID in done.stdout
     assert ("return self.options.nothere" in done.stdout) is debug
+
+
+def test_a_message_without_end_is_cut_and_one_that_fails_is_named():
+    class Mute(Exception):
+        def __str__(self) -> str:
+            raise ValueError
+
+    assert describe_error(ValueError("x" * 1_000_000)) == f"ValueError: {'x' * 4096} ... (1,000,000 characters)"
+    assert describe_error(Mute()) == "Mute: its message cannot be read"

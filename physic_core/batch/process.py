@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = ["BatchJob", "PhotoProcessor", "failed_row"]
 
+_MAX_MESSAGE = 5000
+"""Characters of a message in the journal."""
+
 
 @dataclass(frozen=True)
 class BatchJob:
@@ -128,7 +131,7 @@ def failed_row(
     return base_row(job, item) | {
         "state": "failed",
         "error": error,
-        "message": " ".join(message.split()),
+        "message": " ".join(message.split())[:_MAX_MESSAGE],
         "seconds": seconds,
         "attempts": attempts,
         "photo": file_digest(item.path),

@@ -9,7 +9,9 @@ from pathlib import PurePath
 
 from physic_core.discovery.plugin_code import plugin_error
 
-__all__ = ["describe_error", "is_debugging", "traceback_text"]
+__all__ = ["describe_error", "is_debugging", "message_of", "traceback_text"]
+
+_MAX_MESSAGE = 4096
 
 _SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")
 """Packages that call or import plugins; their frames do not locate a plugin's error."""
@@ -25,11 +27,22 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
         owners: the plugin's modules, by name, or its classes.
     """
     error = plugin_error(error)
-    message = str(error)
+    message = message_of(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     # The message of a SyntaxError contains its place.
     place = "" if isinstance(error, SyntaxError) else _place(error, owners)
     return f"{text} ({place})" if place else text
+
+
+def message_of(error: BaseException) -> str:
+    """Return the message of an exception of a plugin, with at most 4,096 characters of it."""
+    try:
+        message = str(error)
+    except Exception:  # of the plugin's class
+        return "its message cannot be read"
+    if len(message) <= _MAX_MESSAGE:
+        return message
+    return f"{message[:_MAX_MESSAGE]} ... ({len(message):,} characters)"
 
 
 def is_debugging() -> bool:

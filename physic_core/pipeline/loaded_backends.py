@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from physic_core import errors
-from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.error_text import describe_error, message_of
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pipeline.time_limit import timed_call
@@ -65,6 +65,6 @@ def wrap_plugin_errors(title: str, resolved: ResolvedBackend) -> Iterator[None]:
     except PhysicError as error:
         kind = type(error)
         known = kind if kind.__module__ == errors.__name__ else BackendError  # other classes may need other arguments
-        raise known(f"{title}: {error}") from error
+        raise known(f"{title}: {message_of(error)}") from error
     except Exception as cause:
         raise BackendError(f"{title}: {describe_error(cause, type(resolved.backend))}") from plugin_error(cause)
