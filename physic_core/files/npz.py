@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["MAX_BYTES", "ArrayHeader", "read_arrays", "read_headers", "write_arrays"]
+__all__ = ["MAX_BYTES", "ArrayHeader", "read_arrays", "read_headers", "read_names", "write_arrays"]
 
 MAX_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
@@ -43,6 +43,16 @@ class ArrayHeader:
     shape: tuple[int, ...]
     is_fortran: bool
     offset: int
+
+
+def read_names(stream: IO[bytes]) -> list[str]:
+    """Read the names of all arrays of a file.
+
+    Raises:
+        ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
+    """
+    with zipfile.ZipFile(stream) as archive:
+        return list(_entries(archive, None))
 
 
 def read_headers(stream: IO[bytes], names: Iterable[str] | None = None) -> dict[str, ArrayHeader]:

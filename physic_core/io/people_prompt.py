@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.io.image_file import ImageSource, decode, open_image
+from physic_core.files.image_file import ImageSource, decode, open_image
 from physic_core.types import PeoplePrompt
 
 if TYPE_CHECKING:

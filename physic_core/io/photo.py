@@ -14,8 +14,8 @@ import numpy as np
 from PIL import Image
 
 from physic_core.errors import InputError
+from physic_core.files.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
-from physic_core.io.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
 from physic_core.io.result_folder import image_digest
 from physic_core.types.short_repr import ShortRepr
 

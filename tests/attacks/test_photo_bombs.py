@@ -71,8 +71,8 @@ def test_decoding_takes_no_more_memory_than_estimated(tmp_path: Path):
         picture.convert(mode).save(tmp_path / name, **options)
     code = """
 from PIL import Image
-from physic_core.io.image_file import ImageSource, decode, open_image
-from physic_core.io.image_memory import decoding_bytes
+from physic_core.files.image_file import ImageSource, decode, open_image
+from physic_core.files.image_memory import decoding_bytes
 for path in map(Path, sys.argv[1:]):
     with contextlib.suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")

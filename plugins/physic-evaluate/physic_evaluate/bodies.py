@@ -12,6 +12,8 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
+from physic_core.files.npz import read_arrays
+from physic_core.files.regular import open_regular
 from physic_evaluate.damage import DamagedFileError, as_numbers, require_finite
 
 if TYPE_CHECKING:
@@ -222,9 +224,10 @@ def _translation(parameters: Mapping[str, Any]) -> Array:
 def _hand(path: str, side: str) -> tuple[Array, Array]:
     """Return mean (45,) and principal components (45, 45) of the hand pose of a SMPL-X file."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return file[f"hands_mean{side}"].astype(np.float64), file[f"hands_components{side}"].astype(np.float64)
-    except (OSError, KeyError, ValueError) as error:
+        with open_regular(Path(path)) as stream:
+            mean, components = read_arrays(stream, (f"hands_mean{side}", f"hands_components{side}")).values()
+            return mean.astype(np.float64), components.astype(np.float64)
+    except Exception as error:  # of zipfile and its compressors, which have many
         raise InputError(
             f"{path} has no hands_mean{side} and hands_components{side}, which these hands need: give "
             "the official SMPL-X file"
@@ -235,8 +238,8 @@ def _hand(path: str, side: str) -> tuple[Array, Array]:
 def _regressor(topology: str, path: Path) -> Array:
     if topology == "smpl":
         return _smpl(path).regressor
-    with np.load(path, allow_pickle=False) as file:
-        return np.asarray(file["J_regressor"], np.float64)
+    with open_regular(path) as stream:
+        return np.asarray(read_arrays(stream, ["J_regressor"])["J_regressor"], np.float64)
 
 
 @lru_cache(maxsize=4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,40 @@ from physic_core.errors import InputError
 from physic_evaluate.damage import DamagedFileError, unreadable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     from numpy.typing import NDArray
+    from PIL.Image import Image as OpenedImage
 
     from physic_evaluate.contract import Frame, Picture
 
-__all__ = ["picture_file", "read_picture"]
+__all__ = ["open_picture", "picture_file", "read_picture"]
+
+
+@contextmanager
+def open_picture(path: Path) -> Iterator[OpenedImage]:
+    """Open a picture of a data set; decoding it takes bounded memory, as of a photo.
+
+    Raises:
+        DamagedFileError: the file is missing, damaged or too large; also if the block decodes it and it is damaged.
+    """
+    from physic_core.files.image_file import ImageSource, open_image, wrap_decoding_errors
+
+    source = ImageSource(str(path), path=path, what="picture")
+    try:
+        with path.open("rb"):
+            pass
+        with open_image(source) as (image, _), wrap_decoding_errors(source, image.format or ""):
+            yield image
+    except FileNotFoundError as error:
+        raise DamagedFileError(f"there is no picture {path}") from error
+    except OSError as error:
+        raise unreadable(path, error, "the picture ") from error
+    except DamagedFileError:
+        raise
+    except InputError as error:
+        raise DamagedFileError(str(error)) from error
 
 
 def read_picture(picture: Picture) -> NDArray[np.uint8]:
@@ -24,15 +53,9 @@ def read_picture(picture: Picture) -> NDArray[np.uint8]:
         DamagedFileError: the file is missing or damaged.
     """
     import numpy as np
-    from PIL import Image
 
-    try:
-        with Image.open(picture.path) as file:
-            pixels = np.array(file.convert("RGB"))
-    except FileNotFoundError as error:
-        raise DamagedFileError(f"there is no picture {picture.path}") from error
-    except OSError as error:
-        raise unreadable(picture.path, error, "the picture ") from error
+    with open_picture(picture.path) as file:
+        pixels = np.array(file.convert("RGB"))
     if picture.mirrored:
         pixels = pixels[:, ::-1]
     if picture.crop is not None:
@@ -47,18 +70,11 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     Raises:
         InputError: the frame has no picture, the file is damaged, or its size is not the camera's.
     """
-    from PIL import Image
-
     if frame.picture is None:
         raise InputError(f"the frame {frame.id} has no picture: only results of methods can be evaluated on it")
     picture = frame.picture
-    try:
-        with Image.open(picture.path) as file:
-            size = file.size
-    except FileNotFoundError as error:
-        raise DamagedFileError(f"there is no picture {picture.path}") from error
-    except OSError as error:
-        raise unreadable(picture.path, error, "the picture ") from error
+    with open_picture(picture.path) as file:
+        size = file.size
     if picture.crop is not None:
         size = (picture.crop[2] - picture.crop[0], picture.crop[3] - picture.crop[1])
     if frame.camera is not None and size != (frame.camera.width, frame.camera.height):
@@ -70,6 +86,8 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         return picture.path
     path = folder / f"{frame.id.replace('/', '_')}.png"
     if not path.exists():
+        from PIL import Image
+
         from physic_core.files.atomic import atomic_write, check_writable
 
         with atomic_write(check_writable(folder)) as temporary:

@@ -8,7 +8,7 @@ because a backend does not get file names.
 from __future__ import annotations
 
 import hashlib
-import json
+import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError, InputError, WeightsMissingError
+from physic_core.files.image_file import ImageSource, decode, open_image, wrap_decoding_errors
+from physic_core.files.npz import read_arrays
+from physic_core.files.regular import open_regular, read_regular
+from physic_core.files.strict_json import parse_json
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_human.user_smpl import load_rest_mesh
@@ -35,6 +39,8 @@ _THUMB = 48
 _MOST_GREY = 6.0
 """Mean difference of two thumbnails of one photo, grey levels; sizes and JPEG leave 1 to 3, another photo 30 and up."""
 _MOST_ASPECT = 0.03
+_MAX_BYTES = 256 << 20
+"""Largest content of a result file, bytes; that of 100 people has 4 MB."""
 
 
 class InteractVlmOptions(Options):
@@ -198,15 +204,16 @@ def _index_result(path: Path) -> _ResultFile:
 
 def _upright(path: Path) -> UInt8Array:
     """Read a photo (H, W, 3) RGB with its EXIF rotation applied."""
-    import cv2
+    from PIL import ImageOps
 
+    source = ImageSource(str(path), path=path)
     try:
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    except cv2.error:  # too large, or damaged
-        image = None
-    if image is None:
-        raise BackendError(f"{path} cannot be read as a photo: keep the photo that InteractVLM saw beside its result")
-    return np.ascontiguousarray(image[..., ::-1], np.uint8)
+        with open_image(source) as (image, _):
+            decode(image, source)
+            with wrap_decoding_errors(source):
+                return np.array(ImageOps.exif_transpose(image).convert("RGB"))
+    except InputError as error:
+        raise BackendError(f"{error}; keep the photo that InteractVLM saw beside its result") from error
 
 
 def _thumbnail(image: UInt8Array) -> FloatArray:
@@ -232,7 +239,7 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
     """Return topology and values (M, V) of a file, in the wanted topology if the file has several."""
     try:
         arrays = _arrays(path)
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # of zipfile, zlib and NumPy, which share no base class
         raise BackendError(f"{path} cannot be read, run InteractVLM on its photo again: {error}") from error
     known = {_TOPOLOGIES[a.shape[-1]]: a for a in arrays if a.ndim and a.shape[-1] in _TOPOLOGIES}
     if not known:
@@ -248,11 +255,12 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
 def _arrays(path: Path) -> list[Any]:
     """Return the arrays of a file."""
     if path.suffix == ".npz":
-        with np.load(path, allow_pickle=False) as held:
-            return [held[key] for key in held.files]
+        with open_regular(path) as stream:
+            return list(read_arrays(stream, limit=_MAX_BYTES).values())
+    content = read_regular(path, _MAX_BYTES)
     if path.suffix == ".npy":
-        return [np.load(path, allow_pickle=False)]
-    content = json.loads(path.read_text(encoding="utf-8"))
+        return [np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)]
+    content = parse_json(content)
     values = content.get("vertices", content.get("contact", content)) if isinstance(content, dict) else content
     listed = np.asarray(values)
     if listed.ndim == 1 and listed.dtype.kind in "iu" and len(listed) not in _TOPOLOGIES:

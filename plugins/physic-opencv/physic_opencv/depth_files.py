@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import os
+import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.errors import InputError
+from physic_core.files.image_file import MAX_DECODING_BYTES, ImageSource, decode, open_image
+from physic_core.files.npz import read_arrays, read_names
+from physic_core.files.regular import open_regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,8 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["read_depth", "read_points", "resize_nearest"]
 
 _OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
-_PNG = b"\x89PNG\r\n\x1a\n"
-_MAX_PIXELS = 150_000_000  # as of a photo
+_EXR = b"\x76\x2f\x31\x01"
+_EXR_HEADER = 1 << 20  # a usual one has 400 bytes
+_EXR_VALUE_BYTES = 4  # of OpenCV, for every kind of channel
+_MAX_BYTES = MAX_DECODING_BYTES
+_GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 
 
@@ -130,46 +137,40 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
         raise InputError(f"cannot read {path}: it is not a NumPy array of numbers ({error})") from error
     if not isinstance(values, np.ndarray):
         raise InputError(f"cannot read {path}: it is an archive of arrays; save one array with numpy.save")
+    _check_size(path, values.nbytes)  # a sparse file can be larger than the disk
     return values
 
 
 def _load_npz(path: Path) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            if "points" not in archive:
-                raise InputError(f'cannot read {path}: it has no array "points"; it has {", ".join(archive) or "none"}')
-            return archive["points"], archive.get("valid")
+        with open_regular(path) as stream:
+            names = read_names(stream)
+            if "points" not in names:
+                raise InputError(f'cannot read {path}: it has no array "points"; it has {", ".join(names) or "none"}')
+            wanted = [name for name in ("points", "valid") if name in names]
+            arrays = read_arrays(stream, wanted, limit=_MAX_BYTES)
     except InputError:
         raise
     except Exception as error:  # of NumPy, zipfile and its decompressors, which share no base class
         raise InputError(f"cannot read {path}: it is not an archive of NumPy arrays ({error})") from error
+    return arrays["points"], arrays.get("valid")
 
 
 def _read_picture(path: Path) -> NDArray[np.generic]:
-    import cv2
-
-    try:
-        with path.open("rb") as file:
-            head = file.read(24)
-        if head[:8] == _PNG and _pixels(head) > _MAX_PIXELS:
-            raise InputError(
-                f"cannot read the depth map {path}: it has more than {_MAX_PIXELS // 1_000_000} megapixels"
-            )
-        values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except (OSError, cv2.error) as error:
-        raise InputError(f"cannot read the depth map {path}: it cannot be opened, or it is damaged") from error
-    if values is None:
-        raise InputError(f"cannot read the depth map {path}: it is not a PNG, or it is damaged")
-    return np.asarray(values)
+    source = ImageSource(str(path), path=path, what="depth map", formats="a PNG of 16 bits with one channel")
+    with open_image(source) as (image, _):
+        decode(image, source)
+        return np.asarray(image if image.mode in _GREY else image.convert("RGB"))
 
 
-def _pixels(head: bytes) -> int:
-    """Return the number of pixels of a PNG file from its first 24 bytes."""
-    return int.from_bytes(head[16:20]) * int.from_bytes(head[20:24])
+def _check_size(path: Path, size: int) -> None:
+    if size > _MAX_BYTES:
+        raise InputError(f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than {_MAX_BYTES / 1e9} GB")
 
 
 def _read_exr(path: Path) -> NDArray[np.generic]:
     """Read the first channel of an EXR file with OpenCV, which often is built or configured without that format."""
+    _check_size(path, _exr_bytes(path))
     import cv2
 
     before = os.environ.get(_OPENCV_EXR)
@@ -190,3 +191,31 @@ def _read_exr(path: Path) -> NDArray[np.generic]:
         )
     values = np.asarray(values)
     return values[..., -1] if values.ndim == 3 else values  # BGR: the red one, which grey depth maps fill
+
+
+def _exr_bytes(path: Path) -> int:
+    """Return the memory that decoding an EXR file takes, by its header.
+
+    The header is a list of attributes: name, kind, size and content (OpenEXR, "File Layout").
+
+    Raises:
+        InputError: it has no such header, or several images.
+    """
+    with open_regular(path) as file:
+        head = file.read(_EXR_HEADER)
+    at, found = 8, dict[bytes, bytes]()
+    while head[:4] == _EXR and head[at : at + 1] not in (b"", b"\0"):
+        name, kind = head[at : at + 512].split(b"\0", 2)[:2] if head.count(b"\0", at, at + 512) > 1 else (b"", b"")
+        start = at + len(name) + len(kind) + 6
+        size = int.from_bytes(head[start - 4 : start], "little")
+        if not name or name in found or start + size > len(head):
+            break
+        found[name] = head[start : start + size]
+        at = start + size
+    window, channels = found.get(b"dataWindow", b""), found.get(b"channels", b"")
+    if len(window) != 16 or head[5] & 0x10:
+        raise InputError(f"cannot read the depth map {path}: it is not an EXR file of one image, or it is damaged")
+    x0, y0, x1, y1 = struct.unpack("<4i", window)
+    # A channel has a name, its end, and 16 bytes; a name has one byte or more.
+    claimed: int = max(0, x1 - x0 + 1) * max(0, y1 - y0 + 1) * _EXR_VALUE_BYTES * max(1, min(4, len(channels) // 18))
+    return claimed

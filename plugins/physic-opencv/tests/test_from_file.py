@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -10,7 +12,7 @@ import pytest
 
 from physic_core import InputError, load_config, reconstruct
 from physic_core.types import Hints
-from physic_opencv.depth_files import read_depth, resize_nearest
+from physic_opencv.depth_files import read_depth, read_points, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
 from physic_testing.worlds import World, build_world
@@ -82,7 +84,7 @@ def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.M
         written = False
     monkeypatch.delenv("OPENCV_IO_ENABLE_OPENEXR")
     if not written:
-        path.write_bytes(b"\x76\x2f\x31\x01")
+        path.write_bytes(exr(6, 4))
         with pytest.raises(InputError, match=r"this OpenCV reads no EXR, or the file is damaged"):
             depth(path)
         return
@@ -209,14 +211,57 @@ def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
 
 
 def test_files_that_claim_more_than_they_have_are_refused(tmp_path: Path):
-    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
-    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header.encode())
+    array = "{'descr': '<f8', 'fortran_order': False, 'shape': (100000, 100000), }".ljust(117) + "\n"
+    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + array.encode())
     with pytest.raises(InputError, match=r"huge\.npy: it is not a NumPy array of numbers"):
         read_depth(tmp_path / "huge.npy", 1.0, None)
-    side = (30_000).to_bytes(4)
-    (tmp_path / "huge.png").write_bytes(
-        b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR" + side + side + b"\x10\x00\x00\x00\x00"
-    )
+    header = b"IHDR" + 2 * (30_000).to_bytes(4) + b"\x10\x00\x00\x00\x00"
+    png = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0d" + header + zlib.crc32(header).to_bytes(4) + b"\0\0\0\0IDAT"
+    (tmp_path / "huge.png").write_bytes(png + zlib.crc32(b"IDAT").to_bytes(4))
     with pytest.raises(InputError) as caught:
         read_depth(tmp_path / "huge.png", 1.0, None)
-    assert str(caught.value) == (f"cannot read the depth map {tmp_path / 'huge.png'}: it has more than 150 megapixels")
+    assert str(caught.value) == (
+        f"cannot use the depth map {tmp_path / 'huge.png'}: it has more than 150 megapixels; give a smaller version"
+    )
+    with (tmp_path / "sparse.npy").open("wb") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (20_000, 20_000)})
+        file.truncate(file.tell() + 8 * 20_000**2)
+    with pytest.raises(InputError) as caught:
+        read_depth(tmp_path / "sparse.npy", 1.0, None)
+    assert str(caught.value) == f"cannot read {tmp_path / 'sparse.npy'}: its numbers take 3.2 GB, more than 1.3 GB"
+
+
+def test_an_archive_that_inflates_to_more_than_the_limit_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("physic_opencv.depth_files._MAX_BYTES", 1_000_000)
+    np.savez_compressed(tmp_path / "p.npz", points=np.ones((300, 400, 3)))
+    with pytest.raises(InputError) as caught:
+        read_points(tmp_path / "p.npz", 1.0)
+    assert str(caught.value) == (
+        f"cannot read {tmp_path / 'p.npz'}: it is not an archive of NumPy arrays (its arrays claim 3 MB, more than 1)"
+    )
+
+
+def exr(width: int, height: int) -> bytes:
+    def attribute(name: str, kind: str, content: bytes) -> bytes:
+        return f"{name}\0{kind}\0".encode() + struct.pack("<i", len(content)) + content
+
+    window = attribute("dataWindow", "box2i", struct.pack("<4i", 0, 0, width - 1, height - 1))
+    channels = attribute("channels", "chlist", b"Z\0" + struct.pack("<iiii", 2, 0, 1, 1) + b"\0")
+    return b"\x76\x2f\x31\x01\x02\0\0\0" + channels + window + b"\0"
+
+
+def test_an_exr_file_that_claims_gigabytes_is_refused(tmp_path: Path):
+    path = tmp_path / "d.exr"
+    path.write_bytes(exr(30_000, 30_000))
+    with pytest.raises(InputError) as caught:
+        read_depth(path, 1.0, None)
+    assert str(caught.value) == f"cannot read {path}: its numbers take 3.6 GB, more than 1.3 GB"
+    for damaged in (exr(4, 4)[:-9], b"\x76\x2f\x31\x01", exr(4, 4)[4:], b"\x76\x2f\x31\x01" + b"x" * 5000):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError) as caught:
+            read_depth(path, 1.0, None)
+        assert str(caught.value) == (
+            f"cannot read the depth map {path}: it is not an EXR file of one image, or it is damaged"
+        )

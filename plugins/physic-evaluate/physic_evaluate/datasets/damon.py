@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from physic_core.files.npz import read_arrays
+from physic_core.files.regular import open_regular
 from physic_evaluate.contract import Frame, Picture, TruePerson, Truth
 from physic_evaluate.damage import DamagedFileError, as_numbers, unreadable
 from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, option
@@ -235,12 +237,12 @@ def _array(file: Path, name: str) -> Any:
         DamagedFileError: it is missing, damaged or a Python object.
     """
     try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            return arrays[name]
+        with open_regular(file) as stream:
+            return read_arrays(stream, [name])[name]
     except KeyError as error:
         raise DamagedFileError(f"{file} has no '{name}'") from error
     except ValueError as error:
-        if "pickle" not in str(error):
+        if "Python objects" not in str(error):
             raise DamagedFileError(f"{file} cannot be read: {error}") from error
     except Exception as error:  # of zipfile and its compressors, which have many
         raise unreadable(file, error) from error

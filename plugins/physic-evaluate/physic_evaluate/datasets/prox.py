@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -34,6 +35,7 @@ from physic_evaluate.datasets.base import (
 )
 from physic_evaluate.meshes import read_mesh, require_metres, scene_mesh
 from physic_evaluate.pickled import pickled_arrays
+from physic_evaluate.pictures import open_picture
 from physic_evaluate.projection import box_iou, box_of_points, project
 from physic_evaluate.wording import counted
 
@@ -386,14 +388,10 @@ def _camera(root: Path) -> Camera:
 
 def _size(root: Path) -> tuple[int, int]:
     """Return the size of the first picture that can be read, px; that of PROX's camera without one."""
-    from PIL import Image
-
     for picture in root.glob("recordings/*/Color/*.jpg"):
-        try:
-            with Image.open(picture) as file:
-                return file.size
-        except OSError:
-            continue
+        with suppress(DamagedFileError), open_picture(picture) as file:
+            size: tuple[int, int] = file.size
+            return size
     return SIZE
 
 

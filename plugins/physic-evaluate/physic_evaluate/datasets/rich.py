@@ -35,6 +35,7 @@ from physic_evaluate.datasets.base import (
 )
 from physic_evaluate.meshes import read_vertex_colours, scene_mesh
 from physic_evaluate.pickled import pickled_arrays
+from physic_evaluate.pictures import open_picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -256,13 +257,8 @@ def _camera(root: Path, scene: str, view: int, picture: Path | None) -> Camera:
     if not (K[0, 0] > 0 and K[1, 1] > 0 and width > 0 and height > 0):
         raise DamagedFileError(f"{file}: Intrinsics has no positive focal lengths and principal point")
     if picture is not None:
-        from PIL import Image
-
-        try:
-            with Image.open(picture) as opened:
-                size = opened.size
-        except OSError as error:
-            raise unreadable(picture, error, "the picture ") from error
+        with open_picture(picture) as opened:
+            size = opened.size
         # Pictures may have been made smaller by a half or a quarter: the calibration is for the full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
         if not all(0.8 < factor * full / own < 1.25 for own, full in zip(size, (width, height), strict=True)):

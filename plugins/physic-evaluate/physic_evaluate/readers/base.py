@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,6 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from physic_core.files.npz import read_arrays
+from physic_core.files.regular import open_regular
 from physic_evaluate.bodies import SMPL_NAMES, BodyFiles, PosedBody
 from physic_evaluate.contract import PredictedPerson
 from physic_evaluate.damage import DamagedFileError, as_numbers, naming, require_finite, unreadable
@@ -114,17 +115,15 @@ def archive_arrays(path: Path) -> dict[str, Any]:
         DamagedFileError: it is missing, damaged, or holds Python objects.
     """
     try:
-        with path.open("rb") as stream:
-            if not zipfile.is_zipfile(stream):
-                raise zipfile.BadZipFile
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
+        with open_regular(path) as stream:
+            return dict(read_arrays(stream))
     except FileNotFoundError as error:
         raise DamagedFileError(f"there is no file {path}") from error
     except ValueError as error:
         reason = (
-            "it holds Python objects, which can run code: save arrays of numbers" if "pickle" in str(error) else error
+            "it holds Python objects, which can run code: save arrays of numbers"
+            if "Python objects" in str(error)
+            else error
         )
         raise DamagedFileError(f"{path} cannot be read: {reason}") from error
     except Exception as error:  # of zipfile and its compressors, which have many

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_core.io.image_memory import check_parts, decoding_bytes
-from physic_core.io.native_messages import log_native_messages
+from physic_core.files.image_memory import check_parts, decoding_bytes
+from physic_core.files.native_messages import log_native_messages
 
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
