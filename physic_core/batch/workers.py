@@ -28,7 +28,15 @@ from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
 from physic_core.pipeline.time_limit import report_calls_to
 
-__all__ = ["LOAD_LIMIT_S", "Outcome", "SupervisedWorker", "WorkerSettings", "known_error", "run_in_workers"]
+__all__ = [
+    "LOAD_LIMIT_S",
+    "Outcome",
+    "SupervisedWorker",
+    "WorkerSettings",
+    "known_error",
+    "report_calls_to",
+    "run_in_workers",
+]
 
 Task = TypeVar("Task")
 

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.types import Reconstruction
 
-__all__ = ["collect_plugin_messages", "run", "show_progress", "sigterm_as_exception"]
+__all__ = ["checked_plan", "collect_plugin_messages", "run", "show_progress", "sigterm_as_exception"]
 
 
 class _Numbers(click.ParamType[Any]):
@@ -127,24 +128,20 @@ def run(
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
 
-    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
-    from physic_core.discovery.plugins import discover
-
+    settings = {"preset": preset, "overrides": overrides, "flags": flags}
+    timeout_s = _timeout_s(file, settings)
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
-    registry = discover()
-    config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
-    plan = resolve(config, registry)
-    require_available(plan)
+    plan = checked_plan(file, settings) if timeout_s is None else None
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
-        if config.run.timeout_s is None:
+        if timeout_s is None:
             from physic_core.pipeline.run import reconstruct_photo
 
             with collect_plugin_messages() as messages, show_progress() as progress:
                 result = reconstruct_photo(photo, plan, progress=progress)
         else:
-            from physic_core.cli.worker_run import reconstruct_in_worker
+            from physic_core.cli.worker_run import RunArguments, reconstruct_in_worker
 
-            result, messages = reconstruct_in_worker(photo, config)
+            result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s))
         result.save(str(folder), overwrite=overwrite)
         if report:
             from physic_core.io.report_file import add_report
@@ -153,6 +150,36 @@ def run(
     for line in messages:
         click.echo(line, err=True)
     click.echo(_summary(result, folder, report))
+
+
+def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
+    """Return the time limit of a configuration without importing a backend; None for an invalid one."""
+    from physic_core.configuration.model import load_config
+    from physic_core.errors import ConfigError
+
+    with suppress(ConfigError):  # the check with backends lists all errors
+        return load_config(file, **settings).run.timeout_s
+    return None
+
+
+def checked_plan(file: Path | None, settings: Mapping[str, Any]) -> ResolvedPipeline:
+    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
+
+    Args:
+        file: of the configuration; None for none.
+        settings: preset, overrides and flags.
+
+    Raises:
+        ConfigError: the configuration is invalid.
+        PhysicError: a backend cannot be imported or constructed, or its weights are missing.
+    """
+    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
+    from physic_core.discovery.plugins import discover
+
+    registry = discover()
+    plan = resolve(load_checked_config(registry, file, **settings), registry)
+    require_available(plan)
+    return plan
 
 
 class _Terminated(BaseException):

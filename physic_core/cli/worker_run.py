@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,21 +13,36 @@ from physic_core.batch.workers import SupervisedWorker, WorkerSettings, known_er
 from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
-    from physic_core.configuration.model import Config
     from physic_core.types import Reconstruction
 
-__all__ = ["reconstruct_in_worker"]
+__all__ = ["RunArguments", "reconstruct_in_worker"]
 
 
-def reconstruct_in_worker(photo: Path, config: Config) -> tuple[Reconstruction, list[str]]:
+@dataclass(frozen=True)
+class RunArguments:
+    """What the configuration of a run is made of.
+
+    Attributes:
+        file: of the configuration; None for none.
+        settings: preset, overrides and flags, as of :func:`physic_core.configuration.resolve.load_checked_config`.
+        timeout_s: of ``[run]``, s.
+    """
+
+    file: Path | None
+    settings: Mapping[str, Any]
+    timeout_s: float
+
+
+def reconstruct_in_worker(photo: Path, arguments: RunArguments) -> tuple[Reconstruction, list[str]]:
     """Reconstruct a photo, and return the result and the messages of plugins.
 
     Raises:
+        ConfigError: the configuration is invalid.
         PhysicError: as :func:`physic_core.pipeline.run.reconstruct_photo`.
         BackendError: a call of a backend exceeded its limit, or ended the process; the message names it.
     """
     worker: SupervisedWorker[Path] = SupervisedWorker(
-        partial(_open_worker, config), WorkerSettings(single_thread=False, attempts=1)
+        partial(_open_worker, arguments), WorkerSettings(single_thread=False, attempts=1)
     )
     try:
         outcome = worker(photo)
@@ -41,20 +57,23 @@ def reconstruct_in_worker(photo: Path, config: Config) -> tuple[Reconstruction, 
     return result, messages
 
 
-def _open_worker(config: Config) -> Callable[[Path], Any]:
-    return partial(_run, config)
+def _open_worker(arguments: RunArguments) -> Callable[[Path], Any]:
+    return partial(_run, arguments)
 
 
-def _run(config: Config, photo: Path) -> tuple[str, Any]:
+def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     """Return ("", (result, messages)), or the class and the message of an error."""
-    from physic_core.cli.run import collect_plugin_messages, show_progress
+    from physic_core.cli.run import checked_plan, collect_plugin_messages, show_progress
     from physic_core.discovery.error_text import traceback_text
     from physic_core.discovery.plugin_code import own_stdout
     from physic_core.pipeline.run import reconstruct_photo
+    from physic_core.pipeline.time_limit import CONSTRUCTION, limited_calls, timed_call
 
     try:
+        with own_stdout(), limited_calls(arguments.timeout_s), timed_call(CONSTRUCTION):
+            plan = checked_plan(arguments.file, arguments.settings)
         with own_stdout(), collect_plugin_messages() as messages, show_progress() as progress:
-            result = reconstruct_photo(photo, config, progress=progress)
+            result = reconstruct_photo(photo, plan, progress=progress)
     except PhysicError as error:
         sys.stderr.write(traceback_text(error))
         return type(error).__name__, str(error)

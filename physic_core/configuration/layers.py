@@ -16,12 +16,12 @@ from typing import Any
 
 from physic_core.configuration.problems import config_error, did_you_mean
 from physic_core.configuration.quoting import printable, quoted, shorten
-from physic_core.configuration.values import InvalidTextError, check_values, parse_json, parse_toml
+from physic_core.configuration.values import InvalidTextError, check_values, parse_toml
 from physic_core.discovery.local_modules import with_folder
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError
 from physic_core.files.document_checksum import EDITED, ChecksumState, checksum_state
-from physic_core.files.strict_json import from_json
+from physic_core.files.strict_json import from_json, parse_json
 from physic_core.interfaces import INTERFACES
 
 __all__ = [
@@ -194,7 +194,7 @@ def _read_result(path: Path) -> dict[str, Any]:
     """Read the configuration that is stored in a ``reconstruction.json``."""
     try:
         document = parse_json(_read_text(path, "name the reconstruction.json of a run"))
-    except InvalidTextError as error:
+    except ValueError as error:
         raise ConfigError(f"{_show(path)} is not valid JSON: {_show(error, 500)}") from error
     if isinstance(document, dict) and checksum_state(document) is ChecksumState.WRONG:
         raise ConfigError(

@@ -1,8 +1,7 @@
-"""Parse TOML and JSON of a configuration, and check that its values are of the kinds that TOML has."""
+"""Parse TOML of a configuration, and check that its values are of the kinds that TOML has."""
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from physic_core.configuration.problems import Problem
 from physic_core.configuration.quoting import shorten
 
-__all__ = ["InvalidTextError", "check_values", "parse_json", "parse_toml"]
+__all__ = ["InvalidTextError", "check_values", "parse_toml"]
 
 _MAX_DEPTH = 16
 """Tables and lists in each other. The deepest setting has four, the options of a backend seldom more."""
@@ -25,7 +24,7 @@ _MAX_PROBLEMS = 20
 
 
 class InvalidTextError(Exception):
-    """Raised if a text is not valid TOML or JSON; the message is the reason."""
+    """Raised if a text is not valid TOML; the message is the reason."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -37,18 +36,6 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
-        raise InvalidTextError(_reason(error)) from error
-
-
-def parse_json(text: str) -> Any:
-    """Parse a JSON document.
-
-    Raises:
-        InvalidTextError: it is not valid, an integer has thousands of digits, or it is nested too deeply to be read.
-    """
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
         raise InvalidTextError(_reason(error)) from error
 
 

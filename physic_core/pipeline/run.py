@@ -18,7 +18,7 @@ from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.pipeline.time_limit import limited_calls
+from physic_core.pipeline.time_limit import CONSTRUCTION, limited_calls, timed_call
 from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
@@ -82,7 +82,9 @@ class Pipeline:
                 raise ConfigError("backends cannot be replaced in a ResolvedPipeline: give them to resolve()")
             self._plan = config
         else:
-            self._plan = resolve(as_config(config), discover() if registry is None else registry, backends)
+            settings = as_config(config)
+            with limited_calls(settings.run.timeout_s), timed_call(CONSTRUCTION):
+                self._plan = resolve(settings, discover() if registry is None else registry, backends)
         require_available(self._plan)
         self._loaded = LoadedBackends(self._plan.device)
         self._code = CodeDigester()

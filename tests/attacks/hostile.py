@@ -122,6 +122,6 @@ class Forging(MockMetricDepth):
         os._exit(0)
 
 
-class HangsAtLoad(MockMetricDepth):
-    def load(self, device: str = "cpu") -> None:
+class HangsInConstructor(MockMetricDepth):
+    def __init__(self, options: Any = None) -> None:
         hang_with_the_interpreter_lock()

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from contextvars import copy_context
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,16 @@ import pytest
 from PIL import Image
 
 import hostile
+from degenerate import CONFIG
+from physic_core import Pipeline
 from physic_core.batch.workers import SupervisedWorker, WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.entry_points import find_plugins
 from physic_core.discovery.plugin_code import PluginExit, plugin_code
 from physic_core.errors import BackendError
-from physic_core.interfaces import MetricDepth, MetricDepthRequest
+from physic_core.interfaces import INTERFACES, MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.time_limit import report_calls_to
 from physic_core.types import DepthMap, Hints, Provenance
 from physic_testing.worlds import build_world
 
@@ -173,13 +177,31 @@ def physic(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
 
 
-def test_run_ends_with_the_name_of_a_backend_that_hangs(tmp_path: Path) -> None:
+def test_construction_loading_and_each_call_are_limited() -> None:
+    calls: list[tuple[str, float]] = []
+
+    def run() -> None:
+        report_calls_to(lambda title, seconds: calls.append((title, seconds)))
+        with Pipeline(CONFIG | {"run": {"cache": False, "timeout_s": 300.0}}) as pipeline:
+            pipeline.warm_up()
+            pipeline(build_world("stand", size=(96, 72)).image)
+
+    copy_context().run(run)
+    began = [title for title, seconds in calls if seconds == 300]
+    assert began[0] == "import and construction of the backends"
+    loaded = [title.split()[0] for title in began if title.endswith(" cannot be loaded")]
+    assert sorted(loaded) == sorted(INTERFACES)
+    assert {title.split()[0] for title in began if ", stage '" in title} == set(INTERFACES)
+    assert calls[1::2] == [("", 0.0)] * len(began)
+
+
+def test_run_ends_a_backend_that_hangs(tmp_path: Path) -> None:
     Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photo.png")
-    settings = ("--preset", "mock", "--set", "run.timeout_s=4", "--set", "metric_depth.backend=hostile:HangsAtLoad")
-    done = physic("run", "photo.png", *settings, folder=tmp_path)
+    chosen = ("--set", "run.timeout_s=4", "--set", "metric_depth.backend=hostile:HangsInConstructor")
+    done = physic("run", "photo.png", "--preset", "mock", *chosen, folder=tmp_path)
     assert done.stderr.splitlines()[-1] == (
-        "Error: photo.png: metric_depth 'hostile:HangsAtLoad' (named in the config), stage 'metric depth': "
-        "not finished after 4 s; timeout_s of [run] sets the limit"
+        "Error: photo.png: import and construction of the backends: not finished after 4 s; timeout_s of [run] sets "
+        "the limit"
     )
     assert done.returncode == 5
     assert os.listdir(tmp_path) == ["photo.png"]

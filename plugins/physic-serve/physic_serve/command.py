@@ -8,6 +8,7 @@ import sys
 import tempfile
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,7 +16,19 @@ from physic_core import BackendError
 
 __all__ = ["exposure_warning", "is_loopback", "serve"]
 
-_POSITIVE = click.FloatRange(min=0, max=10_000_000, min_open=True)
+
+class _PositiveNumber(click.FloatRange):
+    def __init__(self) -> None:
+        super().__init__(min=0, max=10_000_000, min_open=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        number: float = super().convert(value, param, ctx)
+        if number != number:  # which is in every range of click
+            self.fail("nan is not a number", param, ctx)
+        return number
+
+
+_POSITIVE = _PositiveNumber()
 
 
 @click.command()

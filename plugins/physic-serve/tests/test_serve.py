@@ -186,3 +186,12 @@ def test_a_wrong_option_is_an_error_before_anything_is_loaded():
     done = CliRunner().invoke(main, ["serve", "--preset", "mokc"])
     assert done.exit_code == 2
     assert "mokc" in done.stderr
+
+
+@pytest.mark.parametrize("option", ["--max-mb", "--timeout", "--keep-hours"])
+def test_a_limit_that_is_no_number_is_refused(option: str):
+    done = CliRunner().invoke(main, ["serve", option, "nan"])
+    assert (done.exit_code, done.stderr.splitlines()[-1]) == (
+        2,
+        f"Error: Invalid value for '{option}': nan is not a number",
+    )
