@@ -6,6 +6,7 @@ point has its own plugin manager here. ``physic --help`` imports this module, so
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
@@ -32,6 +33,18 @@ _HOOKS = ("physic_backends", "physic_commands", "physic_executors", "physic_weig
 
 class InvalidPluginError(Exception):
     """A plugin can be imported, but violates the hook specification."""
+
+
+class _PluginManager(pluggy.PluginManager):
+    """Looks for hooks without executing the ``__getattr__`` of a module, which may import something heavy.
+
+    pluggy before 1.7 reads every name that ``dir`` lists.
+    """
+
+    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
+        if inspect.getattr_static(plugin, name, None) is None:
+            return None
+        return super().parse_hookimpl_opts(plugin, name)
 
 
 def select_entry_points(
@@ -75,7 +88,7 @@ def load_plugin(entry: EntryPoint) -> pluggy.PluginManager:
     Raises:
         InvalidPluginError: it names no module, or has an unknown hook or none.
     """
-    manager = pluggy.PluginManager(hookspecs.PROJECT)
+    manager = _PluginManager(hookspecs.PROJECT)
     manager.add_hookspecs(hookspecs)
     if not all(part.strip().isidentifier() for part in entry.value.partition("[")[0].replace(":", ".").split(".")):
         raise InvalidPluginError(
