@@ -94,8 +94,15 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     for middle in middles:
         cell = (middle / spacing).round().long() + around
         cells.append(cell[torch.linalg.vector_norm(cell * spacing - middle, dim=-1) <= radius])
-    once: Tensor = torch.unique(torch.cat(cells), dim=0)
-    return once.to(middles) * spacing
+    found = torch.cat(cells)
+    if not len(found):
+        return found.to(middles)
+    # One number per cell: torch.unique of rows is 40 times slower. 64 bits hold a lattice of 3e9 rows and columns.
+    low = found.amin(0)
+    rows, columns = (found - low).unbind(-1)
+    width = int(columns.max()) + 1
+    once = torch.unique(rows * width + columns)
+    return (torch.stack((once // width, once % width), -1) + low).to(middles) * spacing
 
 
 def _percentile(x: Tensor, share: float) -> Tensor:
