@@ -27,7 +27,7 @@ version = "0.1.0"
 description = "{summary}"
 readme = "README.md"
 requires-python = ">=3.11"
-dependencies = ["numpy>=1.26", "physic-core>={core}", "pydantic>=2.9"]
+dependencies = ["numpy>=2.0", "physic-core>={core}", "pydantic>=2.9"]
 
 [project.optional-dependencies]
 test = ["physic-testing>={core}", "pytest>=8.2"]

@@ -571,9 +571,9 @@ def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, faul
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda a: a["faces"].__setitem__((0, 0), 10_000), "faces has vertices 0 to 10000, and a person has 792"),
+        (lambda a: a["faces"].__setitem__((0, 0), 10_000), "faces has vertices 0 to 10000, and a person has {count}"),
         (lambda a: a.update(person_1_contact=a["person_0_contact"][:5]),
-         "person_1_contact is bool (5,), not bool (792,)"),
+         "person_1_contact is bool (5,), not bool ({count},)"),
         (lambda a: a.update(person_0_mask=a["person_0_mask"].astype(np.uint8)),
          "person_0_mask is uint8 (120, 160), not bool (120, 160)"),
         (lambda a: a.update(floor_normal=np.zeros((0, 3))), "floor_normal is float64 (0, 3), not floating (1, 3)"),
@@ -593,6 +593,8 @@ def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fau
         arrays = dict(file)
     change(arrays)
     np.savez(path, **arrays)
+    # The capsules of trimesh have another number of vertices in other versions.
+    fault = fault.format(count=len(reconstruction.people[0].vertices))
     assert message_of(tmp_path) == f"cannot read {path}: it is damaged ({fault}); run the reconstruction again"
 
 
