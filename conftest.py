@@ -4,7 +4,7 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial, partialmethod
 from importlib.metadata import EntryPoint, distributions
 from importlib.util import module_from_spec, spec_from_file_location
@@ -14,11 +14,20 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from physic_core.cache.folders import cache_folder
+
 # Two threads of torch beside another busy process are far slower than one; it reads this when it is first imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The user's answers are not for the tests, nor the tests' for the user.
 os.environ["PHYSIC_CACHE"] = "off"
+
+# Tests that change the home folder need not build the worlds again: each takes seconds.
+os.environ.setdefault("PHYSIC_WORLD_CACHE", str(cache_folder("worlds") or "off"))
+
+# Nor are its settings of plugins, tracebacks and configuration.
+for name in [n for n in os.environ if n in ("PHYSIC_PLUGINS", "PHYSIC_DEBUG") or n.startswith("PHYSIC__")]:
+    del os.environ[name]
 
 # A shell starts background jobs with Ctrl-C ignored, and tests press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -27,15 +36,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # The same examples every time, and no clock: a loaded machine must not fail a test.
 settings.register_profile("physic", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("physic")
-
-
-@pytest.fixture(autouse=True)
-def _own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the user's shell says about plugins and tracebacks is not for the tests."""
-    monkeypatch.delenv("PHYSIC_PLUGINS", raising=False)
-    monkeypatch.delenv("PHYSIC_DEBUG", raising=False)
-    for name in [name for name in os.environ if name.startswith("PHYSIC__")]:
-        monkeypatch.delenv(name)
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +59,14 @@ def _no_network(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(socket.socket, name, partialmethod(connect, original=getattr(socket.socket, name)))
     for name in ("getaddrinfo", "gethostbyname"):
         monkeypatch.setattr(socket, name, partial(look_up, original=getattr(socket, name)))
+
+
+@pytest.fixture(scope="module")
+def few_steps() -> Iterator[None]:
+    """Two steps of the optimiser in each run of a pipeline, for tests of what is around the engine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PHYSIC__ENGINE__JOINT__OPTIMISER__STEPS", "2")
+        yield
 
 
 @pytest.fixture

@@ -17,6 +17,8 @@ from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 HEIGHT, WIDTH = 60, 100
 
 
@@ -85,7 +87,7 @@ def test_two_prompts_on_one_person_are_refused(people: People) -> None:
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 class Prompted(backends.MockSegmenter):

@@ -24,6 +24,8 @@ from physic_core.cli import main
 from physic_mock.pixels import MockInpainter
 from physic_testing.worlds import World, build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,7 +34,7 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 def run(photo: str, *arguments: str) -> Result:
@@ -79,7 +81,7 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], ob
 
 def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: World):
     Image.fromarray(world.image).save("a.png")
-    done = run("a.png", "--focal-px", "26")
+    done = run("a.png", "--focal-px", "13")
     assert (done.exit_code, done.stdout) == (3, "")
     assert done.stderr == (
         "Error: a.png: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
@@ -90,16 +92,16 @@ def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: Wor
 
 def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_warned_of(world: World):
     Image.fromarray(world.image).save("a.png")
-    done = run("a.png", "--intrinsics", "356,356,5000,5000")
+    done = run("a.png", "--intrinsics", "178,178,5000,5000")
     assert (done.exit_code, done.stdout) == (3, "")
     assert done.stderr == (
-        "Error: a.png: the principal point (5000, 5000) lies outside the photo of 320 x 240 px: give it in px of the "
+        "Error: a.png: the principal point (5000, 5000) lies outside the photo of 160 x 120 px: give it in px of the "
         "photo file, or give the focal length alone\n"
     )
-    done = run("a.png", "--intrinsics", "356,356,219.5,119.5")
+    done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
     assert (
-        "warning: the principal point (220, 120) lies 19% of the photo's size off its centre (given), as in a cropped "
+        "warning: the principal point (110, 60) lies 19% of the photo's size off its centre (given), as in a cropped "
         "photo only: check --intrinsics\n" in done.stdout
     )
 
@@ -145,7 +147,7 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
     Image.fromarray(world.image).save("a.png")
     written = []
     for _ in range(2):
-        done = run("a.png", "--intrinsics", "356,357,160,119")
+        done = run("a.png", "--intrinsics", "178,179,80,59")
         assert done.exit_code == 0, done.output
         written.append({path.name: path.read_bytes() for path in Path("new/out").iterdir()})
     names = ["combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"]
@@ -153,7 +155,7 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
     for name in ("combined.glb", "person_0.glb", "reconstruction.npz", "scene.glb"):
         assert written[0][name] == written[1][name], name
     camera = json.loads(written[0]["reconstruction.json"])["intrinsics"]
-    numbers = {"fx": 356, "fy": 357, "cx": 160, "cy": 119, "width": 320, "height": 240}
+    numbers = {"fx": 178, "fy": 179, "cx": 80, "cy": 59, "width": 160, "height": 120}
     assert camera == numbers | {"source": "given", "trust": "known", "focal_sigma": None}
 
 

@@ -19,6 +19,8 @@ from physic_core.pipeline.run import reconstruct_photo
 from physic_mock.backends import MockSegmenter
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 ONCE = Counter(dict.fromkeys(INTERFACES, 1))
 
 
@@ -43,7 +45,7 @@ def constructed(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 @pytest.fixture
 def photo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
-    Image.fromarray(build_world("stand").image).save("photo.png")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photo.png")
     return "photo.png"
 
 

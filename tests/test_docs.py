@@ -14,6 +14,8 @@ from physic_core.configuration import model as config
 from physic_core.configuration.resolve import check_backends, resolve
 from physic_core.discovery.plugins import discover
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 ROOT = Path(__file__).parents[1]
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
@@ -86,7 +88,7 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
     Image.fromarray(build_world().image).save(tmp_path / "examples" / "basketball.png")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
-    exec(compile(text, "page", "exec"), {})
+    exec(compile(text.replace('"extends": "embedded"', '"extends": "mock"'), "page", "exec"), {})
 
 
 def test_the_continuous_integration_runs_the_test_command_of_the_readme():

@@ -15,6 +15,8 @@ from click.testing import CliRunner
 from physic_core.cli import main
 from physic_core.discovery.error_text import describe_error
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 BROKEN = """\
 import numpy as np
 from physic_core import BackendRecord, hookimpl
@@ -159,7 +161,7 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
 
     from physic_testing import build_world
 
-    Image.fromarray(build_world().image).save(tmp_path / "photo.png")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save(tmp_path / "photo.png")
     arguments = ["photo.png", "--preset", "mock", "--set", "inpainter.backend=raises", "-o", "out", "--no-cache"]
     done = subprocess.run(
         [sys.executable, "-c", "from physic_core.cli import main; main()", "run", *arguments],

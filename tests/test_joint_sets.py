@@ -20,7 +20,7 @@ SETS = [name for name in SKELETONS if "hand21" not in name]
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])

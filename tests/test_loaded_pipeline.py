@@ -31,6 +31,8 @@ from physic_core.types import CheckResult, DepthMap, People
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 
 class CountedDepth(backends.MockMetricDepth):
     events: ClassVar[Counter[str]] = Counter()
@@ -56,7 +58,7 @@ def events(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +178,7 @@ def test_an_error_names_the_photo(photo: Path):
         for one in (photo, image):
             with pytest.raises(NoPersonError) as error:
                 pipeline(one)
-            assert str(error.value).startswith(f"{photo}: no person was found in the photo of 320 x 240 px by ")
+            assert str(error.value).startswith(f"{photo}: no person was found in the photo of 160 x 120 px by ")
 
 
 def test_a_config_may_be_a_preset_a_path_tables_or_a_config(tmp_path: Path):
@@ -308,7 +310,7 @@ def test_a_notebook_shows_the_preview(result: Reconstruction):
 def test_a_summary_is_flat_and_of_numbers(result: Reconstruction):
     numbers = result.summary()
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
-    assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 320, 240)
+    assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
     assert numbers["nearest_person_m"] == pytest.approx(float(result.people[0].joints[0, 2]))
     assert numbers["contact_vertices"] == int(result.people[0].contact.sum())
     assert {f"check_{check.name}" for check in result.checks} < numbers.keys()

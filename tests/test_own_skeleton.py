@@ -46,7 +46,7 @@ class MarkerDetector(MockKeypointDetector):
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 def test_truth_follows_the_skeletons_own_places(world: World) -> None:

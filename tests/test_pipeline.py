@@ -32,10 +32,12 @@ from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, Peopl
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 def with_backend(kind: type, interface: str) -> Registry:
@@ -59,7 +61,7 @@ def test_a_wrong_answer_names_backend_stage_and_fault(world: World) -> None:
         run(world, Transposed, "metric_depth")
     assert str(error.value) == (
         "metric_depth 'wrong' (registered by hand), stage 'metric depth' returned what the interface does not allow:\n"
-        "  depth must be (240, 320), got (320, 240)"
+        "  depth must be (120, 160), got (160, 120)"
     )
 
 
@@ -72,7 +74,7 @@ def test_an_answer_of_another_type(world: World) -> None:
         run(world, Nothing, "inpainter")
     assert str(error.value) == (
         "inpainter 'wrong' (registered by hand), stage 'inpainting' returned what the interface does not allow:\n"
-        "  image must be a numpy array (240, 320, 3), got NoneType"
+        "  image must be a numpy array (120, 160, 3), got NoneType"
     )
 
 
@@ -101,7 +103,7 @@ def test_nobody(world: World) -> None:
     with pytest.raises(NoPersonError) as error:
         reconstruct(world.image, config, registry=with_backend(Blind, "segmenter"))
     assert str(error.value) == (
-        "no person was found in the photo of 320 x 240 px by segmenter 'wrong' (registered by hand): use a photo that "
+        "no person was found in the photo of 160 x 120 px by segmenter 'wrong' (registered by hand): use a photo that "
         "shows at least one head and torso, another segmenter, or no require_people for the scene alone"
     )
 

@@ -25,6 +25,8 @@ from physic_core.interfaces import INTERFACES
 from physic_core.io.photo import read_photo
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 ONCE = Counter(list(INTERFACES))
 EVERYBODY = ONCE + Counter(["relative_pointmap"])
 """How often a run asks each interface."""
@@ -87,7 +89,7 @@ def _same_code():
 
 
 @pytest.fixture(scope="module")
-def first(photo: Path, tmp_path_factory: pytest.TempPathFactory):
+def first(few_steps: None, photo: Path, tmp_path_factory: pytest.TempPathFactory):
     """The first run, of the preset mock: its cache, its result, and what happened."""
     folder = tmp_path_factory.mktemp("first")
     with pytest.MonkeyPatch.context() as patch:

@@ -30,12 +30,14 @@ from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World, build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 WRONG = "{} 'wrong' (registered by hand), stage '{}'"
 
 
 @pytest.fixture(scope="module")
 def world() -> World:
-    return build_world("stand")
+    return build_world("stand", 0, (160, 120))
 
 
 def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) -> Reconstruction:
@@ -76,7 +78,7 @@ def nan_parameters(answer: Bodies) -> Bodies:
         ),
         (
             *("segmenter", "people", backends.MockSegmenter, lambda a: replace(a, masks=a.masks.transpose(0, 2, 1))),
-            ["masks must be (1, 240, 320), got (1, 320, 240)"],
+            ["masks must be (1, 120, 160), got (1, 160, 120)"],
         ),
         (
             *("keypoint_detector", "keypoints", backends.MockKeypointDetector, nans("points", "confidence")),
@@ -88,7 +90,7 @@ def nan_parameters(answer: Bodies) -> Bodies:
         ),
         (
             *("relative_pointmap", "scene point map", backends.MockRelativePointmap, nans("points")),
-            ["points must be finite, 230400 values are not"],
+            ["points must be finite, 57600 values are not"],
         ),
         (
             *("body_estimator", "bodies", backends.MockBodyEstimator, nan_parameters),
@@ -101,7 +103,7 @@ def nan_parameters(answer: Bodies) -> Bodies:
         (
             *("relative_pointmap", "scene point map", backends.MockRelativePointmap),
             lambda a: replace(a, intrinsics=Intrinsics.from_focal(500, 640, 480)),
-            ["intrinsics must be for 320 x 240 px, got 640 x 480"],
+            ["intrinsics must be for 160 x 120 px, got 640 x 480"],
         ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -193,9 +195,9 @@ def test_without_a_contact_prior_distances_tell_contact(world: World, change: Ca
 @pytest.mark.parametrize(
     ("floor", "fault"),
     [
-        (np.zeros((320, 240), bool), "floor must be (240, 320), got (320, 240)"),
-        (np.full((240, 320), np.nan), "floor must be bool, got float64"),
-        ("wood", "floor must be a numpy array (240, 320), got str"),
+        (np.zeros((160, 120), bool), "floor must be (120, 160), got (160, 120)"),
+        (np.full((120, 160), np.nan), "floor must be bool, got float64"),
+        ("wood", "floor must be a numpy array (120, 160), got str"),
     ],
     ids=["transposed", "NaN", "a word"],
 )

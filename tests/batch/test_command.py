@@ -15,6 +15,8 @@ from physic_core.batch.journal import COLUMNS
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["batch", *arguments])
@@ -23,7 +25,7 @@ def physic(*arguments: str) -> Result:
 def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
-    Image.fromarray(build_world("stand").image).save("photos/stand.png")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/stand.png")
     Path("photos/broken.jpg").write_text("no photo")
     options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--table", "csv", "--workers", "1")
     done = physic(*options)

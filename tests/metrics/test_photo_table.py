@@ -11,6 +11,8 @@ from PIL import Image
 
 from physic_testing.worlds import build_world
 
+pytestmark = pytest.mark.usefixtures("few_steps")
+
 TOOL = Path(__file__).parents[2] / "tools" / "photo_table.py"
 
 
@@ -27,7 +29,7 @@ def tool():
 def test_every_photo_has_its_row(tool, tmp_path, monkeypatch, capsys):
     photos, out = tmp_path / "photos", tmp_path / "out"
     photos.mkdir()
-    Image.fromarray(build_world("stand").image).save(photos / "b_world.png")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save(photos / "b_world.png")
     (photos / "a_empty.jpg").write_bytes(b"")
     (photos / "notes.txt").write_text("not a photo")
     monkeypatch.setattr(sys, "argv", ["photo_table", str(photos), "--config", "mock", "--out", str(out)])
