@@ -54,7 +54,7 @@ test-ray: $(VENV)/test.stamp
 # its own. MKL_CBWR changes the products of torch, which the other two variables leave alone.
 kernels: $(VENV)/test.stamp
 	OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default MKL_CBWR=COMPATIBLE OMP_NUM_THREADS=2 \
-		$(BIN)/pytest -m kernels tests plugins
+		$(BIN)/pytest -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
 
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
