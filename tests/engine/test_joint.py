@@ -333,7 +333,7 @@ def test_without_floor_and_scene_the_photo_alone_decides(standing):
     assert error_mm(result, standing) < 30
 
 
-def test_losses_are_told_at_start_and_end(standing):
+def test_losses_are_given_at_start_and_end(standing):
     result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.0)), SETTINGS)
     assert set(result.losses) == {
         *("reprojection", "depth", "contact", "penetration", "floor", "soles"),

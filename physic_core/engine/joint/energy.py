@@ -53,6 +53,7 @@ class JointEnergy:
         # What the user knows holds in every preset.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
+        self._late_terms = tuple(settings.late_terms(self.context, self.state))
         self.excluded: Collection[str] = ()
         self.visibility: Visibility
         self.contacts: ContactState
@@ -60,7 +61,19 @@ class JointEnergy:
         self.scene = nearby_scene(self.context, self._gathered, 1.0)
         self._self_occlusion = SelfOcclusion(self.context)
         self._last_visibility: Visibility | None = None
+        self._snapshot: Snapshot
         self.refresh()
+
+    def add_late_terms(self) -> bool:
+        """Add the late terms of the settings, and return whether one of them is positive at this state."""
+        late, self._late_terms = self._late_terms, ()
+        for term in late:
+            term.refresh(self._snapshot)
+        with torch.no_grad():
+            bodies = self._posed_bodies()
+            found = [term for term in late if any(bool((value > 0).any()) for value in term(bodies).values())]
+        self.terms = (*self.terms, *found)
+        return bool(found)
 
     @property
     def weights(self) -> dict[str, Tensor]:
@@ -85,9 +98,9 @@ class JointEnergy:
     def _update(self, vertices: Tensor, scale: float, warp: Tensor) -> None:
         """Update nearest points and the weights of each term."""
         self.contacts = update_contacts(self.context, self.visibility.normals, self.scene, vertices, scale, warp)
-        snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
+        self._snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
         for term in self.terms:
-            term.refresh(snapshot)
+            term.refresh(self._snapshot)
 
     def reprojection_errors(self, estimate: Estimate) -> Tensor:
         """Return the distance of each projected landmark to its keypoint (B, J), px."""
@@ -103,12 +116,17 @@ class JointEnergy:
     def __call__(self) -> dict[str, Tensor]:
         """Return the weighted energies at the present state: term -> (B,), and "scale" -> (1,). Differentiable."""
         self.evaluations += 1
-        context, estimate = self.context, self.state.unpack()
-        posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, self.problem.expression0)
-        vertices = posed["vertices"]
-        if context.options.nearest_every_step:
-            self._update(vertices.detach(), float(estimate.log_scale.detach().exp()), estimate.warp.detach())
-        people, scale = self.state.deviation()
-        bodies = PosedBodies(vertices, posed["joints"], posed[self.problem.skeleton], estimate, people, scale)
+        bodies = self._posed_bodies()
+        if self.context.options.nearest_every_step:
+            estimate = bodies.estimate
+            scale = float(estimate.log_scale.detach().exp())
+            self._update(bodies.vertices.detach(), scale, estimate.warp.detach())
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
         return {name: value for name, value in energies.items() if name not in self.excluded}
+
+    def _posed_bodies(self) -> PosedBodies:
+        """Return bodies and scene parameters at the present state, differentiable."""
+        problem, estimate = self.problem, self.state.unpack()
+        posed = self.context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
+        people, scale = self.state.deviation()
+        return PosedBodies(posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale)

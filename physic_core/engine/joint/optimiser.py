@@ -19,7 +19,7 @@ from torch import Tensor
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, term_totals, total_energy
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
-__all__ = ["MinimisationResult", "minimise"]
+__all__ = ["MinimisationResult", "join_results", "minimise"]
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
@@ -68,12 +68,14 @@ def minimise(
         if bool(energy.state.people_changed(origin).all()):
             break
         settings = replace(settings, learning_rate=settings.learning_rate / 10)
-        result = _join(energy, origin, result, _minimise_once(energy, settings, None))
+        result = join_results(energy, origin, result, _minimise_once(energy, settings, None))
     return result
 
 
 @torch.no_grad()
-def _join(energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult) -> MinimisationResult:
+def join_results(
+    energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
+) -> MinimisationResult:
     """Merge the results of two minimisations in a row, of which the first started at ``origin``."""
     end = energy.state.pack()
     energy.state.load(origin)

@@ -19,7 +19,7 @@ def offset_loss(squared: Tensor, rho: Callable[[Tensor], Tensor], *, per_axis: b
 
 @dataclass(frozen=True)
 class RobustSum:
-    """Weighted sum of robust losses, ``sum_v w_v rho(r_v^2 / sigma^2)``, of residuals (B, n); built by :meth:`of`.
+    """Weighted sum of robust losses, ``sum_v w_v rho(r_v^2 / sigma^2)``, of residuals (B, n) or (p,).
 
     Attributes:
         kind: of loss, see :mod:`physic_core.geometry.robust`.
@@ -48,5 +48,10 @@ class RobustSum:
 
     def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
         """Return the sum of each person (B,) and its derivative with respect to the residuals (B, n)."""
+        values, slopes = self.values_and_slopes(residual)
+        return values.sum(1), slopes
+
+    def values_and_slopes(self, residual: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the summands (...) and their derivatives with respect to the residuals (...)."""
         loss, slope = loss_with_slope(self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale)
-        return (self.value_weight * loss).sum(1), self.slope_weight * residual * slope
+        return self.value_weight * loss, self.slope_weight * residual * slope

@@ -11,13 +11,16 @@ from torch import Tensor
 
 from physic_core.engine.joint.acceptance import finite_energy_per_person, select_lowest_energy, term_totals
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import MinimisationResult, minimise
+from physic_core.engine.joint.optimiser import MinimisationResult, join_results, minimise
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
 
 __all__ = ["RESTART_ERROR", "RESTART_OFFSETS", "minimise_with_restarts", "select_start_poses"]
 
 RESTART_ERROR = 0.04
 """Smallest final reprojection error, in shares of the stature in px, for which restarts are tried."""
+
+_LATE_TOLERANCE = 1e-3
+"""Tolerance of the steps with late terms, which are a small share of an energy that has converged."""
 
 _SCENE_TERMS = ("contact", "penetration", "seat", "floor", "soles")
 
@@ -35,10 +38,26 @@ def minimise_with_restarts(
 ) -> MinimisationResult:
     """Minimise the joint energy from its present state, in place, with restarts for people with large errors.
 
+    Late terms are added at the end, since they would keep apart people whose start is on the wrong side of each other.
+
     Args:
         energy: refreshed, and finite at its present state.
         progress: called with the completed share of the steps, 0-1.
     """
+    origin = energy.state.pack()
+    result = _minimise_from_starts(energy, settings, progress)
+    if not energy.add_late_terms():
+        return result
+    late = settings.optimiser
+    if isinstance(late, LbfgsSettings):
+        late = replace(late, tolerance=min(late.tolerance, _LATE_TOLERANCE))
+    return join_results(energy, origin, result, minimise(energy, late))
+
+
+def _minimise_from_starts(
+    energy: JointEnergy, settings: JointSettings, progress: Progress | None
+) -> MinimisationResult:
+    """Minimise the energy, and restart people with large errors."""
     origin = energy.state.pack()
     first = _minimise_in_phases(energy, settings, progress)
     if settings.num_start_poses == 1 or not bool(_has_large_error(energy).any()):

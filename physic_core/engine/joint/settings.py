@@ -124,6 +124,10 @@ class JointSettings(ABC):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
 
+    def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
+        """Return the terms that are added after the others have converged. By default there is none."""
+        return ()
+
     @property
     def num_start_poses(self) -> int:
         """Number of start poses for each person with a large reprojection error; 1 is the estimated pose alone."""

@@ -25,6 +25,7 @@ from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
 from physic_core.engine.joint.terms.leg_symmetry import LegSymmetrySettings, LegSymmetryTerm
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
+from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationSettings, RegularisationTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
 from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
@@ -53,8 +54,8 @@ class DefaultOptimisation(JointSettings):
         visibility: of vertices.
         reprojection: keypoints.
         depth: depth of the visible surface.
-        contact: contact with scene and floor.
-        penetration: vertices inside the scene.
+        contact: contact with scene and floor, and of hands with other people.
+        penetration: vertices inside the scene, and inside other people.
         floor: vertices under the floor.
         soles: feet on the floor.
         regularisation: deviation from the start.
@@ -154,3 +155,7 @@ class DefaultOptimisation(JointSettings):
             StatureTerm(self.stature, context),
             BalanceTerm(self.balance, context, contact),
         ]
+
+    def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
+        """Return the people term, which needs all of them near their places."""
+        return [PeopleTerm(self.contact, self.penetration, context)]

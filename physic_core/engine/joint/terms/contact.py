@@ -31,6 +31,8 @@ class ContactSettings:
         seat_weight: of a seat under people who sit, relative to ``weight``
             (:mod:`physic_core.engine.joint.terms.seat`); 0 leaves it out.
         seat_reach_m: seats farther from thighs and buttocks are left out, metres.
+        people_weight: of hands on other people, relative to ``weight``
+            (:mod:`physic_core.engine.joint.terms.people`); 0 leaves it out.
     """
 
     weight: NotNegative = 1.25
@@ -41,6 +43,7 @@ class ContactSettings:
     outlier_sigmas: Positive = 3.5
     seat_weight: NotNegative = 3.0
     seat_reach_m: Positive = 0.4
+    people_weight: NotNegative = 0.8
 
 
 def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:

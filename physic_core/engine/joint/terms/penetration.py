@@ -25,6 +25,8 @@ class PenetrationSettings:
         slack_m: depth without a penalty, metres.
         sigma_m: expected error of the surface, metres.
         outlier_sigmas: beyond this many sigmas the gradient is constant (pseudo-Huber).
+        people_weight: of vertices inside other people, relative to ``weight``
+            (:mod:`physic_core.engine.joint.terms.people`); 0 leaves it out.
     """
 
     weight: NotNegative = 0.3
@@ -32,6 +34,7 @@ class PenetrationSettings:
     slack_m: NotNegative = 0.005
     sigma_m: Positive = 0.02
     outlier_sigmas: Positive = 2.0
+    people_weight: NotNegative = 3.0
 
 
 def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss) -> Tensor:

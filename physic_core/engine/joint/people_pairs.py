@@ -1,0 +1,133 @@
+"""Pairs of vertices of two people that are near each other. Camera frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from physic_core.body.model import BodyModel
+from physic_core.geometry.coarse_mesh import cluster_points
+from physic_core.geometry.neighbors import NearestPointSearch
+
+__all__ = ["PeoplePairs", "PeopleProbes", "find_people_pairs", "select_probes"]
+
+_SPACING_M = 0.03  # of the probes
+_MAX_BESIDE_M = 0.02  # of a vertex from the normal of its partner: the spacing of the partners
+_MAX_SLANT = 0.5  # the same, as a share of the distance along the normal
+
+
+@dataclass(frozen=True)
+class PeopleProbes:
+    """Vertices that are compared with the skin of other people.
+
+    Attributes:
+        rows: (m,) int64, into the n subsampled vertices.
+        area: (B, m) surface per probe, in the unit of the vertices' areas.
+    """
+
+    rows: Tensor
+    area: Tensor
+
+
+@dataclass(frozen=True)
+class PeoplePairs:
+    """p pairs of a probe and its nearest vertex on another person.
+
+    Attributes:
+        person: (p,) int64, owner of the probe.
+        row: (p,) int64, the probe's row of the subsampled vertices.
+        probe: (p,) int64, index of the probe.
+        other: (p,) int64, owner of the nearest vertex.
+        other_row: (p,) int64, its row of the subsampled vertices.
+        normal: (p, 3) unit, of the nearest vertex, out of its body.
+        distance: (p,) along that normal, metres, negative inside the other body.
+    """
+
+    person: Tensor
+    row: Tensor
+    probe: Tensor
+    other: Tensor
+    other_row: Tensor
+    normal: Tensor
+    distance: Tensor
+
+    def __len__(self) -> int:
+        return len(self.person)
+
+    def select(self, rows: Tensor) -> PeoplePairs:
+        """Return some of the pairs, selected by a mask (p,) or by indices."""
+        return PeoplePairs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+def select_probes(model: BodyModel, ids: Tensor, area: Tensor) -> PeopleProbes:
+    """Select one vertex per 3 cm cell and body part in the T-pose, with the summed area of its group.
+
+    Args:
+        ids: (n,) int64, the subsampled vertices.
+        area: (B, n) of these.
+    """
+    part = model.part_of_vertex[ids]
+    rest = model(*model.zero_pose(1), vertex_ids=ids).vertices[0]
+    group, rows = cluster_points(rest, part, _SPACING_M)
+    return PeopleProbes(rows, area.new_zeros(len(area), len(rows)).index_add(1, group, area))
+
+
+@torch.no_grad()
+def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, reach: float) -> PeoplePairs:
+    """Find the nearest vertex of each probe on each other person.
+
+    A probe whose own normal does not oppose that of the nearest vertex has no pair there: the far side of a limb that
+    is inside another body would be pulled deeper.
+
+    Args:
+        vertices: (B, n, 3) subsampled vertices, metres.
+        normals: (B, n, 3) unit, out of the bodies.
+        reach: largest distance of a pair, metres.
+    """
+    people = range(len(vertices))
+    found = [near for i in people for j in people if i != j for near in _nearest(i, j, probes, vertices, reach)]
+    if not found:
+        none = probes.rows.new_zeros(0)
+        return PeoplePairs(none, none, none, none, none, vertices.new_zeros(0, 3), vertices.new_zeros(0))
+    person = torch.cat([torch.full_like(near.probe, near.person) for near in found])
+    other = torch.cat([torch.full_like(near.probe, near.other) for near in found])
+    probe, other_row = torch.cat([near.probe for near in found]), torch.cat([near.other_row for near in found])
+    row = probes.rows[probe]
+    normal = normals[other, other_row]
+    offset = vertices[person, row] - vertices[other, other_row]
+    along = (offset * normal).sum(-1)
+    beside = (offset - along[:, None] * normal).norm(dim=-1)
+    opposed = (normals[person, row] * normal).sum(-1) < 0
+    kept = (beside < (_MAX_SLANT * along.abs()).clamp(min=_MAX_BESIDE_M)) & opposed
+    return PeoplePairs(person, row, probe, other, other_row, normal, along).select(kept)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """Probes (p,) of a person and the nearest rows (p,) of another."""
+
+    person: int
+    probe: Tensor
+    other: int
+    other_row: Tensor
+
+
+def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> list[_Near]:
+    """Return the nearest rows of person j to the probes of person i; [] if none is near."""
+    points, body = vertices[i, probes.rows], vertices[j]
+    rows = _inside_box(body, points, reach).nonzero(as_tuple=True)[0]
+    if not len(rows):
+        return []
+    skin = body[rows]
+    chosen = _inside_box(points, skin, reach).nonzero(as_tuple=True)[0]
+    nearest = NearestPointSearch(skin, torch.zeros_like(skin), reach).query(points[chosen])
+    if not bool(nearest.found.any()):
+        return []
+    return [_Near(i, chosen[nearest.found], j, rows[nearest.index[nearest.found]])]
+
+
+def _inside_box(points: Tensor, others: Tensor, margin: float) -> Tensor:
+    """Return which points (a, 3) are in the bounding box of other points (b, 3), enlarged by a margin: (a,) bool."""
+    return ((points > others.amin(0) - margin) & (points < others.amax(0) + margin)).all(-1)

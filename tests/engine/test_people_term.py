@@ -1,0 +1,163 @@
+"""People who touch each other: pulled together where they are near, and not inside each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.people_pairs import find_people_pairs, select_probes
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms.people import PeopleTerm, pair_energy
+from physic_core.engine.presets import PRESETS
+from physic_core.geometry.visibility import vertex_normals
+
+from .adjusted import adjusted
+
+DEFAULT = PRESETS["default"].joint
+REACH_M = 0.06
+
+
+def beside(make_stage, x: float, z: float):
+    """Two people, 2 x metres beside and z metres behind each other, of whom the photo shows nothing."""
+    stage = make_stage([({}, (-x, 0.0, 3.0)), ({}, (x, 0.0, 3.0 + z))])
+    problem, nothing = stage.problem, torch.zeros(0, 3)
+    unseen = replace(
+        problem,
+        keypoint_confidence=torch.zeros_like(problem.keypoint_confidence),
+        floor_normal=None,
+        scene_points=nothing,
+        scene_normals=nothing,
+        human_depth=None,
+    )
+    return replace(stage, problem=unseen)
+
+
+@pytest.fixture(scope="module")
+def crossing(make_stage):
+    """Two people with 6 cm of their arms inside each other."""
+    return beside(make_stage, 0.15, 0.1)
+
+
+def pairs_of(stage, vertices):
+    model = stage.problem.model
+    ids = model.coarse.ids
+    probes = select_probes(model, ids, torch.ones(len(vertices), len(ids)))
+    normals = vertex_normals(vertices, model.faces)[:, ids]
+    found = find_people_pairs(probes, vertices[:, ids], normals, REACH_M)
+    return probes, vertices[:, ids], normals, found
+
+
+def test_energy_is_zero_between_contact_and_slack_and_grows_on_either_side():
+    distance = torch.tensor([-0.025, -0.004, 0.0, 0.01], dtype=torch.float64)
+    apart, touch = torch.tensor([2.0] * 4).double(), torch.tensor([3.0] * 4).double()
+    energy = pair_energy(distance, apart, touch)
+    assert energy.tolist() == pytest.approx([2 * 8 * (1.25**0.5 - 1), 0.0, 0.0, 3 * 0.25 / (1 + 0.25 / 1.5**2)])
+
+
+def test_gradient_of_the_energy_is_exact():
+    distance = torch.tensor([-0.4, -0.02, 0.03, 0.5], dtype=torch.float64, requires_grad=True)
+    weight = torch.tensor([0.3, 1.0, 2.0, 0.7], dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda d: pair_energy(d, weight, 2 * weight), distance)
+
+
+def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
+    problem = crossing.problem.to_model_dtype()
+    energy = JointEnergy(problem, settings(3.0, 0.8))
+    assert energy.add_late_terms()
+    people = energy.terms[-1]
+    pairs = people.pairs
+    vertices = energy.context.start.vertices[:, energy.context.ids].clone().requires_grad_()
+
+    def reference(vertices):
+        offset = vertices[pairs.person, pairs.row] - vertices[pairs.other, pairs.other_row]
+        own = pair_energy((offset * pairs.normal).sum(-1), people._apart.weight, people._touch.weight)
+        return torch.zeros(2).index_add(0, pairs.person, own)
+
+    def term(vertices):
+        return people(SimpleNamespace(vertices=vertices))["people"]
+
+    found, expected = term(vertices), reference(vertices)
+    assert people._touch.weight.gt(0).any()
+    torch.testing.assert_close(found, expected)
+    weight = torch.tensor([0.7, 1.3])
+    torch.testing.assert_close(
+        *(torch.autograd.grad((weight * value).sum(), vertices)[0] for value in (found, expected)), rtol=1e-4, atol=1e-4
+    )
+
+
+def test_pairs_are_those_of_an_exhaustive_search(crossing):
+    probes, vertices, normals, found = pairs_of(crossing, crossing.vertices)
+    expected = set()
+    for i, j in ((0, 1), (1, 0)):
+        for probe, row in enumerate(probes.rows.tolist()):
+            distance = (vertices[j] - vertices[i, row]).norm(dim=-1)
+            nearest = int(distance.argmin())
+            offset, normal = vertices[i, row] - vertices[j, nearest], normals[j, nearest]
+            along = float(offset @ normal)
+            beside = float((offset - along * normal).norm())
+            near = distance[nearest] < REACH_M and beside < max(0.02, 0.5 * abs(along))
+            if near and float(normals[i, row] @ normal) < 0:
+                expected.add((i, probe, j, nearest))
+    columns = (found.person, found.probe, found.other, found.other_row)
+    assert set(zip(*(column.tolist() for column in columns), strict=True)) == expected
+    assert found.distance.min() < -0.01
+
+
+def test_probes_carry_the_area_of_all_vertices(crossing):
+    probes, vertices, _, _ = pairs_of(crossing, crossing.vertices)
+    assert probes.area.sum(1).tolist() == pytest.approx([vertices.shape[1]] * 2)
+
+
+def settings(inside: float, contact: float):
+    return adjusted(
+        DEFAULT, depth__weight=0.0, restarts=1, penetration__people_weight=inside, contact__people_weight=contact
+    )
+
+
+def distances(stage, result) -> torch.Tensor:
+    return pairs_of(stage, result.vertices)[3].distance
+
+
+def test_people_inside_each_other_are_moved_apart(crossing):
+    kept, moved = (optimize(crossing.problem, settings(weight, 0.0)) for weight in (0.0, 3.0))
+    assert distances(crossing, kept).min() < -0.05
+    assert distances(crossing, moved).min() > -0.015
+    assert "people" not in kept.losses
+    start, end = moved.losses["people"]
+    assert end < 0.01 * start
+
+
+def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(crossing):
+    def touching(**changes):
+        energy = JointEnergy(replace(crossing.problem, **changes), settings(3.0, 0.8))
+        assert energy.add_late_terms()
+        people = energy.terms[-1]
+        return people.pairs.select(people._touch.weight > 0), energy.context
+
+    pairs, context = touching()
+    model = crossing.problem.model
+    parts = {model.part_names[part] for part in model.part_of_vertex[context.ids[pairs.row]].tolist()}
+    assert parts
+    assert parts <= {"left_hand", "right_hand"}
+    assert pairs.distance.max() < 0.04
+    assert not len(touching(observed=torch.zeros(2, 55, dtype=torch.bool))[0])
+
+
+def test_people_apart_cost_no_further_step(make_stage):
+    stage = beside(make_stage, 0.6, 0.0)
+    off, on = (optimize(stage.problem, settings(weight, weight)) for weight in (0.0, 1.0))
+    assert on.steps == off.steps
+    assert torch.equal(on.vertices, off.vertices)
+
+
+def test_the_term_is_added_after_the_others(crossing):
+    energy = JointEnergy(crossing.problem, settings(3.0, 0.8))
+    assert "people" not in energy()
+    assert energy.add_late_terms()
+    assert isinstance(energy.terms[-1], PeopleTerm)
+    assert energy()["people"].gt(0).all()
+    assert not energy.add_late_terms()
