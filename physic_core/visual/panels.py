@@ -11,7 +11,14 @@ from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.contact_colors import contact_colors
 from physic_core.visual.orthographic_views import PAGE_RGB
-from physic_core.visual.render import Orthographic, Perspective, composite, prepare_meshes, render_mesh
+from physic_core.visual.render import (
+    LONGEST_BODY_EDGE_M,
+    Orthographic,
+    Perspective,
+    composite,
+    prepare_meshes,
+    render_mesh,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -118,7 +125,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     matrix = gltf_from_camera(reconstruction.scene.floor)
     vertices, joints = transform_points(matrix, person.vertices), transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
-    shapes = prepare_meshes([vertices], reconstruction.faces)
+    shapes = prepare_meshes([vertices], reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M)
     if shapes is None or not np.isfinite(vertices).all():
         return ContactViews(_bytes(picture), ())
     colors = contact_colors(person, reconstruction.contact_partners) / 255.0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.visual.render import RayCastMesh, prepare_meshes
+from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     points, point_colors = _cloud(scene, limit)
     low, high = _bounds([transform_points(matrix, vertices) for vertices in bodies], transform_points(matrix, points))
     return PreviewGeometry(
-        people=prepare_meshes(bodies, reconstruction.faces),
+        people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
         surface=prepare_meshes([surface.vertices.astype(np.float64)], surface.faces, smooth=False),
         surface_colors=scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255.0,

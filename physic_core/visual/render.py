@@ -5,6 +5,7 @@ Colours are sRGB in 0-1; row 0 of an image is its top.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = [
+    "LONGEST_BODY_EDGE_M",
     "Layer",
     "Orthographic",
     "Perspective",
@@ -30,6 +32,9 @@ __all__ = [
     "render_mesh",
     "render_points",
 ]
+
+LONGEST_BODY_EDGE_M = 2.0
+"""Longest edge of a body's triangle that is drawn. Those of plausible bodies are up to 6 cm long."""
 
 
 class ViewCamera(Protocol):
@@ -166,13 +171,17 @@ class Layer:
     distance: NDArray[np.float32]
 
 
-def prepare_meshes(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True) -> RayCastMesh | None:
+def prepare_meshes(
+    bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True, longest_edge: float = math.inf
+) -> RayCastMesh | None:
     """Concatenate N bodies with common faces for ray casting; None without bodies.
 
     Args:
         bodies: vertices of each body, (V, 3) metres.
         faces: (F, 3) of one body.
         smooth: whether to compute normals; otherwise they are zero.
+        longest_edge: of a triangle, metres; others are left out. It bounds the time for bodies of a degenerate backend,
+            of which each triangle may cover the image.
     """
     import trimesh
     from trimesh.ray.ray_pyembree import RayMeshIntersector
@@ -182,6 +191,12 @@ def prepare_meshes(bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool
     count = len(bodies[0])
     vertices = np.concatenate([np.asarray(body, np.float64) for body in bodies])
     triangles = np.concatenate([np.asarray(faces, np.int64) + index * count for index in range(len(bodies))])
+    if math.isfinite(longest_edge):
+        corners = vertices[triangles]
+        length = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(1)
+        triangles = triangles[length <= longest_edge]
+        if not len(triangles):
+            return None
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     normals = np.asarray(mesh.vertex_normals) if smooth else np.zeros_like(vertices)
     return RayCastMesh(vertices, triangles, normals, RayMeshIntersector(mesh))

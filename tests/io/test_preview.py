@@ -17,6 +17,7 @@ from physic_core.visual.panels import depth_panel, depth_range, overlay_panel, r
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
 from physic_core.visual.preview_geometry import PERSON_COLORS, build_preview_geometry
 from physic_core.visual.render import (
+    LONGEST_BODY_EDGE_M,
     Orthographic,
     Perspective,
     composite,
@@ -314,3 +315,12 @@ def test_a_person_who_lies_or_bends_has_views(reconstruction):
         )
         shown = render_contact_views(replace(reconstruction, people=(lying,)), 0, 300, 200)
         assert (shown.picture != PAGE_RGB).any(-1).mean() > 0.05
+
+
+def test_triangles_that_may_each_cover_the_image_are_left_out():
+    faces = np.array([[0, 1, 2], [0, 1, 3]])
+    vertices = np.array([[0.0, 0.0, 2.0], [0.05, 0.0, 2.0], [0.0, 0.05, 2.0], [90.0, 0.0, 2.5]])
+    kept = prepare_meshes([vertices], faces, longest_edge=LONGEST_BODY_EDGE_M)
+    assert kept is not None
+    assert kept.faces.tolist() == [[0, 1, 2]]
+    assert prepare_meshes([1e3 * vertices], faces, longest_edge=LONGEST_BODY_EDGE_M) is None
