@@ -22,7 +22,7 @@ from physic_core.body.array_pickle import (
     escape_unprintable,
     read_pickle,
 )
-from physic_core.body.npz_reader import ArrayHeader, read_array, read_header
+from physic_core.body.npz_reader import ArrayHeader, is_archive, read_array, read_header
 from physic_core.errors import BodyModelError
 
 __all__ = ["MANO", "SMPL", "ModelFileLayout", "check_values", "read_model_file"]
@@ -94,7 +94,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    arrays = _from_npz(path, layout) if zipfile.is_zipfile(path) else _from_pickle(path, layout)
+    arrays = _from_npz(path, layout) if is_archive(path) else _from_pickle(path, layout)
     check_values(path, arrays, layout.vertices, layout.joints, layout.advice)
     return arrays
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ArrayHeader", "read_array", "read_header"]
+__all__ = ["ArrayHeader", "is_archive", "read_array", "read_header"]
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,14 @@ class ArrayHeader:
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+
+
+def is_archive(path: Path) -> bool:
+    """Return whether a file is a zip archive; also for a damaged one that is recognised by its end."""
+    try:
+        return zipfile.is_zipfile(path)
+    except zipfile.BadZipFile:  # of an end that states several disks
+        return True
 
 
 def read_header(archive: zipfile.ZipFile, name: str) -> ArrayHeader:

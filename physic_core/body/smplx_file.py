@@ -18,7 +18,7 @@ from physic_core.body.assembly import BodyArrays, build_body_model
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS
 from physic_core.body.model import BodyModel
 from physic_core.body.model_file import check_values
-from physic_core.body.npz_reader import ArrayHeader, read_array, read_header
+from physic_core.body.npz_reader import ArrayHeader, is_archive, read_array, read_header
 from physic_core.errors import BodyModelError
 
 __all__ = ["load_smplx"]
@@ -98,7 +98,7 @@ def _read(path: Path) -> dict[str, _Array]:
     """Read and check the arrays of a SMPL-X file."""
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {_ADVICE}, or 'embedded' for the body that ships")
-    if not zipfile.is_zipfile(path):
+    if not is_archive(path):
         raise BodyModelError(
             f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles are never opened, they can run code):"
             f" {_ADVICE}"
