@@ -219,7 +219,15 @@ def measure_contacts(
     dent = _dents(problem, vertices, s, settings, around, parts, classes)
     dents[rows] = torch.where(of_scene[partners.index.long()], dent, torch.nan)
     by_part = tuple(
-        body_contacts(own, None if probability is None else probability[i], partners.table, names, region, dent=deep)
+        body_contacts(
+            own,
+            None if probability is None else probability[i],
+            partners.table,
+            names,
+            region,
+            dent=deep,
+            least=settings.contact.threshold,
+        )
         for i, (own, deep) in enumerate(zip(index, dents, strict=True))
     )
     supports_of = tuple(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from physic_core.engine.contact.distance import SurfaceDistances
 from physic_core.engine.contact.partner import assign_partners, body_contacts
+from physic_core.engine.contact.regions import are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
 from physic_core.engine.contact.skin import SkinContacts, SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
@@ -114,6 +116,36 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     assert contacts == (BodyContact("seat", seat, 0.8, 5, 0.02), BodyContact("left_foot", floor, 0.5, 4))
     assert [str(one) for one in contacts] == ["seat: seat, 0.80", "left foot: floor, 0.50"]
     assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region, dent=dent)[0].probability is None
+
+
+def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
+    names = ("left_hand", "head", "left_upper_arm", "torso")
+    table = tuple(ContactPartner("self", part=name) for name in ("head", "left_hand", "torso", "left_upper_arm"))
+    index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)  # the last: the torso touches the head
+    region = torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4)
+    likely = torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4)
+    contacts = body_contacts(index, likely, table, names, region)
+    assert [str(one) for one in contacts] == ["left hand: own head, 0.40"]
+    assert body_contacts(index, likely, table, names, region, least=0.61) == ()
+
+
+@pytest.mark.parametrize(
+    ("part", "other", "adjacent"),
+    [
+        ("left_upper_arm", "torso", True),
+        ("back", "seat", True),
+        ("left_upper_leg", "right_upper_leg", True),
+        ("left_foot", "left_lower_leg", True),
+        ("left_foot", "right_lower_leg", False),
+        ("left_hand", "right_hand", False),
+        ("left_hand", "left_upper_arm", False),
+        ("left_lower_arm", "torso", False),
+        ("left_hand", "left_upper_leg", False),
+    ],
+)
+def test_adjacent_parts_meet_at_a_joint(part, other, adjacent):
+    assert are_adjacent(part, other) == are_adjacent(other, part) == adjacent
+    assert is_farther_out(part, other) != is_farther_out(other, part)
 
 
 def test_titles_of_partners():

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.regions import are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import SceneParts
 from physic_core.engine.contact.skin import SkinContacts
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
@@ -101,11 +102,13 @@ def body_contacts(
     region: Tensor,
     *,
     dent: Tensor | None = None,
+    least: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
     The probability of a part is the mean of its ten most probable vertices. Contacts of fewer than three vertices are
-    not listed.
+    not listed, nor those of adjacent parts of the own body, such as an arm and the torso. Two parts of the own body
+    that touch each other are listed once, from the part that is farther out.
 
     Args:
         index: (V,) index into ``table``, :data:`NO_PARTNER` without contact.
@@ -114,6 +117,7 @@ def body_contacts(
         region_names: of the body parts.
         region: (V,) int64, body part of each vertex.
         dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way. None without dents.
+        least: smallest probability of a part that is listed.
     """
     touching = index >= 0
     code = index.long() * len(region_names) + region
@@ -128,8 +132,18 @@ def body_contacts(
             sure = round(float(likely.topk(min(_TOP_SHARE, len(likely))).values.mean()), 4)
         here = touching & (code == value)
         deep = None if dent is None else _dent_of(dent[here])
-        found.append(BodyContact(region_names[part], table[partner], sure, count, deep))
+        if sure is None or sure >= least:
+            found.append(BodyContact(region_names[part], table[partner], sure, count, deep))
+    on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
+    found = [one for one in found if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)]
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
+
+
+def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> bool:
+    """Return whether the contact of a part with another of the own body is listed, among all such pairs."""
+    if are_adjacent(part, other):
+        return False
+    return (other, part) not in pairs or is_farther_out(part, other)
 
 
 def _dent_of(depths: Tensor) -> float | None:

@@ -6,9 +6,12 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = ["contact_regions"]
+__all__ = ["are_adjacent", "contact_regions", "is_farther_out"]
 
 _OWN_REGIONS = {"gluteus": "seat", "back": "back"}
+_TRUNK = ("torso", *_OWN_REGIONS.values())
+_CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))
+_OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
 
 def contact_regions(model: BodyModel) -> tuple[tuple[str, ...], Tensor]:
@@ -18,3 +21,27 @@ def contact_regions(model: BodyModel) -> tuple[tuple[str, ...], Tensor]:
     for contact_set, name in _OWN_REGIONS.items():
         region[model.contact_sets[contact_set]] = names.index(name)
     return names, region
+
+
+def are_adjacent(part: str, other: str) -> bool:
+    """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches in many poses."""
+    side, name = _side_and_name(part)
+    other_side, other_name = _side_and_name(other)
+    if name in _TRUNK or other_name in _TRUNK:
+        return {name, other_name} <= {*_TRUNK, "head", *(chain[-1] for chain in _CHAINS)}
+    if name == other_name:
+        return side == other_side or name == "upper_leg"
+    chain = next((chain for chain in _CHAINS if name in chain), ())
+    return side == other_side and other_name in chain and abs(chain.index(name) - chain.index(other_name)) == 1
+
+
+def is_farther_out(part: str, other: str) -> bool:
+    """Return whether a part is farther out along the limbs than another; of two equal ones, the left one."""
+    keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_side_and_name, (part, other))]
+    return keys[0] < keys[1]
+
+
+def _side_and_name(part: str) -> tuple[str, str]:
+    """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the head."""
+    side, _, name = part.partition("_")
+    return (side, name) if name else ("", part)
