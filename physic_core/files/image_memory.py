@@ -7,6 +7,8 @@ import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from physic_core.files.av1_frame import frame_pixels
+
 if TYPE_CHECKING:
     from PIL import Image
 
@@ -45,8 +47,8 @@ def decoding_bytes(image: Image.Image, file: BinaryIO) -> int:
             return 2 * channels * pixels + (stored if pixels < 25e6 else stored // 4)
         case "WEBP":
             return 17 * pixels
-        case "AVIF":  # with 12 bits a channel
-            return 22 * pixels
+        case "AVIF":  # with 12 bits a channel; a frame larger than the image is scaled before it is converted
+            return max(22 * pixels, 9 * frame_pixels(file))
         case "HEIF":
             return 12 * pixels
         case "JPEG2000":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +57,9 @@ KINDS = {
     "progressive.jpeg": ("CMYK", {"progressive": True, "subsampling": 0}),
     "plain.png": ("RGBA", {"compress_level": 1}),
     "plain.webp": ("RGBA", {"lossless": True, "quality": 0, "method": 0}),
+    "plain.avif": ("RGBA", {"speed": 10}),
+    "scaled.avif": ("RGB", {"speed": 10, "subsampling": "4:4:4"}),
+    "moving.avif": ("RGB", {"speed": 10, "save_all": True, "append_images": [Image.new("RGB", (SIDE, SIDE))]}),
     "plain.jp2": ("RGBA", {}),
     "tiled.jp2": ("RGB", {"tile_size": (512, 512)}),
     "turned.tif": ("RGB", {"compression": "tiff_lzw", "tiffinfo": {0x0112: 6}}),
@@ -69,6 +73,10 @@ def test_decoding_takes_no_more_memory_than_estimated(tmp_path: Path):
     picture = Image.fromarray(np.stack([x, x[:, ::-1], x // 2], -1))
     for name, (mode, options) in KINDS.items():
         picture.convert(mode).save(tmp_path / name, **options)
+    scaled = bytearray((tmp_path / "scaled.avif").read_bytes())
+    at = scaled.index(b"ispe") + 8  # the size of the image, not that of its AV1 frame
+    scaled[at : at + 8] = struct.pack(">II", 16, 16)
+    (tmp_path / "scaled.avif").write_bytes(scaled)
     code = """
 from PIL import Image
 from physic_core.files.image_file import ImageSource, decode, open_image

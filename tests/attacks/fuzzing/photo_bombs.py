@@ -43,6 +43,27 @@ def jpeg2000(*, hidden: bool = False) -> bytes:
     return bytes(data)
 
 
+def avif(width: int, height: int) -> bytes:
+    """An image of 64 x 64 px in its container, whose AV1 frame has ``width`` x ``height`` px in its header."""
+    data = encoded("AVIF")
+    start = data.index(b"mdat") + 4
+    unit = data.index(b"\x0a", start)  # the sequence header: its type, size and bits
+    size = data[unit + 1]
+    bits = "".join(f"{byte:08b}" for byte in data[unit + 2 : unit + 2 + size])
+    assert bits[4] == "1"
+    assert bits[10:18] == "01010101"  # the sides have 6 bits each
+    after = bits[30:].rstrip("0")[:-1]  # without the stop bit
+    changed = bits[:10] + "11111111" + f"{width - 1:016b}{height - 1:016b}" + after + "1"
+    changed += "0" * (-len(changed) % 8)
+    header = int(changed, 2).to_bytes(len(changed) // 8)
+    length = struct.pack(">I", len(data) - start)
+    at = data.index(length, data.index(b"iloc"))
+    data[unit + 1 : unit + 2 + size] = bytes([len(header)]) + header
+    data[at : at + 4] = struct.pack(">I", len(data) - start)
+    data[start - 8 : start - 4] = struct.pack(">I", len(data) - start + 8)
+    return bytes(data)
+
+
 def jpeg() -> bytes:
     """144 megapixels, of which the file has the first 64 x 64."""
     data = encoded("JPEG")
@@ -118,6 +139,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "webp": (webp, f"takes 2.4 {TAKES}"),
     "jpeg2000": (jpeg2000, f"takes 3.6 {TAKES}"),
     "jpeg2000, hidden": (lambda: jpeg2000(hidden=True), f"takes 3.6 {TAKES}"),
+    "avif with a larger frame": (lambda: avif(16_384, 12_000), f"takes 1.8 {TAKES}"),
     "jpeg without its end": (jpeg, DAMAGED),
     "jpeg of segments": (lambda: jpeg_with(b"\xff\xe9\x00\x02", 1_000_000), DAMAGED),
     "jpeg of fill bytes": (lambda: jpeg_with(b"\xff\xff\x00\xff\xe9\x00\x02", 1_000_000), DAMAGED),
