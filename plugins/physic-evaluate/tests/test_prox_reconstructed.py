@@ -80,9 +80,9 @@ def command(root: Path, out: Path, files: Files) -> list[str]:
 
 
 def rows_of(out: Path) -> dict[str, dict[str, Any]]:
-    """The journal's rows without times and names: all frames show one world."""
+    """The journal's rows without what differs between photos and runs: all frames show one world."""
     lines = (json.loads(line) for line in (out / "reconstructions" / "journal.jsonl").read_text().splitlines())
-    different = ("id", "folder", "seconds", "finished", "peak_mb", "modified", "path")
+    different = ("id", "folder", "seconds", "finished", "peak_mb", "modified", "path", "checksum")
     return {row["id"]: {k: v for k, v in row.items() if k not in different and "seconds" not in k} for row in lines}
 
 
