@@ -1,8 +1,9 @@
-"""Run a batch of photos of which most break something: ``python tests/attacks/broken_batch.py [--count 100]``.
+"""Run a batch of photos of which most break something: ``python tests/attacks/broken_batch.py [--count N]``.
 
 Photos are cut off, empty, bombs, pipes or no pictures; backends return what no interface allows, raise,
 hang, end or kill their worker; and workers are killed from outside. The batch must end by itself, its journal must
 have one row for each photo with the expected state, and each photo without a fault must have its result.
+After ``--minutes`` the batch is interrupted as by Ctrl-C, and the rows until then are compared.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -31,6 +33,10 @@ from fuzzing import photo_bombs
 from physic_core.batch.journal import read_rows
 from physic_core.errors import InputError
 from physic_core.io.results import load_reconstruction
+
+WORKERS = 2
+INTERRUPTED = 130
+"""Exit status after Ctrl-C."""
 
 PHYSIC = (sys.executable, "-P", "-m", "physic_core")
 
@@ -70,7 +76,8 @@ def write_photos(folder: Path, count: int) -> dict[str, str]:
     good = png(photo())
     broken = itertools.cycle(broken_photos(good).items())
     slow = itertools.cycle([*ENDING, *HANGING])
-    refused = [name for name, (_, error, _) in FAULTS.items() if error == "BackendOutputError"]
+    done_otherwise = {*RAISING, *ENDING, *HANGING}
+    refused = [name for name, (_, error, _) in FAULTS.items() if error and name not in done_otherwise]
     used = [name for name, (_, error, _) in FAULTS.items() if not error]
     faults = itertools.cycle(random.sample(list(RAISING), len(RAISING)) + random.sample(refused, len(refused)))
     deviating = itertools.cycle(random.sample(used, len(used)))
@@ -96,7 +103,7 @@ def write_photos(folder: Path, count: int) -> dict[str, str]:
 
 def start(folder: Path, timeout_s: float) -> subprocess.Popen[bytes]:
     environment = os.environ | {"PHYSIC_CACHE": "off", "PYTHONPATH": _path(), "OMP_NUM_THREADS": "1"}
-    words = ["batch", "photos.csv", "-o", "out", "--preset", "mock", "--workers", "2", "--table", "csv"]
+    words = ["batch", "photos.csv", "-o", "out", "--preset", "mock", "--workers", str(WORKERS), "--table", "csv"]
     words += itertools.chain.from_iterable(("--set", text) for text in (*SETTINGS, f"run.timeout_s={timeout_s:g}"))
     with (folder / "output.txt").open("ab") as output:
         return subprocess.Popen((*PHYSIC, *words), cwd=folder, env=environment, stdout=output, stderr=output)
@@ -106,15 +113,22 @@ def _path() -> str:
     return os.pathsep.join(filter(None, (str(Path(__file__).parent), os.environ.get("PYTHONPATH"))))
 
 
-def kill_workers(process: subprocess.Popen[bytes], pause_s: float) -> int:
-    """Kill a worker from outside now and then until the batch ends; return how often."""
-    killed = 0
+def kill_workers(process: subprocess.Popen[bytes], journal: Path, expected: dict[str, str], pause_s: float) -> int:
+    """Kill a worker from outside now and then until the batch ends; return how often.
+
+    Photos whose worker died are tried a second and last time after all others. No worker is killed from then on, lest a
+    good photo loses both of its workers.
+    """
+    killed, ending = 0, sum(error == "WorkerDied" for error in expected.values())
     while True:
         try:
             process.wait(random.uniform(0.5, 1.5) * pause_s)
             return killed
         except subprocess.TimeoutExpired:
             with suppress(OSError):
+                left = len(expected) - journal.read_bytes().count(b"\n")
+                if left <= killed + ending + 2 * WORKERS:
+                    continue
                 children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
                 workers = [int(pid) for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
                 if len(workers) > 1:  # the only one would decide that the backends cannot be loaded
@@ -147,12 +161,14 @@ def main() -> int:
     """Run the batch; return 1 if a row or a result is missing or wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--count", type=int, default=100, help="photos")
+    parser.add_argument("--minutes", type=float, default=60, help="interrupt the batch after so long")
     parser.add_argument("--timeout-s", type=float, default=20, help="limit of a call of a backend")
     parser.add_argument("--kill-every", type=float, default=60, metavar="S", help="kill a worker about every S seconds")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings/broken_batch"))
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     random.seed(given.seed)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a shell ignore it, and so would ours
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         (folder / "photos").mkdir()
@@ -161,17 +177,28 @@ def main() -> int:
         (folder / "photos.csv").write_text("\n".join(table) + "\n")
         begin = time.monotonic()
         process = start(folder, given.timeout_s)
-        killed = kill_workers(process, given.kill_every)
+        journal = folder / "out" / "journal.jsonl"
+        interrupt = threading.Timer(60 * given.minutes, process.send_signal, [signal.SIGINT])
+        interrupt.start()
+        killed = kill_workers(process, journal, expected, given.kill_every)
+        interrupt.cancel()
         seconds = time.monotonic() - begin
-        found = [f"it ended with {process.returncode}"] if process.returncode else []
+        interrupted = process.returncode == INTERRUPTED and seconds >= 60 * given.minutes
+        found = [f"it ended with {process.returncode}"] if process.returncode and not interrupted else []
+        if interrupted and not journal.exists():
+            print("0 photos until the interruption", flush=True)
+            return 0
+        if interrupted:
+            names = {Path(row["path"]).name for row in read_rows(folder / "out").values()}
+            expected = {name: error for name, error in expected.items() if name in names}
         found += faults_of(folder / "out", expected)
-        before = (folder / "out" / "journal.jsonl").read_bytes()
-        if start(folder, given.timeout_s).wait() or (folder / "out" / "journal.jsonl").read_bytes() != before:
+        before = journal.read_bytes()
+        if not interrupted and (start(folder, given.timeout_s).wait() or journal.read_bytes() != before):
             found.append("the same command again does not find everything done")
         rows = list(read_rows(folder / "out").values())
         errors = Counter(row["error"] or "done" for row in rows)
         peak = max((row["peak_mb"] for row in rows if row["peak_mb"]), default=0.0)
-        print(f"{given.count} photos in {seconds:.0f} s, {killed} workers killed from outside, {peak:.0f} MB at most")
+        print(f"{len(expected)} of {given.count} photos in {seconds:.0f} s, {killed} workers killed, {peak:.0f} MB")
         print(", ".join(f"{number} {name}" for name, number in errors.most_common()), flush=True)
         for fault in found[:20]:
             print(f"FAILED {fault}")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from degenerate import DEVIATIONS, mock_of
+from degenerate import DEVIATIONS, Deviation, mock_of
 from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world
 
@@ -75,6 +75,23 @@ HANGING: dict[str, Callable[[], Any]] = {
     "hangs with the lock": hang_with_the_interpreter_lock,
 }
 
+OTHER_WORLDS = {
+    "segmenter-all-True_mask",
+    "segmenter-person_of_1_pixel",
+    "segmenter-8_people_of_1_pixel",
+    "inpainter-read-only_and_strided",
+    "inpainter-black",
+}
+"""Valid deviations whose people or image are not of the world, which the next mock backend refuses."""
+
+
+def error_of(deviation: Deviation) -> str:
+    """Return the class of the error, or "" for a result."""
+    if deviation.refused:
+        return "BackendOutputError"
+    return "BackendError" if str(deviation) in OTHER_WORLDS else ""
+
+
 Fault = tuple[str, str, Callable[[Any], Any]]
 """Interface, class of the error or "" for a result, and what becomes of the result of the mock backend."""
 
@@ -83,7 +100,7 @@ FAULTS: dict[str, Fault] = {
     **{name: ("segmenter", "WorkerDied", lambda _, deed=deed: deed()) for name, deed in ENDING.items()},
     **{name: ("segmenter", "Timeout", lambda _, deed=deed: deed()) for name, deed in HANGING.items()},
     "interferes": ("segmenter", "", lambda result: interfere() or result),
-    **{str(d): (d.interface, "BackendOutputError" if d.refused else "", d.change) for d in DEVIATIONS},
+    **{str(d): (d.interface, error_of(d), d.change) for d in DEVIATIONS},
 }
 
 
