@@ -9,7 +9,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.geometry.coarse_mesh import cluster_points
-from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
 __all__ = ["PeoplePairs", "PeopleProbes", "find_people_pairs", "select_probes"]
 
@@ -117,17 +117,12 @@ class _Near:
 def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> list[_Near]:
     """Return the nearest rows of person j to the probes of person i; [] if none is near."""
     points, body = vertices[i, probes.rows], vertices[j]
-    rows = _inside_box(body, points, reach).nonzero(as_tuple=True)[0]
+    rows = inside_body_boxes(body, points[None], reach).nonzero(as_tuple=True)[0]
     if not len(rows):
         return []
     skin = body[rows]
-    chosen = _inside_box(points, skin, reach).nonzero(as_tuple=True)[0]
+    chosen = inside_body_boxes(points, skin[None], reach).nonzero(as_tuple=True)[0]
     nearest = NearestPointSearch(skin, torch.zeros_like(skin), reach).query(points[chosen])
     if not bool(nearest.found.any()):
         return []
     return [_Near(i, chosen[nearest.found], j, rows[nearest.index[nearest.found]])]
-
-
-def _inside_box(points: Tensor, others: Tensor, margin: float) -> Tensor:
-    """Return which points (a, 3) are in the bounding box of other points (b, 3), enlarged by a margin: (a,) bool."""
-    return ((points > others.amin(0) - margin) & (points < others.amax(0) + margin)).all(-1)
