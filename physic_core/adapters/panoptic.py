@@ -1,10 +1,11 @@
-"""Convert panoptic queries (MaskFormer, Mask2Former, EoMT) to masks of people and of the floor.
+"""Convert panoptic queries (MaskFormer, Mask2Former, EoMT) to masks of people, of the floor, and of portable objects.
 
 A query has a class and a mask. Each pixel belongs to the query with the largest product of class and mask probability.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["COCO_PANOPTIC", "FLOOR_CLASSES", "PaddedFrame", "padded_input", "people_and_floor"]
+__all__ = ["COCO_PANOPTIC", "FLOOR_CLASSES", "PORTABLE_CLASSES", "PaddedFrame", "padded_input", "people_and_floor"]
 
 COCO_PANOPTIC: tuple[str, ...] = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
@@ -46,6 +47,16 @@ FLOOR_CLASSES = frozenset(
     )
 )  # fmt: skip
 """COCO panoptic classes of surfaces that people can stand on."""
+
+PORTABLE_CLASSES = frozenset(
+    (
+        "backpack", "umbrella", "handbag", "suitcase", "frisbee", "sports ball", "kite", "baseball bat",
+        "baseball glove", "tennis racket", "bottle", "wine glass", "cup", "fork", "knife", "spoon", "bowl", "banana",
+        "apple", "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza", "donut", "cake", "laptop", "mouse",
+        "remote", "keyboard", "cell phone", "book", "vase", "scissors", "teddy bear", "hair drier", "toothbrush",
+    )
+)  # fmt: skip
+"""COCO panoptic things that one person can carry, without those that people stand on (skateboard, skis)."""
 
 
 class PaddedFrame:
@@ -94,17 +105,21 @@ def people_and_floor(
     held: float = 0.8,
     smallest: int = 1,
 ) -> People:
-    """Compute masks of people and of the floor from panoptic queries.
+    """Compute masks of people, of the floor and of portable objects from panoptic queries.
 
     Args:
         class_logits: (Q, C + 1); the last class is "no object".
         mask_logits: (Q, h, w), above 0 inside.
         to_photo: (h, w) of one query -> (H, W) of the photo.
         size: H and W of the photo, px.
-        labels: names of the C classes; people are "person", floor classes are those in ``FLOOR_CLASSES``.
+        labels: names of the C classes; people are "person", floor classes are those in ``FLOOR_CLASSES``, objects those
+            in ``PORTABLE_CLASSES``.
         threshold: queries with a lower class probability are ignored.
         held: minimum share of its own mask that a query must win; otherwise it counts as a part of others.
         smallest: people with fewer px are left out.
+
+    Returns:
+        The people, with ``objects`` None if no class of ``labels`` is portable.
 
     Raises:
         ValueError: C is not the number of labels.
@@ -130,9 +145,14 @@ def people_and_floor(
     for q in segments:
         if labels[label[q]] in FLOOR_CLASSES:
             floor |= (owner == q) & sure
-    return people_from_masks(
+    objects = None
+    if not PORTABLE_CLASSES.isdisjoint(labels):
+        masks = [(owner == q) & sure for q in segments if labels[label[q]] in PORTABLE_CLASSES]
+        objects = np.array(masks, bool).reshape(-1, *size)
+    found = people_from_masks(
         ((owner == q) & sure for q in people), None, score[people], floor, size=size, smallest=smallest
     )
+    return replace(found, objects=objects)
 
 
 def _softmax(logits: FloatArray) -> FloatArray:

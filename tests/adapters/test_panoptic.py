@@ -7,7 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES, PaddedFrame, people_and_floor
+from physic_core.adapters.panoptic import (
+    COCO_PANOPTIC,
+    FLOOR_CLASSES,
+    PORTABLE_CLASSES,
+    PaddedFrame,
+    people_and_floor,
+)
 
 PERSON, FLOOR_OTHER, WALL = (
     COCO_PANOPTIC.index(name) for name in ("person", "floor-other-merged", "wall-other-merged")
@@ -40,6 +46,7 @@ def test_classes_have_the_numbers_of_coco_panoptic():
     assert len(COCO_PANOPTIC) == len(set(COCO_PANOPTIC)) == 133
     assert {i: COCO_PANOPTIC[i] for i in known} == known
     assert set(COCO_PANOPTIC) > FLOOR_CLASSES
+    assert set(COCO_PANOPTIC[:80]) > PORTABLE_CLASSES
 
 
 def test_people_and_floor_come_apart():
@@ -54,6 +61,26 @@ def test_people_and_floor_come_apart():
     assert (people.masks[1] == right).all()
     assert people.floor is not None
     assert (people.floor == (floor & ~left & ~right)).all()
+
+
+def test_each_portable_thing_is_an_object():
+    ball, cup, chair, held = (COCO_PANOPTIC.index(name) for name in ("sports ball", "cup", "chair", "person"))
+    classes, masks = queries(
+        [ball, cup, chair, held], [box(1, 4, 1, 4), box(6, 8, 2, 3), box(9, 15, 9, 15), box(2, 9, 3, 6)]
+    )
+    classes[3, held] = 14.0
+    found = people_and_floor(classes, masks, same, (16, 16), held=0.3)
+    assert found.objects is not None
+    assert (found.objects == np.stack([box(1, 4, 1, 4) & ~found.masks[0], box(6, 8, 2, 3)])).all()
+
+
+def test_a_network_that_knows_things_and_sees_none_returns_no_object_and_one_without_things_none():
+    classes, masks = queries([PERSON], [box(4, 8, 4, 8)])
+    known = people_and_floor(classes, masks, same, (16, 16)).objects
+    assert known is not None
+    assert known.shape == (0, 16, 16)
+    names = ("person", "wall-wood")
+    assert people_and_floor(classes[:, [0, 1, 133]], masks, same, (16, 16), labels=names).objects is None
 
 
 def test_a_query_of_no_class_is_not_heard():

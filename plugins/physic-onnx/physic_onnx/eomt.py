@@ -1,4 +1,4 @@
-"""Segment people and floor with EoMT, a panoptic network."""
+"""Segment people, floor and portable objects with EoMT, a panoptic network."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class EomtOptions(OnnxBackendOptions):
 
 
 class Eomt(OnnxBackend, Segmenter):
-    """Segmenter by EoMT, trained on COCO panoptic. Its classes include people and several kinds of floor."""
+    """Segmenter by EoMT, trained on COCO panoptic. Its classes include people, floors and things."""
 
     Options: ClassVar[type[Options]] = EomtOptions
     options: EomtOptions
     signatures: ClassVar = {"EoMT of COCO panoptic": GraphSignature(INPUTS, OUTPUTS)}
 
     def infer(self, image: UInt8Array) -> People:
-        """Segment the people of an image (H, W, 3), best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, the floor, and portable objects.
 
         Raises:
             InputError: it is no photo.

@@ -1,4 +1,4 @@
-"""Segment people and floor with EoMT, a panoptic network trained on COCO."""
+"""Segment people, floor and portable objects with EoMT, a panoptic network trained on COCO."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Eomt(PretrainedBackend, Segmenter):
         class_names(self.network().config.id2label)
 
     def infer(self, image: UInt8Array) -> People:
-        """Segment the people of an image (H, W, 3), best score first, and the floor.
+        """Segment the people of an image (H, W, 3), best score first, the floor, and portable objects.
 
         Raises:
             InputError: it is no photo.
