@@ -22,6 +22,7 @@ from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mp
 from physic_core.metrics.proximity import SEARCH_RADIUS_M, SceneDistance, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error
 from physic_testing.bench.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
+from physic_testing.bench.support_scores import SupportScorer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from physic_core.metrics.matching import Matching
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene, Support
     from physic_testing.worlds import World
 
     Indices = NDArray[np.int64]
@@ -112,6 +113,7 @@ class Estimate:
         intrinsics: camera intrinsics of the scene.
         failures: for each person, why the engine did not optimise the body; empty if it did.
         contacts: contact with anything; None if the row does not estimate what people touch.
+        supports: for each person, what carries them, None for an incomplete body; None if the row does not estimate it.
     """
 
     vertices: FloatArray
@@ -121,6 +123,7 @@ class Estimate:
     intrinsics: Intrinsics
     failures: tuple[str, ...]
     contacts: ContactMap | None = None
+    supports: tuple[Support | None, ...] | None = None
 
 
 def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> Estimate:
@@ -158,6 +161,7 @@ def engine_estimate(solution: Solution) -> Estimate:
         solution.intrinsics,
         solution.failures,
         contacts,
+        solution.supports,
     )
 
 
@@ -172,7 +176,9 @@ class Evaluator:
 
     def __init__(self, world: World, people: BoolArray, graph: csr_array) -> None:
         self.world = world
-        self._part = load_body(world.body_model).part_of_vertex.numpy()
+        model = load_body(world.body_model)
+        self._part = model.part_of_vertex.numpy()
+        self._support = SupportScorer(model)
         self.matching: Matching = match_by_masks(people, world.masks, min_iou=0.3)
         self._graph = graph
         self._empty = world.points(people=False)
@@ -239,7 +245,8 @@ class Evaluator:
             for j, (pose, contact) in enumerate(measured):
                 failure, found = estimate.failures[rows[j]], touch[j] if touch else {}
                 partners = self._partners(estimate, int(rows[j]), int(true[j]))
-                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **partners, **found}
+                support = self._reported_support(estimate, int(rows[j]), int(true[j]))
+                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **partners, **support, **found}
         return answers
 
     def missed_records(self, why: str) -> list[dict[str, Any]]:
@@ -309,6 +316,12 @@ class Evaluator:
         true_person = dict(zip(self.matching.predicted.tolist(), self.matching.truth.tolist(), strict=True))
         return contact_counts_by_partner(self.world, estimate.contacts, row, person, true_person, self._part)
 
+    def _reported_support(self, estimate: Estimate, row: int, person: int) -> dict[str, int]:
+        """Return the counts of body parts that carry a person; empty if the estimate has none."""
+        if estimate.supports is None:
+            return {}
+        return self._support.counts(estimate.supports[row], self.world.support[person])
+
     def _scene_touch(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
         """Return penetration and floating of matched people relative to the reconstructed scene."""
         scene = estimate.scene
@@ -369,6 +382,7 @@ class Evaluator:
             "recall": 0.0,
             "f1": 0.0,
             **contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part),
+            **self._support.counts(None, self.world.support[i]),
         }
 
 

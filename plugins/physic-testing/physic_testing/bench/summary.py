@@ -61,7 +61,8 @@ class RowStatistics:
         figures: name -> statistic, for :data:`~physic_testing.bench.evaluation.PERSON_METRICS` over people,
             :data:`~physic_testing.bench.evaluation.WORLD_METRICS` over worlds, and ``f1_of_means``,
             ``precision_pooled``, ``recall_pooled``, ``f1_pooled``, ``f1_mean_image``, and
-            :data:`~physic_testing.bench.contact_partners.PARTNER_METRICS`.
+            :data:`~physic_testing.bench.contact_partners.PARTNER_METRICS` and
+            :data:`~physic_testing.bench.support_scores.SUPPORT_METRICS`.
         people: number of true people.
         missed: number of people without a body; they count only in the contact means, with score 0.
         left_at_start: number of people with a body that the engine did not optimise.
@@ -196,8 +197,8 @@ def _partner_ratios(people: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, 
         "item_recall": _Ratio(total("item_found"), total("item_found", "item_missed")),
         "brier": _Ratio(total("brier_sum"), total("brier_count")),
     }
-    for kind in ("scene", "people", "self", "support"):
-        name = "support_f1" if kind == "support" else f"{kind}_contact_f1"
+    for kind in ("scene", "people", "self", "support", "reported_support"):
+        name = f"{kind}_f1" if kind.endswith("support") else f"{kind}_contact_f1"
         hits, wrong = total(f"{kind}_hits"), total(f"{kind}_false_alarms", f"{kind}_misses")
         found[name] = _Ratio(2 * hits, 2 * hits + wrong)
     return found

@@ -67,6 +67,7 @@ _PARTNER_COLUMNS = (
     Column("self F1", "self_contact_f1", 3),
     Column("item R", "item_recall", 3),
     Column("support F1", "support_f1", 3),
+    Column("reported support F1", "reported_support_f1", 3),
     Column("Brier", "brier", 4),
     Column("ECE", "ece", 3),
     Column("ECE of p >= .1", "ece_likely", 3),
@@ -215,7 +216,8 @@ def _partner_table(rows: _Rows, labels: Mapping[str, str]) -> Table:
     table = _figures_table("What people touch", shown, labels, _PARTNER_COLUMNS)
     notes = (
         "partner right: of the vertices that touch something and are found in contact; F1 over the vertices of all "
-        "people; support: over body parts; ECE: over outer vertices, in ten bins",
+        "people; support: over body parts in contact with the scene; reported support: over those that are reported to "
+        "carry; ECE: over outer vertices, in ten bins",
     )
     return Table(table.title, table.head, table.rows, notes)
 
