@@ -235,3 +235,14 @@ def test_a_back_alone_carries_nobody(posed):
     found = find_support(model, body, evidence(model, prior=("back",)), UP, assume=True)
     assert found.state == SupportState.ASSUMED
     assert not found.hidden[model.contact_sets["back"]].any()
+
+
+def test_an_upright_surface_and_a_few_vertices_that_face_down_carry_nobody(posed):
+    model, body = posed(HANGS)
+    seen = evidence(model, prior=("left_hand", "right_hand"), lifted=(True, True))
+    facing_down = (body.normals @ UP < -0.5) & (model.part_of_vertex == model.part_names.index("left_upper_leg"))
+    seen.contact[facing_down.nonzero()[:9, 0]] = True
+    seen.contact[(body.normals[:, 2] < -0.9) & (model.part_of_vertex == model.part_names.index("torso"))] = True
+    found = find_support(model, body, seen, UP, assume=True)
+    assert found.state == SupportState.ASSUMED
+    assert within(model, found.hidden, "left_hand", "right_hand")

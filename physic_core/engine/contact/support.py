@@ -140,8 +140,8 @@ def find_support(
     """Find what carries a person.
 
     Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
-    contacts carry, such as a back against a wall. If they do not balance it either, the cheapest hypothesis is
-    returned: the person moves, or a hidden support carries.
+    contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
+    either, the cheapest hypothesis is returned: the person moves, or a hidden support carries.
 
     Args:
         evidence: of the contacts.
@@ -156,11 +156,14 @@ def find_support(
         hands[model.contact_sets[f"{side}_hand"]] = True
     hold = contact & hands & ((vertices - centre) @ up > 0)
     level = contact & (body.normals @ up < DOWNWARD) & ~hold
+    on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
+    level &= (on_part >= _MIN_VERTICES)[model.part_of_vertex]
     hanging = SupportState.BALANCED if bool(level.any()) else SupportState.HANGING
+    leaning = contact if bool((level | hold).any()) else none
     for state, carrying in (
         (SupportState.BALANCED, level),
         (hanging, level | hold),
-        (SupportState.BALANCED, contact),
+        (SupportState.BALANCED, leaning),
     ):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
