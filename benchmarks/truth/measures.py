@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 MIN_IOU = 0.5
+CALIBRATION_BINS = 10
 FORCE_SHARE = 0.05
 """A limb touches where its force is above this share of the largest force of its film."""
 
@@ -120,6 +121,18 @@ def detection_scores(predicted: Sequence[bool], truth: Sequence[bool]) -> dict[s
         "recall": recall if fact.any() else nan,
         "balanced_accuracy": (recall + specificity) / 2 if fact.any() else nan,
     }
+
+
+def calibration_error(probability: Sequence[float], truth: Sequence[bool]) -> float:
+    """Expected calibration error in ten bins: mean |probability - share of true cases|; NaN without probabilities."""
+    given, fact = np.array(probability, np.float64), np.array(truth, bool)
+    known = np.isfinite(given)
+    if not known.any():
+        return float("nan")
+    given, fact = given[known], fact[known]
+    index = np.minimum((given * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    off = np.bincount(index, given - fact, CALIBRATION_BINS)
+    return float(np.abs(off).sum() / len(given))
 
 
 def depth_errors(depth: Array, truth: Array) -> dict[str, float]:

@@ -21,7 +21,14 @@ from .measures import depth_errors
 from .sets import Sample, picture_of
 
 if TYPE_CHECKING:
-    from physic_core.types import Reconstruction
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import Person, Reconstruction
+
+TOP_VERTICES = 10
+"""Vertices of a limb whose mean probability is that of the limb."""
 
 NO_RESULT = (3, 5)
 """Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on it."""
@@ -111,7 +118,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
                 "score": float(person.score),
                 "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
                 "keypoints": np.round(keypoints, 4).tolist(),
-                "contact": {name: float(person.contact[rows.cpu().numpy()].mean()) for name, rows in sets.items()},
+                **contact_of_parts(result, person, {name: rows.cpu().numpy() for name, rows in sets.items()}),
                 "failed_checks": list(person.failed_checks),
                 "grade": person.grade,
             }
@@ -130,6 +137,26 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
     if "depth_file" in sample.truth:
         answer |= _depth(result, sample)
     return answer
+
+
+def contact_of_parts(
+    result: Reconstruction, person: Person, sets: Mapping[str, NDArray[np.int64]]
+) -> dict[str, dict[str, float]]:
+    """Contact of each set of vertices: the share that touches, and the mean of the ten largest probabilities.
+
+    Forces between two parts of one body are not measured: vertices that touch the own body do not count.
+    """
+    touching = person.contact.astype(bool)
+    if person.contact_partner is not None:
+        own = [i for i, partner in enumerate(result.contact_partners) if partner.kind == "self"]
+        on_self = np.isin(person.contact_partner, own)
+        touching = touching & ~on_self
+    found = {"contact": {name: float(touching[rows].mean()) for name, rows in sets.items()}}
+    if person.contact_probability is not None:
+        likely = np.where(touching | ~person.contact.astype(bool), person.contact_probability, 0.0)
+        largest = {name: np.sort(likely[rows])[-TOP_VERTICES:] for name, rows in sets.items()}
+        found["contact_probability"] = {name: float(values.mean()) for name, values in largest.items()}
+    return found
 
 
 def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:

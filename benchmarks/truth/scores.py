@@ -158,6 +158,7 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
         if sample.truth["uncaptured"][limb]:
             continue
         contact = person["contact"] if person else {part: 0.0}
+        likely = person.get("contact_probability", {}) if person else {part: 0.0}
         if part in contact:
             limbs.append(
                 {
@@ -165,6 +166,7 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
                     "limb": part,
                     "kind": part.split("_")[1],
                     "predicted": contact[part] > 0,
+                    "probability": likely.get(part, math.nan),
                     "touches": bool(sample.truth["touches"][limb]),
                 }
             )

@@ -218,6 +218,27 @@ def test_scores_of_contact(truth):
     assert math.isnan(truth.measures.detection_scores([False], [False])["balanced_accuracy"])
 
 
+def test_calibration_error_is_the_distance_from_the_frequency(truth):
+    error = truth.measures.calibration_error
+    assert error([0.75] * 4, [True, True, True, False]) == pytest.approx(0)
+    assert error([0.75] * 4 + [0.15] * 4, [True] * 4 + [False] * 4) == pytest.approx(0.2)
+    assert error([1.0, math.nan], [True, False]) == 0
+    assert math.isnan(error([math.nan], [True]))
+
+
+def test_contact_with_the_own_body_is_none_with_the_scene(truth):
+    partner = np.array([-1, 0, 1, 1], np.int16)
+    person = SimpleNamespace(
+        contact=partner >= 0, contact_partner=partner, contact_probability=np.array([0.1, 0.8, 0.9, 0.9])
+    )
+    kinds = [SimpleNamespace(kind="floor"), SimpleNamespace(kind="self")]
+    found = truth.run.contact_of_parts(
+        SimpleNamespace(contact_partners=kinds), person, {"all": np.arange(4), "hand": np.array([2, 3])}
+    )
+    assert found["contact"] == {"all": 0.25, "hand": 0}
+    assert found["contact_probability"] == {"all": pytest.approx(0.9 / 4), "hand": 0}
+
+
 def test_depth_that_is_a_factor_off_is_right_after_it(truth):
     depth = np.linspace(1, 5, 20).reshape(4, 5)
     found = truth.measures.depth_errors(np.where(depth > 4.9, np.nan, 0.8 * depth), depth)
@@ -504,6 +525,8 @@ def test_results_are_kept_in_px_of_the_photo(truth):
         keypoints=np.full((17, 2), 9.5),
         keypoint_confidence=np.ones(17),
         contact=np.zeros(5, bool),
+        contact_partner=None,
+        contact_probability=None,
         failed_checks=(),
         grade="good",
     )
