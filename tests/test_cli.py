@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import re
 import sys
@@ -211,6 +212,30 @@ def test_an_older_result_outlives_a_run_that_fails(pipeline):
     Path("mine/reconstruction.json").write_text("old")
     assert physic(*run("-o", "mine")).exit_code == 3
     assert Path("mine/reconstruction.json").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("Unable to allocate 4.85 MiB"),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("libtorch_cpu.so: failed to map segment from shared object"),
+        RuntimeError("[enforce fail at alloc_cpu.cpp:118] DefaultCPUAllocator: can't allocate memory"),
+    ],
+)
+def test_a_lack_of_memory_is_a_message(pipeline, error):
+    pipeline.error = error
+    done = physic(*run())
+    assert done.exit_code == 1
+    assert done.stderr.splitlines()[-1] == (
+        "Error: there is not enough memory. Close other programs, allow this one more memory, use a smaller photo, or "
+        "close backends early with --low-memory (physic run)"
+    )
+
+
+def test_an_error_of_the_code_is_not_taken_for_a_lack_of_memory(pipeline):
+    pipeline.error = RuntimeError("no such thing")
+    assert isinstance(physic(*run()).exception, RuntimeError)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, exit_code
+from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.errors import PhysicError
 
@@ -18,6 +18,12 @@ __all__ = ["main"]
 
 _MAX_LINE = 4096
 """Most characters of a line of a message; a name of a file or plugin can have any length."""
+
+
+_OUT_OF_MEMORY = (
+    "Error: there is not enough memory. Close other programs, allow this one more memory, use a smaller photo, or "
+    "close backends early with --low-memory (physic run)"
+)
 
 
 class _Main(ExtensibleGroup):
@@ -43,6 +49,15 @@ class _Main(ExtensibleGroup):
             message = "\n".join(shorten(line, _MAX_LINE) for line in str(error).split("\n"))
             click.echo(f"{traceback_text(error)}Error: {printable(message)}", err=True)
             ctx.exit(exit_code(error))
+        except (MemoryError, OSError, ImportError, RuntimeError) as error:
+            from physic_core.cli.memory_errors import is_out_of_memory
+
+            if isinstance(error, click.exceptions.Exit) or not is_out_of_memory(error):
+                raise
+            from physic_core.discovery.error_text import traceback_text
+
+            click.echo(f"{traceback_text(error)}{_OUT_OF_MEMORY}", err=True)
+            ctx.exit(OTHER)
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
