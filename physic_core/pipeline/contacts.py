@@ -27,6 +27,7 @@ from physic_core.engine.contact.probability import (
     SELF,
     SURFACES,
     contact_probability,
+    facing_probability,
 )
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
@@ -160,6 +161,7 @@ def measure_contacts(
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,
         _surface_kinds(near, around, classes),
+        _facing(near, around, outward, plane),
         problem.contact_probability[rows],
         settings,
     )
@@ -316,6 +318,19 @@ def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: Cla
     return torch.where(floor | (row < 0), 0, torch.where(inpainted, 2, 1))
 
 
+def _facing(
+    near: SurfaceDistances, around: ContactSurfaces, outward: Tensor, plane: tuple[Tensor, float] | None
+) -> Tensor:
+    """Return the cosine (N, V) between each vertex's inward normal and the nearest surface's; NaN if that has none."""
+    towards = torch.zeros_like(outward)
+    if len(around.row):
+        towards = around.scene.normals[near.point].to(outward)
+    if plane is not None:
+        towards = torch.where(near.on_floor[..., None], plane[0].to(outward), towards)
+    known = towards.square().sum(-1) > 0.5
+    return torch.where(known, -(outward * towards).sum(-1), torch.nan)
+
+
 def _skin_distances(
     model: BodyModel, vertices: Tensor, normals: Tensor, settings: EngineSettings
 ) -> tuple[SkinDistances, SkinDistances]:
@@ -339,6 +354,7 @@ def _touching(
     chance: Tensor,
     seen_limbs: Tensor,
     kinds: Tensor,
+    facing: Tensor,
     prior: Tensor,
     settings: EngineSettings,
 ) -> tuple[Tensor, Tensor, Tensor | None]:
@@ -352,6 +368,7 @@ def _touching(
         chance: (N, V) factor on the probability.
         seen_limbs: (N, V) bool, vertices of limbs that the photo shows.
         kinds: (N, V) int64, of the nearest surface.
+        facing: (N, V) cosine between inward normal of the skin and normal of that surface; NaN where it has none.
         prior: (N, V) of the contact prior.
         settings: of the engine.
     """
@@ -363,11 +380,13 @@ def _touching(
     people, own = skin
     part = model.part_of_vertex
     hands = torch.tensor([name.endswith("hand") for name in model.part_names], device=part.device)[part]
+    thin = torch.tensor([name.endswith(("hand", "foot")) for name in model.part_names], device=part.device)[part]
+    faces = torch.where(thin, 1.0, facing_probability(facing))
     on_person = torch.full_like(kinds, SURFACES.index(PERSON))
     on_own = torch.where(hands | hands[own.vertex], SURFACES.index(OWN_HAND), SURFACES.index(SELF))
     probabilities = torch.stack(
         [
-            contact_probability(near.nearest, kinds, seen_limbs, prior, reach),
+            contact_probability(near.nearest, kinds, seen_limbs, prior, reach) * faces,
             contact_probability(without_shared_gap(people, part), on_person, seen_limbs, None, reach),
             contact_probability(own.distance, on_own, seen_limbs, None, reach),
         ]

@@ -9,7 +9,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.contact.probability import OWN_HAND, PERSON, SELF, SURFACES, contact_probability
+from physic_core.engine.contact.probability import (
+    OWN_HAND,
+    PERSON,
+    SELF,
+    SURFACES,
+    contact_probability,
+    facing_probability,
+)
 from physic_core.engine.presets import PRESETS
 
 SETTINGS = PRESETS["default"].contact
@@ -66,3 +73,11 @@ def test_without_a_prior_the_probability_is_that_of_the_distance():
 def test_a_limb_that_the_photo_shows_is_surer():
     for kind in (1, 2):
         assert probability(0.0, kind) > probability(0.0, kind, seen=False)
+
+
+def test_skin_that_faces_a_surface_touches_it_and_skin_that_looks_along_it_or_away_does_not():
+    ahead, beside, away, unknown = facing_probability(torch.tensor([1.0, 0.0, -1.0, torch.nan])).tolist()
+    assert ahead > 0.95
+    assert beside < 0.01
+    assert away < 1e-5
+    assert unknown == 1

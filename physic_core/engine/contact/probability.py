@@ -12,6 +12,8 @@ of depth, what people hide is inpainted, two people have errors of their own, an
 pose. For a limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air
 keeps a fifth of its probability.
 
+Skin of a round body part faces what it touches (:func:`facing_probability`).
+
 The prior shifts the log-odds of ``p`` by a small amount, since stage 3 has used it already. It is a prior of contact
 with the scene, so that contact with skin has none.
 
@@ -29,7 +31,17 @@ from torch import Tensor
 
 from physic_core.engine.settings import ContactSettings
 
-__all__ = ["ASSUMED", "LIFTED_FOOT", "OWN_HAND", "PERSON", "SELF", "SURFACES", "SurfaceError", "contact_probability"]
+__all__ = [
+    "ASSUMED",
+    "LIFTED_FOOT",
+    "OWN_HAND",
+    "PERSON",
+    "SELF",
+    "SURFACES",
+    "SurfaceError",
+    "contact_probability",
+    "facing_probability",
+]
 
 
 @dataclass(frozen=True)
@@ -78,6 +90,12 @@ LIFTED_FOOT = 0.2
 ASSUMED = 0.5
 """Probability of contact with an assumed support: the pose needs it, and nothing shows it."""
 
+_FACING = 0.6
+"""Cosine at which a surface is touched by half as many vertices as ahead. A limb of radius 5 cm is within 2 cm of a
+plane where the cosine is above 0.6, the torso where it is above 0.85; surfaces are rarely planes."""
+
+_FACING_SLOPE = 8.0
+
 _UNSEEN_SIGMA_M = 0.0125  # of a limb that the photo does not show, added in squares
 _REACH_M = 0.3
 _PRIOR_WEIGHT = 0.157  # of the prior's log-odds
@@ -112,3 +130,15 @@ def contact_probability(
         evidence = _PRIOR_WEIGHT * torch.logit(prior.to(d).clamp(*_PRIOR_RANGE)) + _PRIOR_OFFSET
         p = torch.sigmoid(torch.logit(p) + evidence)
     return torch.where(known, p, torch.zeros_like(p))
+
+
+def facing_probability(cosine: Tensor) -> Tensor:
+    """Return the factor (...) on the probability that skin of a round body part touches a scene or floor.
+
+    Round parts touch with the skin that faces the surface. Hands and feet are so thin that their far side is near, too.
+
+    Args:
+        cosine: (...) between the inward normal of the skin and the normal of the surface; NaN where it has none, which
+            gives 1.
+    """
+    return torch.where(torch.isnan(cosine), 1.0, torch.sigmoid(_FACING_SLOPE * (cosine - _FACING)))
