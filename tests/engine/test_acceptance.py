@@ -136,3 +136,22 @@ def test_sums_of_people_and_of_all():
     assert energy_per_person(energies).tolist() == [4.0, 6.0]
     assert total_energy(energies).item() == 15.0
     assert term_totals(energies) == {"a": 3.0, "b": 7.0, "scale": 5.0}
+
+
+def test_people_of_one_group_keep_their_common_end():
+    """The first person loses by the motion less than the second one gains."""
+    energy = Two()
+    start = energy.state.pack()
+    with torch.no_grad():
+        energy.state.values["translation"][1] += 1.0
+        energy.goals[1] = energy.places()[1]
+        energy.state.values["translation"][0] -= 0.1
+    end = energy.state.pack()
+    alone, together = [], []
+    for groups, places in ((None, alone), (torch.tensor([0, 0]), together)):
+        energy.state.load(end)
+        revert_if_worse(energy, end, start, groups)
+        places.append(energy.places())
+    torch.testing.assert_close(alone[0][0], STARTS[0])
+    energy.state.load(end)
+    torch.testing.assert_close(together[0], energy.places())

@@ -51,10 +51,16 @@ def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
     return torch.stack([value for name, value in energies.items() if name != _SCENE_TERM]).sum(0)
 
 
-def finite_energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
-    """Return the energy of each person: (B,); inf where it is not finite."""
+def finite_energy_per_person(energies: Mapping[str, Tensor], groups: Tensor | None = None) -> Tensor:
+    """Return the energy of each person: (B,); inf where it is not finite.
+
+    Args:
+        energies: (B,) each.
+        groups: (B,) int64, people of one group get the sum of their energies; None if all people are alone.
+    """
     own = energy_per_person(energies)
-    return torch.where(torch.isfinite(own), own, torch.inf)
+    own = torch.where(torch.isfinite(own), own, torch.inf)
+    return own if groups is None else torch.zeros_like(own).index_add(0, groups, own)[groups]
 
 
 def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
@@ -64,13 +70,16 @@ def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
 
 
 @torch.no_grad()
-def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[str, float], dict[str, float]]:
+def revert_if_worse(
+    energy: Energy, end: Tensor, start: Tensor, groups: Tensor | None = None
+) -> tuple[dict[str, float], dict[str, float]]:
     """Keep the end state of each person, or restore the start state of a person whose energy is lower at the start.
 
     Args:
         energy: its visibility is that of the end.
         end: packed state.
         start: packed state.
+        groups: (B,) int64 of people who touch each other, and are restored together; None if all people are alone.
 
     Returns:
         Each term at the start and at the accepted state, both under the visibility of ``end``.
@@ -80,9 +89,9 @@ def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[st
     before = energy()
     state.load(end)
     after = energy()
-    better = finite_energy_per_person(after) <= finite_energy_per_person(before)
+    better = finite_energy_per_person(after, groups) <= finite_energy_per_person(before, groups)
     if not bool(better.all()) or not _finite_total(after) <= _finite_total(before):
-        select_lowest_energy(energy, (end, start))
+        select_lowest_energy(energy, (end, start), groups=groups)
         after = energy()
         if not _finite_total(after) <= _finite_total(before):
             # Terms between people depend on the other people's states.
@@ -94,13 +103,16 @@ def revert_if_worse(energy: Energy, end: Tensor, start: Tensor) -> tuple[dict[st
 
 
 @torch.no_grad()
-def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, refresh: bool = False) -> None:
+def select_lowest_energy(
+    energy: Energy, states: Sequence[Tensor], *, refresh: bool = False, groups: Tensor | None = None
+) -> None:
     """Set each person to the state of lowest energy, and the scene to the scale with the lowest total energy.
 
     Args:
         energy: its state is changed.
         states: packed, at least one.
         refresh: compare each state under its own visibility, instead of all under the present one.
+        groups: (B,) int64, see :func:`revert_if_worse`.
     """
     state = energy.state
     everybody = torch.ones(state.num_people, dtype=torch.bool, device=states[0].device)
@@ -114,7 +126,7 @@ def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, refresh: b
                 energy.refresh()
             energies = energy()
             scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
-            found = finite_energy_per_person(energies)
+            found = finite_energy_per_person(energies, groups)
             if mixed is None or own is None:
                 mixed, own = state.pack(), found
                 continue

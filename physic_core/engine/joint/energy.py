@@ -9,6 +9,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.contact_state import MAX_MOTION_M, ContactState, nearby_scene, update_contacts
 from physic_core.engine.joint.context import precompute
+from physic_core.engine.joint.people_pairs import connected_groups
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
@@ -64,8 +65,12 @@ class JointEnergy:
         self._snapshot: Snapshot
         self.refresh()
 
-    def add_late_terms(self) -> bool:
-        """Add the late terms of the settings, and return whether one of them is positive at this state."""
+    def add_late_terms(self) -> Tensor | None:
+        """Add the late terms of the settings that are positive at this state.
+
+        Returns:
+            (B,) int64, group of each person: people who are linked by these terms; None if no term is positive.
+        """
         late, self._late_terms = self._late_terms, ()
         for term in late:
             term.refresh(self._snapshot)
@@ -73,7 +78,10 @@ class JointEnergy:
             bodies = self._posed_bodies()
             found = [term for term in late if any(bool((value > 0).any()) for value in term(bodies).values())]
         self.terms = (*self.terms, *found)
-        return bool(found)
+        if not found:
+            return None
+        links = torch.cat([term.links for term in found])
+        return connected_groups(links, len(self.problem)).to(links.device)
 
     @property
     def weights(self) -> dict[str, Tensor]:

@@ -51,7 +51,10 @@ class MinimisationResult:
 
 
 def minimise(
-    energy: Energy, settings: LbfgsSettings | AdamSettings, progress: Callable[[float], None] | None = None
+    energy: Energy,
+    settings: LbfgsSettings | AdamSettings,
+    progress: Callable[[float], None] | None = None,
+    groups: Tensor | None = None,
 ) -> MinimisationResult:
     """Minimise an energy by changing its state in place.
 
@@ -59,16 +62,17 @@ def minimise(
         energy: refreshed, and finite at its present state.
         settings: their type selects the optimiser.
         progress: called with the completed share of the steps, 0-1.
+        groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
     """
     origin = energy.state.pack()
-    result = _minimise_once(energy, settings, progress)
+    result = _minimise_once(energy, settings, progress, groups)
     for _ in range(_RATE_CUTS):
         if not isinstance(settings, AdamSettings) or not energy.state.parameters():
             break
         if bool(energy.state.people_changed(origin).all()):
             break
         settings = replace(settings, learning_rate=settings.learning_rate / 10)
-        result = join_results(energy, origin, result, _minimise_once(energy, settings, None))
+        result = join_results(energy, origin, result, _minimise_once(energy, settings, None, groups))
     return result
 
 
@@ -91,7 +95,10 @@ def join_results(
 
 
 def _minimise_once(
-    energy: Energy, settings: LbfgsSettings | AdamSettings, progress: Callable[[float], None] | None
+    energy: Energy,
+    settings: LbfgsSettings | AdamSettings,
+    progress: Callable[[float], None] | None,
+    groups: Tensor | None,
 ) -> MinimisationResult:
     """Take all steps of the settings, then revert the people whose energy has increased."""
     state = energy.state
@@ -120,7 +127,7 @@ def _minimise_once(
             break
     if not converged:  # else the motion since the last update is too small to change visibility
         energy.refresh()
-    start, end = revert_if_worse(energy, state.pack(), origin)
+    start, end = revert_if_worse(energy, state.pack(), origin, groups)
     totals.append(math.fsum(end.values()))
     if progress is not None:
         progress(1.0)

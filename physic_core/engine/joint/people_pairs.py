@@ -11,7 +11,7 @@ from physic_core.body.model import BodyModel
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
-__all__ = ["PeoplePairs", "PeopleProbes", "find_people_pairs", "select_probes"]
+__all__ = ["PeoplePairs", "PeopleProbes", "connected_groups", "find_people_pairs", "select_probes"]
 
 _SPACING_M = 0.03  # of the probes
 _MAX_BESIDE_M = 0.02  # of a vertex from the normal of its partner: the spacing of the partners
@@ -102,6 +102,15 @@ def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, r
     opposed = (normals[person, row] * normal).sum(-1) < 0
     kept = (beside < (_MAX_SLANT * along.abs()).clamp(min=_MAX_BESIDE_M)) & opposed
     return PeoplePairs(person, row, probe, other, other_row, normal, along).select(kept)
+
+
+def connected_groups(links: Tensor, people: int) -> Tensor:
+    """Return the group (people,) int64 of each person: the smallest index of those connected by links (k, 2)."""
+    group = list(range(people))
+    for a, b in torch.unique(links, dim=0).tolist():
+        first, second = sorted((group[a], group[b]))
+        group = [first if one == second else one for one in group]
+    return torch.tensor(group)
 
 
 @dataclass(frozen=True)

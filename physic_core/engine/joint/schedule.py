@@ -46,12 +46,13 @@ def minimise_with_restarts(
     """
     origin = energy.state.pack()
     result = _minimise_from_starts(energy, settings, progress)
-    if not energy.add_late_terms():
+    groups = energy.add_late_terms()
+    if groups is None:
         return result
     late = settings.optimiser
     if isinstance(late, LbfgsSettings):
         late = replace(late, tolerance=min(late.tolerance, _LATE_TOLERANCE))
-    return join_results(energy, origin, result, minimise(energy, late))
+    return join_results(energy, origin, result, minimise(energy, late, groups=groups))
 
 
 def _minimise_from_starts(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import torch
 from torch import Tensor
 
 from physic_core.engine.joint.contact_state import ContactState
@@ -66,6 +67,11 @@ class Term(ABC):
     """
 
     weights: Mapping[str, Tensor] = MappingProxyType({})
+
+    @property
+    def links(self) -> Tensor:
+        """Pairs (k, 2) int64 of people who share energy since the last :meth:`refresh`; by default none."""
+        return torch.zeros(0, 2, dtype=torch.int64)
 
     def refresh(self, snapshot: Snapshot) -> None:  # noqa: B027 - most terms have constant weights
         """Update :attr:`weights`, which are constant until the next call. By default nothing changes."""

@@ -92,6 +92,11 @@ class PeopleTerm(Term):
             touching = torch.tensor([name in _TOUCHING_PARTS for name in model.part_names], device=context.ids.device)
             self._may_touch = context.on_visible_part & touching[model.part_of_vertex[context.ids]]
 
+    @property
+    def links(self) -> Tensor:
+        """Pairs (p, 2) int64 of people with vertices near each other."""
+        return torch.stack([self.pairs.person, self.pairs.other], 1)
+
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""
         if not self._is_on:
