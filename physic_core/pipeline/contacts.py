@@ -17,10 +17,12 @@ from physic_core.engine.contact.distance import (
     contact_surfaces,
     surface_distances,
 )
+from physic_core.engine.contact.inpainted_surfaces import lower_to_parts
 from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
 from physic_core.engine.contact.probability import (
     ASSUMED,
+    HIDDEN_SCENE,
     LIFTED_FOOT,
     OWN_HAND,
     PERSON,
@@ -152,15 +154,21 @@ def measure_contacts(
         above = plane_height(around.scene.points, plane[0].to(vertices), vertices.new_tensor(plane[1]))
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     give = _give(near, parts)
+    before = _before_move(problem, vertices, s, settings, classes)
+    kinds = _surface_kinds(near, around, classes)
+    inpainted = kinds == SURFACES.index(HIDDEN_SCENE)
+    scene = lower_to_parts(near.scene, before.distance, before.normals, give, inpainted, model.part_of_vertex)
     skin = _skin_distances(model, vertices, outward, settings)
     touches, touched, likely = _touching(
         model,
-        replace(near, scene=above_dents(near.scene, give), floor=above_dents(near.floor, give)),
+        replace(
+            near, scene=above_dents(scene if by_probability else near.scene, give), floor=above_dents(near.floor, give)
+        ),
         skin,
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,
-        _surface_kinds(near, around, classes),
+        kinds,
         _facing(near, around, outward, plane),
         problem.contact_probability[rows],
         settings,
@@ -218,7 +226,7 @@ def measure_contacts(
     index[rows] = partners.index
     of_scene = torch.tensor([*(one.kind in ("floor", "scene") for one in partners.table), False], device=index.device)
     dents = torch.full_like(distance, torch.nan)
-    dent = _dents(problem, vertices, s, settings, around, parts, classes)
+    dent = _dents(before, around, parts, len(problem.scene_points))
     dents[rows] = torch.where(of_scene[partners.index.long()], dent, torch.nan)
     by_part = tuple(
         body_contacts(
@@ -249,34 +257,51 @@ def _give(near: SurfaceDistances, parts: SceneParts) -> Tensor:
     return torch.where(torch.isfinite(near.scene), give_of_points(parts).to(near.scene)[near.point], 0.0)
 
 
-def _dents(
-    problem: JointProblem,
-    vertices: Tensor,
-    scale: float,
-    settings: EngineSettings,
-    around: ContactSurfaces,
-    parts: SceneParts,
-    classes: ClassifiedPoints,
-) -> Tensor:
-    """Return the depth (N, V) of the dent at each vertex, metres; NaN where nothing gives way.
+@dataclass(frozen=True)
+class _SceneBeforeMove:
+    """Distances to the scene before stage 3 moved inpainted points out of people.
 
-    It is measured from the scene before inpainted points were moved out of people.
+    Attributes:
+        distance: (N, V) signed, metres; inf beyond the search radius.
+        row: (N, V) int64, row of the nearest point in ``JointProblem.scene_points``; -1 beyond the search radius.
+        normals: (N, V, 3) unit, of that point; zero beyond the search radius.
     """
-    nothing = torch.full_like(vertices[..., 0], torch.nan)
-    own = around.row >= 0
-    give = vertices.new_zeros(len(problem.scene_points))
-    give[around.row[own]] = give_of_points(parts).to(give)[own]
-    if not bool((give > 0).any()):
-        return nothing
+
+    distance: Tensor
+    row: Tensor
+    normals: Tensor
+
+
+def _before_move(
+    problem: JointProblem, vertices: Tensor, scale: float, settings: EngineSettings, classes: ClassifiedPoints
+) -> _SceneBeforeMove:
+    """Return the distances of vertices (N, V, 3) to the scene before inpainted points were moved out of people."""
     points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
     before = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
     surfaces = contact_surfaces(before, vertices, scale, settings)
     found = surface_distances(vertices, surfaces.scene, None, settings.contact)
     near = torch.isfinite(found.scene)
-    allowed = (
-        torch.where(near, give[surfaces.row][found.point], 0.0) if len(surfaces.row) else torch.zeros_like(nothing)
-    )
-    return torch.where(allowed > 0, dent_depths(found.scene, allowed), nothing)
+    row = torch.full_like(found.point, -1)
+    row[near] = surfaces.row[found.point[near]]
+    normal = torch.zeros_like(vertices)
+    normal[near] = surfaces.scene.normals[found.point[near]].to(vertices)
+    return _SceneBeforeMove(found.scene, row, normal)
+
+
+def _dents(before: _SceneBeforeMove, around: ContactSurfaces, parts: SceneParts, points: int) -> Tensor:
+    """Return the depth (N, V) of the dent at each vertex, metres; NaN where nothing gives way.
+
+    Args:
+        before: distances to the scene before inpainted points were moved out of people.
+        around: surfaces near people.
+        parts: of the points of ``around``.
+        points: number of scene points.
+    """
+    own = around.row >= 0
+    give = before.distance.new_zeros(points + 1)  # the last is that of row -1
+    give[around.row[own]] = give_of_points(parts).to(give)[own]
+    allowed = give[before.row]
+    return torch.where(allowed > 0, dent_depths(before.distance, allowed), torch.nan)
 
 
 def _depth_ratios(

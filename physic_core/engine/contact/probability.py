@@ -33,6 +33,7 @@ from physic_core.engine.settings import ContactSettings
 
 __all__ = [
     "ASSUMED",
+    "HIDDEN_SCENE",
     "LIFTED_FOOT",
     "OWN_HAND",
     "PERSON",
