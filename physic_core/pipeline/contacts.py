@@ -193,7 +193,9 @@ def measure_contacts(
         lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
         outward_contact = touches[row] & (touched[row] != _OWN_BODY) & (on_object[row] < 0)
         prior = problem.contact_probability[i]
-        evidence = ContactEvidence(outward_contact, may_touch[row], near.nearest[row], prior, lifted)
+        evidence = ContactEvidence(
+            outward_contact, may_touch[row], near.nearest[row], prior, lifted, bool(result.hanging[i])
+        )
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
         hidden[row, carried[i].hidden & supports[row]] = _SEAT if carried[i].hidden_is_seat else _HELD
         measured[i] |= {

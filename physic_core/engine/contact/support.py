@@ -85,6 +85,7 @@ class ContactEvidence:
         distance: (V,) signed, to the nearest surface, metres; inf beyond the search radius.
         prior: (V,) probability of the contact prior.
         lifted_feet: (2,) bool, left and right foot in the air.
+        hanging: whether the person was found to hang from the hands by the pose.
     """
 
     contact: Tensor
@@ -92,6 +93,7 @@ class ContactEvidence:
     distance: Tensor
     prior: Tensor
     lifted_feet: Tensor
+    hanging: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,8 @@ def find_support(
 
     Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
     contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
-    either, the cheapest hypothesis is returned: the person moves, or a hidden support carries.
+    either, the hands of who hangs hold something hidden. For other people the cheapest hypothesis is returned: the
+    person moves, or a hidden support carries.
 
     Args:
         evidence: of the contacts.
@@ -174,6 +177,8 @@ def find_support(
     if not assume:
         return moving
     best, least = moving, _MOVING_COST + (0.0 if airborne else _imbalance(outside))
+    if evidence.hanging:
+        least = float("inf")  # stage 3 has compared the hypotheses
     for hypothesis in _hypotheses(model, body, evidence, up):
         hidden = hypothesis.patch & ~contact
         outside = beside_hull(centre, vertices[contact | hidden | hypothesis.rests], up)
@@ -279,9 +284,12 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
     if not in_air and bool(is_sitting(body.rotations[None], body.joints[None], up)[0]):
         seat = lowest(members("thighs", "gluteus"))
         found.append(_Hypothesis(seat, soles, _SEAT_COST, is_seat=True, needs_surface=False))
-    held = hands_may_hold(model, evidence.prior[None])[0]
+    held = hands_may_hold(model, evidence.prior[None])[0] | evidence.hanging
     hands = members(*(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
-    found.append(_Hypothesis(hands, none, _HOLD_COST, needs_surface=False))
+    hold = _Hypothesis(hands, none, _HOLD_COST, needs_surface=False)
+    if evidence.hanging:
+        return iter((hold,))
+    found.append(hold)
     if bool(evidence.contact.any()):
         # A back leans on something, and does not carry a body alone.
         found.append(_Hypothesis(_outermost(body, members("back")), none, _BACK_COST))

@@ -67,7 +67,7 @@ class JointContext:
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
-        standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`.
+        standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`; not with both feet in the air.
         sitting: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_sitting`.
         legs_invisible: (B,) bool, knees and ankles are all invisible.
         feet_visible: (B, 2) bool.
@@ -147,7 +147,7 @@ def precompute(
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
-        standing=is_standing(problem.rotations0, start.joints, observed, problem.floor_normal),
+        standing=_standing(problem, start.joints, observed),
         sitting=is_sitting(
             problem.rotations0, start.joints, problem.transl0.new_tensor(_CAMERA_UP) if up is None else up
         ),
@@ -158,6 +158,12 @@ def precompute(
         surface=surface,
         surface_normals=surface_normals,
     )
+
+
+def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:
+    """Return the people (B,) bool who stand by their pose, and have a foot on something."""
+    standing = is_standing(problem.rotations0, joints, observed, problem.floor_normal)
+    return standing if problem.lifted_feet is None else standing & ~problem.lifted_feet.all(1)
 
 
 def _contact_probability(problem: JointProblem, options: EnergyOptions) -> Tensor:

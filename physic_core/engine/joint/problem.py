@@ -158,6 +158,13 @@ class JointProblem(ShortRepr):
                 vertices |= part & self.lifted_feet[:, foot, None]
         return vertices
 
+    def lift_feet(self, people: Tensor) -> JointProblem:
+        """Return a copy in which both feet of some people, (B,) bool, are in the air."""
+        lifted = people[:, None].expand(-1, len(SIDES))
+        if self.lifted_feet is not None:
+            lifted = lifted | self.lifted_feet
+        return replace(self, lifted_feet=lifted, grounded=~people if self.grounded is None else self.grounded & ~people)
+
     def select_people(self, rows: Tensor) -> JointProblem:
         """Return a copy with a selection of the people, (n,) int64."""
         changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
@@ -182,6 +189,7 @@ class JointResult(ShortRepr):
         warp: (B,) log of the local depth scale near each person
             (:mod:`physic_core.engine.joint.local_depth_scale`).
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
+        hanging: (B,) bool, people who were found to hang from their hands; their feet are in the air.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
         diagnostics: per person, name -> number; values that could not be measured are left out.
         failures: per person, the reason why the start was not optimised; "" if it was.
@@ -197,6 +205,7 @@ class JointResult(ShortRepr):
     vertices: Tensor
     joints: Tensor
     occluded: Tensor
+    hanging: Tensor
     losses: Mapping[str, tuple[float, float]]
     diagnostics: tuple[Mapping[str, float], ...]
     failures: tuple[str, ...]

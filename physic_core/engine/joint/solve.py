@@ -11,7 +11,7 @@ from torch import Tensor
 from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import MinimisationResult
+from physic_core.engine.joint.hanging import JudgedSupports, judge_hanging
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.joint.schedule import minimise_with_restarts
 from physic_core.engine.joint.settings import JointSettings
@@ -62,7 +62,11 @@ def optimize(
     if energy is None:
         return _start_result(problem, tuple(failures))
     minimised = minimise_with_restarts(energy, settings, progress)
-    return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
+    if settings.judges_hanging:
+        judged = judge_hanging(energy, settings, minimised)
+    else:
+        judged = JudgedSupports(energy, minimised, torch.zeros_like(healthy[healthy]))
+    return _merged_result(problem, judged, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 
 def _finite_energy(energy: JointEnergy) -> Tensor:
@@ -91,6 +95,7 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
         vertices=output.vertices,
         joints=output.joints,
         occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
+        hanging=torch.zeros(len(failures), dtype=torch.bool, device=output.vertices.device),
         losses={},
         diagnostics=tuple({} for _ in failures),
         failures=failures,
@@ -101,9 +106,10 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
 
 @torch.no_grad()
 def _merged_result(
-    problem: JointProblem, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor, failures: tuple[str, ...]
+    problem: JointProblem, judged: JudgedSupports, rows: Tensor, failures: tuple[str, ...]
 ) -> JointResult:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
+    energy, minimised = judged.energy, judged.minimised
     estimate = energy.state.unpack()
     start = _start_result(problem, failures)
     rotations, betas, transl = (
@@ -130,6 +136,7 @@ def _merged_result(
         vertices=output.vertices,
         joints=output.joints,
         occluded=start.occluded.index_copy(0, rows, hidden),
+        hanging=start.hanging.index_copy(0, rows, judged.hanging),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         diagnostics=tuple(diagnostics),
         evaluations=minimised.evaluations,

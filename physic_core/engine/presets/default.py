@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
@@ -82,6 +82,8 @@ class DefaultOptimisation(JointSettings):
     symmetry: LegSymmetrySettings = field(default_factory=LegSymmetrySettings)
     stature: StatureSettings = field(default_factory=StatureSettings)
     balance: BalanceSettings = field(default_factory=BalanceSettings)
+
+    judges_hanging: ClassVar[bool] = True
 
     @property
     def energy_options(self) -> EnergyOptions:
