@@ -17,11 +17,13 @@ from physic_core.engine.contact.distance import (
     contact_surfaces,
     surface_distances,
 )
+from physic_core.engine.contact.hanging_arms import beside_hanging_arm
 from physic_core.engine.contact.inpainted_surfaces import lower_to_parts
 from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
 from physic_core.engine.contact.probability import (
     ASSUMED,
+    HANGING_ARM,
     HIDDEN_SCENE,
     LIFTED_FOOT,
     OWN_HAND,
@@ -165,6 +167,7 @@ def measure_contacts(
             near, scene=above_dents(scene if by_probability else near.scene, give), floor=above_dents(near.floor, give)
         ),
         skin,
+        torch.where(beside_hanging_arm(model, result.joints[rows], skin[1].vertex), HANGING_ARM, 1.0),
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,
@@ -377,6 +380,7 @@ def _touching(
     model: BodyModel,
     near: SurfaceDistances,
     skin: tuple[SkinDistances, SkinDistances],
+    own_chance: Tensor,
     may_touch: Tensor,
     chance: Tensor,
     seen_limbs: Tensor,
@@ -391,6 +395,7 @@ def _touching(
         model: body model.
         near: distances to scene and floor.
         skin: distances to other people and to the own body.
+        own_chance: (N, V) factor on the probability of contact with the own body.
         may_touch: (N, V) bool, vertices that may be in contact by distance.
         chance: (N, V) factor on the probability.
         seen_limbs: (N, V) bool, vertices of limbs that the photo shows.
@@ -415,7 +420,7 @@ def _touching(
         [
             contact_probability(near.nearest, kinds, seen_limbs, prior, reach) * faces,
             contact_probability(without_shared_gap(people, part), on_person, seen_limbs, None, reach),
-            contact_probability(own.distance, on_own, seen_limbs, None, reach),
+            contact_probability(own.distance, on_own, seen_limbs, None, reach) * own_chance,
         ]
     )
     likely = (1 - (1 - probabilities).prod(0)) * chance

@@ -10,7 +10,7 @@ weak evidence:
 ``r``, ``s`` and ``b`` depend on the surface: the floor is a plane through many points, the visible scene has the errors
 of depth, what people hide is inpainted, two people have errors of their own, and parts of one body only those of its
 pose. For a limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air
-keeps a fifth of its probability.
+keeps a fifth of its probability, an arm that hangs beside the thigh a tenth.
 
 Skin of a round body part faces what it touches (:func:`facing_probability`).
 
@@ -19,7 +19,7 @@ with the scene, so that contact with skin has none.
 
 The constants of scene and floor are fitted by maximum likelihood on 38 synthetic worlds (``physic bench``, seed 900),
 with errors of versions 3 and 4; those of skin on the 30 worlds of ``benchmarks/contact_probability.py``. Those of
-lifted feet and of assumed supports are set by hand. The benchmark measures the calibration on other worlds.
+lifted feet, hanging arms and assumed supports are set by hand. The benchmark measures the calibration on other worlds.
 """
 
 from __future__ import annotations
@@ -87,6 +87,9 @@ SURFACES = (FLOOR, VISIBLE_SCENE, HIDDEN_SCENE, PERSON, OWN_HAND, SELF)
 
 LIFTED_FOOT = 0.2
 """Factor on the probability of a foot that is found to be in the air."""
+
+HANGING_ARM = 0.1
+"""Factor on the probability of an arm that hangs beside the thigh: nearly all are a few centimetres from it."""
 
 ASSUMED = 0.5
 """Probability of contact with an assumed support: the pose needs it, and nothing shows it."""
