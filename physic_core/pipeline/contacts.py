@@ -52,6 +52,7 @@ from physic_core.engine.contact.support import (
 )
 from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.limbs import observed_parts
+from physic_core.engine.joint.solve import DEEP_M
 from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
@@ -176,6 +177,7 @@ def measure_contacts(
         problem.contact_probability[rows],
         settings,
     )
+    soft = _share_below_dents(result, rows, give)
     ratio = _depth_ratios(problem, vertices, outward, rows, s)
     on_object = torch.full(touches.shape, -1, dtype=torch.int64, device=touches.device)
     to_objects = _held_objects(problem, vertices, objects, ratio, s, settings)
@@ -214,6 +216,8 @@ def measure_contacts(
         }
         if problem.human_depth is not None:
             measured[i]["depth_ratio"] = ratio[row]
+        if "penetration_share" in result.diagnostics[i]:
+            measured[i]["penetration_share"] = soft[row]
     contact[rows] = touches | (hidden > 0)
     if probability is not None and likely is not None:
         likely = torch.where(hidden > 0, likely.clamp(min=ASSUMED), likely)
@@ -253,6 +257,13 @@ def measure_contacts(
     )
     table = ContactPartners(partners.table, index)
     return Contacts(contact, probability, distance, table, by_part, measured, supports_of)
+
+
+def _share_below_dents(result: JointResult, rows: Tensor, give: Tensor) -> list[float]:
+    """Return the share of each person's visible surface over 3 cm below scene and floor, dented by ``give`` (N, V)."""
+    deep = result.depth_inside[rows] > DEEP_M + give.to(result.depth_inside)
+    shares: list[float] = (result.surface_share[rows] * deep).sum(1).tolist()
+    return shares
 
 
 def _give(near: SurfaceDistances, parts: SceneParts) -> Tensor:

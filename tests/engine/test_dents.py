@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 
 from physic_core.engine.contact.dents import GIVE_M, above_dents, dent_depths, give_of_points
 from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.pipeline.contacts import _share_below_dents
 from physic_core.pipeline.measures import moved_scene
 from physic_core.types import SURFACE_NAMES
 
@@ -46,3 +49,14 @@ def test_moved_points_are_measured_at_a_persons_pixels():
     mask[:8] = True
     assert moved_scene(after, before, mask) == pytest.approx(0.2)
     assert moved_scene(after, before, ~mask) is None
+
+
+def test_only_what_is_deeper_than_a_dent_counts_as_penetration():
+    result: Any = SimpleNamespace(
+        depth_inside=torch.tensor([[0.05, 0.05, 0.2, 0.02]]), surface_share=torch.tensor([[0.4, 0.3, 0.2, 0.1]])
+    )
+    give = torch.tensor([[0.08, 0.0, 0.08, 0.0]])
+    [share] = _share_below_dents(result, torch.tensor([0]), give)
+    assert share == pytest.approx(0.5)
+    [hard] = _share_below_dents(result, torch.tensor([0]), torch.zeros(1, 4))
+    assert hard == pytest.approx(0.9)

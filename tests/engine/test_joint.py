@@ -11,7 +11,7 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.solve import DEEP_M, optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.paper import PaperOptimisation
@@ -103,6 +103,10 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     print(f"gap {gap * 1e3:.1f} mm, inside {result.diagnostics[0]['penetration_share']:.4f}")
     assert abs(gap) < 0.025
     assert result.diagnostics[0]["penetration_share"] < 0.01
+    assert result.diagnostics[0]["penetration_share"] == pytest.approx(
+        float((result.surface_share[0] * (result.depth_inside[0] > DEEP_M)).sum())
+    )
+    assert float(result.surface_share[0].sum()) == pytest.approx(1)
 
 
 def test_two_people_do_not_disturb_each_other(two):

@@ -190,6 +190,8 @@ class JointResult(ShortRepr):
             (:mod:`physic_core.engine.joint.local_depth_scale`).
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
         hanging: (B,) bool, people who were found to hang from their hands; their feet are in the air.
+        depth_inside: (B, V) metres of visible vertices inside the scene or under the floor, without dents; else 0.
+        surface_share: (B, V) share of the visible surface of each vertex; 0 for vertices that were not tracked.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
         diagnostics: per person, name -> number; values that could not be measured are left out.
         failures: per person, the reason why the start was not optimised; "" if it was.
@@ -206,6 +208,8 @@ class JointResult(ShortRepr):
     joints: Tensor
     occluded: Tensor
     hanging: Tensor
+    depth_inside: Tensor
+    surface_share: Tensor
     losses: Mapping[str, tuple[float, float]]
     diagnostics: tuple[Mapping[str, float], ...]
     failures: tuple[str, ...]

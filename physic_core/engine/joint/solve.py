@@ -19,9 +19,10 @@ from physic_core.engine.joint.state import Estimate
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import depth_order_violations
 
-__all__ = ["JointProblem", "JointResult", "optimize"]
+__all__ = ["DEEP_M", "JointProblem", "JointResult", "optimize"]
 
-_DEEP_M = 0.03  # deeper vertices are a visible error
+DEEP_M = 0.03
+"""Depth inside the scene, metres; deeper vertices are a visible error."""
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
 _INVALID_ENERGY = "the energy of the start is not finite"
@@ -96,6 +97,8 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
         joints=output.joints,
         occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
         hanging=torch.zeros(len(failures), dtype=torch.bool, device=output.vertices.device),
+        depth_inside=torch.zeros_like(output.vertices[..., 0]),
+        surface_share=torch.zeros_like(output.vertices[..., 0]),
         losses={},
         diagnostics=tuple({} for _ in failures),
         failures=failures,
@@ -122,7 +125,8 @@ def _merged_result(
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
     hidden = energy.occluded(output.vertices[rows])
-    measured = _diagnostics(energy, estimate, output.vertices[rows], hidden)
+    measured, depth, share = _diagnostics(energy, estimate, output.vertices[rows], hidden)
+    everywhere, ids = torch.zeros_like(output.vertices[rows][..., 0]), energy.context.ids
     diagnostics: list[Mapping[str, float]] = [{} for _ in failures]
     for i, numbers in zip(rows.tolist(), measured, strict=True):
         diagnostics[i] = numbers
@@ -137,6 +141,8 @@ def _merged_result(
         joints=output.joints,
         occluded=start.occluded.index_copy(0, rows, hidden),
         hanging=start.hanging.index_copy(0, rows, judged.hanging),
+        depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, depth)),
+        surface_share=start.surface_share.index_copy(0, rows, everywhere.index_copy(1, ids, share)),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         diagnostics=tuple(diagnostics),
         evaluations=minimised.evaluations,
@@ -144,8 +150,13 @@ def _merged_result(
     )
 
 
-def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidden: Tensor) -> list[dict[str, float]]:
+def _diagnostics(
+    energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidden: Tensor
+) -> tuple[list[dict[str, float]], Tensor, Tensor]:
     """Measure the result of each optimised person: name -> number; values that cannot be measured are left out.
+
+    Returns the numbers, and of the tracked vertices (B, n) the depth inside scene or floor and the share of the visible
+    surface.
 
     reprojection_px, reprojection_share: mean 2D error of confident keypoints, px and share of the stature in px.
     lowest_sole_m: height of the lower sole over the floor.
@@ -165,11 +176,13 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
     if problem.floor_normal is not None and context.options.floor != "ignored":
         offset = tracked.new_tensor(problem.floor_offset * scale)
         height = plane_height(tracked, problem.floor_normal, offset)
-    counted = (energy.weights["penetration"] > 0) & (distance < -_DEEP_M)
+    depth = torch.where(energy.weights["penetration"] > 0, torch.relu(-distance), 0.0)
     gap = torch.where(visibility.eligible, distance, torch.inf)
     if height is not None:
-        counted = counted | (visibility.eligible & (height < -_DEEP_M))
+        depth = torch.where(visibility.eligible, torch.maximum(depth, torch.relu(-height)), depth)
         gap = torch.where(visibility.eligible, torch.minimum(gap, height), gap)
+    seen = context.area * visibility.eligible
+    share = seen / seen.sum(1, keepdim=True).clamp(min=torch.finfo(seen.dtype).tiny)
     behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks)
     people = []
     for i in range(len(problem)):
@@ -182,9 +195,8 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
         if confident[i].any():
             numbers["reprojection_px"] = float(error[i][confident[i]].mean())
             numbers["reprojection_share"] = numbers["reprojection_px"] / float(context.person_px[i])
-        seen = context.area[i] * visibility.eligible[i]
-        if seen.sum() > 0:
-            numbers["penetration_share"] = float((seen * counted[i]).sum() / seen.sum())
+        if share[i].any():
+            numbers["penetration_share"] = float((share[i] * (depth[i] > DEEP_M)).sum())
         if torch.isfinite(gap[i]).any():
             numbers["floating_m"] = max(0.0, float(gap[i].amin()))
         heights = [
@@ -195,4 +207,4 @@ def _diagnostics(energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidd
         if heights:
             numbers["lowest_sole_m"] = min(heights)
         people.append(numbers)
-    return people
+    return people, depth, share
