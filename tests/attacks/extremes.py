@@ -186,9 +186,12 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings/extremes"))
     parser.add_argument("--only", default="", help="cases whose name contains this text")
+    parser.add_argument(
+        "--seed", type=int, default=time.time_ns(), help="of the order of the cases; else another each time"
+    )
     given = parser.parse_args()
     chosen = [one for one in cases() if given.only in one["name"]]
-    random.Random(0).shuffle(chosen)
+    random.Random(given.seed).shuffle(chosen)
     end, ran, failed, worker = time.monotonic() + 60 * given.minutes, 0, 0, Worker()
     for one in itertools.takewhile(lambda _: time.monotonic() < end, chosen):
         kind, text = worker.run(one)
