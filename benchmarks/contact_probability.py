@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 
 from physic_core.configuration.model import load_config
 from physic_core.engine.contact import probability
-from physic_core.engine.contact.skin import own_distances, people_distances, without_shared_gap
+from physic_core.engine.contact.skin import own_contact_seen, own_distances, people_distances, without_shared_gap
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import vertex_normals
@@ -75,14 +75,14 @@ def collect(case: WorldCase, samples: dict[str, Samples]) -> None:
     own = own_distances(vertices, normals, body.outer, part, rest, OWN_RADIUS_M)
     seen = observed_parts(body.part_names, problem.observed)[:, part]
     hands = torch.tensor([name.endswith("hand") for name in body.part_names])[part]
-    shared = without_shared_gap(people, part)
+    shared, seen_on_own = without_shared_gap(people, part), own_contact_seen(seen, hands, own.vertex)
     found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
     for row, true in zip(found.predicted, found.truth, strict=True):
         hand = hands | hands[own.vertex[row]]
         touches_own = world.touched_own_part[true] >= 0
         samples["PERSON"].add(shared[row], seen[row], world.touched_person[true] >= 0, body.outer)
-        samples["OWN_HAND"].add(own.distance[row], seen[row], touches_own, body.outer & hand)
-        samples["SELF"].add(own.distance[row], seen[row], touches_own, body.outer & ~hand)
+        samples["OWN_HAND"].add(own.distance[row], seen_on_own[row], touches_own, body.outer & hand)
+        samples["SELF"].add(own.distance[row], seen_on_own[row], touches_own, body.outer & ~hand)
 
 
 def fit(samples: Samples) -> tuple[probability.SurfaceError, float]:

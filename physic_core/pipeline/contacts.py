@@ -38,6 +38,7 @@ from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts,
 from physic_core.engine.contact.skin import (
     SkinContacts,
     SkinDistances,
+    own_contact_seen,
     own_distances,
     people_distances,
     without_shared_gap,
@@ -427,18 +428,21 @@ def _touching(
     faces = torch.where(thin, 1.0, facing_probability(facing))
     on_person = torch.full_like(kinds, SURFACES.index(PERSON))
     on_own = torch.where(hands | hands[own.vertex], SURFACES.index(OWN_HAND), SURFACES.index(SELF))
+    seen_on_own = own_contact_seen(seen_limbs, hands, own.vertex)
     probabilities = torch.stack(
         [
             contact_probability(near.nearest, kinds, seen_limbs, prior, reach) * faces,
             contact_probability(without_shared_gap(people, part), on_person, seen_limbs, None, reach),
-            contact_probability(own.distance, on_own, seen_limbs, None, reach) * own_chance,
+            contact_probability(own.distance, on_own, seen_on_own, None, reach) * own_chance,
         ]
     )
     likely = (1 - (1 - probabilities).prod(0)) * chance
     skin_likely = probabilities[1:].amax(0) * chance
-    on_skin = (skin_likely >= reach.skin_threshold) & (probabilities.argmax(0) > 0)
+    touched = probabilities.argmax(0)
+    on_skin = (skin_likely >= reach.skin_threshold) & (touched > 0)
     # Where the photo does not show a limb, the pose is a guess: probable contact, but none that is stated.
-    return ((likely >= reach.threshold) | on_skin) & seen_limbs, probabilities.argmax(0), likely
+    seen = torch.where(touched == _OWN_BODY, seen_on_own, seen_limbs)
+    return ((likely >= reach.threshold) | on_skin) & seen, touched, likely
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:

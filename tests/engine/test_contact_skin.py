@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.engine.contact.skin import own_distances, people_distances, without_shared_gap
+from physic_core.engine.contact.skin import own_contact_seen, own_distances, people_distances, without_shared_gap
 from physic_core.geometry.visibility import vertex_normals
 
 RADIUS_M = 0.15
@@ -97,3 +97,10 @@ def test_a_hand_at_the_thigh_touches_the_leg_and_a_body_in_the_rest_pose_touches
     near = hand & (touching.distance[0] < 0.02)
     assert near.sum() > 100
     assert body.part_of_vertex[touching.vertex[0, near]].mode().values == index("left_upper_leg")
+
+
+def test_contact_of_a_hidden_hand_is_seen_at_the_visible_hand_alone():
+    # Visible hand, hidden hand at it, hidden hand at the visible thigh, hidden back at the visible hand, visible thigh.
+    seen = torch.tensor([[True, False, False, False, True]])
+    hands, nearest = torch.tensor([True, True, True, False, False]), torch.tensor([[1, 0, 4, 0, 2]])
+    assert own_contact_seen(seen, hands, nearest).tolist() == [[True, True, False, True, True]]

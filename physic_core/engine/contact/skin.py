@@ -12,7 +12,14 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = ["SkinContacts", "SkinDistances", "own_distances", "people_distances", "without_shared_gap"]
+__all__ = [
+    "SkinContacts",
+    "SkinDistances",
+    "own_contact_seen",
+    "own_distances",
+    "people_distances",
+    "without_shared_gap",
+]
 
 _SPACING_M = 0.012  # half the largest distance of neighbouring vertices
 _CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
@@ -153,6 +160,20 @@ def own_distances(
         for p in np.unique(parts):
             bodies.compare(i, bodies.outer[parts != p], i, bodies.outer[parts == p], radius, at_rest)
     return bodies.distances(vertices)
+
+
+def own_contact_seen(seen: Tensor, hands: Tensor, nearest: Tensor) -> Tensor:
+    """Return the vertices (N, V) bool whose contact with the own body the photo shows.
+
+    These are the vertices of limbs that it shows, and those next to a hand that it shows: the place of that hand is
+    known, and contact is mutual. One of two clasped hands usually hides the other.
+
+    Args:
+        seen: (N, V) bool, vertices of limbs that the photo shows.
+        hands: (V,) bool.
+        nearest: (N, V) int64, nearest vertex of another part of the own body.
+    """
+    return seen | (seen & hands).gather(1, nearest)
 
 
 def without_shared_gap(people: SkinDistances, part: Tensor) -> Tensor:
