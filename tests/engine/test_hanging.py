@@ -78,7 +78,7 @@ def test_nobody_is_tried_with_known_feet_without_a_floor_or_with_unseen_hands(ha
 
 
 def test_published_presets_do_not_try_it():
-    assert [name for name, preset in PRESETS.items() if preset.joint.judges_hanging] == ["default"]
+    assert [name for name, preset in PRESETS.items() if preset.joint.judges_supports] == ["default"]
 
 
 def test_lifted_feet_are_added_to_known_ones(hangs):

@@ -87,8 +87,9 @@ class JointSettings(ABC):
     scene_start_share: ClassVar[float] = 0.0
     """Share of the steps before contact and penetration are added; 0 includes them from the first step."""
 
-    judges_hanging: ClassVar[bool] = False
-    """Whether people with raised hands are tried with feet in the air (:mod:`physic_core.engine.joint.hanging`)."""
+    judges_supports: ClassVar[bool] = False
+    """Whether other supports are tried for people with raised hands (:mod:`physic_core.engine.joint.hanging`), and for
+    raised feet and knees (:mod:`physic_core.engine.joint.resting`)."""
 
     @property
     @abstractmethod

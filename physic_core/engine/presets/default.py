@@ -83,7 +83,7 @@ class DefaultOptimisation(JointSettings):
     stature: StatureSettings = field(default_factory=StatureSettings)
     balance: BalanceSettings = field(default_factory=BalanceSettings)
 
-    judges_hanging: ClassVar[bool] = True
+    judges_supports: ClassVar[bool] = True
 
     @property
     def energy_options(self) -> EnergyOptions:
