@@ -13,13 +13,14 @@ from physic_core.body.model import BodyModel
 
 __all__ = ["beside_hanging_arm", "hanging_arms"]
 
-_ALONG_THIGH = math.cos(math.radians(20.0))  # of the lower arm: on worlds, arms that rest on a thigh differ by more
-_STRAIGHT = math.cos(math.radians(30.0))  # of elbow and hip: who sits or bends forward rests the hands on the thighs
+_ALONG_THIGH = math.cos(math.radians(30.0))  # of the lower arm: on worlds, arms that rest on a thigh differ by more
+_STRAIGHT_ELBOW = math.cos(math.radians(60.0))
+_STRAIGHT_HIP = math.cos(math.radians(30.0))  # who sits or bends forward rests the hands on the thighs
 _NEAR_THE_THIGH = ("hand", "lower_arm")
 
 
 def hanging_arms(joints: Tensor) -> Tensor:
-    """Return which arms (N, 2) bool, left and right, are straight and along the straight thigh of their side.
+    """Return which arms (N, 2) bool, left and right, hang along the straight thigh of their side.
 
     Args:
         joints: (N, 55, 3) metres.
@@ -32,7 +33,7 @@ def hanging_arms(joints: Tensor) -> Tensor:
         )
         trunk = _direction(joints, "neck", "pelvis")
         along = (lower * thigh).sum(-1) > _ALONG_THIGH
-        found.append(along & ((upper * lower).sum(-1) > _STRAIGHT) & ((trunk * thigh).sum(-1) > _STRAIGHT))
+        found.append(along & ((upper * lower).sum(-1) > _STRAIGHT_ELBOW) & ((trunk * thigh).sum(-1) > _STRAIGHT_HIP))
     return torch.stack(found, -1)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import torch
 from torch import Tensor
@@ -13,7 +13,7 @@ from physic_core.engine.joint.people_pairs import connected_groups
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
-from physic_core.engine.joint.term import PosedBodies, Snapshot
+from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, occluded_vertices
 from physic_core.geometry.camera import project
@@ -72,16 +72,27 @@ class JointEnergy:
             (B,) int64, group of each person: people who are linked by these terms; None if no term is positive.
         """
         late, self._late_terms = self._late_terms, ()
-        for term in late:
-            term.refresh(self._snapshot)
-        with torch.no_grad():
-            bodies = self._posed_bodies()
-            found = [term for term in late if any(bool((value > 0).any()) for value in term(bodies).values())]
-        self.terms = (*self.terms, *found)
+        found = self._add_positive(late)
         if not found:
             return None
         links = torch.cat([term.links for term in found])
         return connected_groups(links, len(self.problem)).to(links.device)
+
+    def add_arm_terms(self) -> bool:
+        """Add the terms of the settings that move arms alone and are positive; return whether there are any."""
+        with torch.no_grad():
+            joints = self._posed_bodies().joints
+        return bool(self._add_positive(self._settings.arm_terms(self.context, joints)))
+
+    @torch.no_grad()
+    def _add_positive(self, terms: Sequence[Term]) -> list[Term]:
+        """Add the terms that are positive at this state, and return them."""
+        for term in terms:
+            term.refresh(self._snapshot)
+        bodies = self._posed_bodies()
+        found = [term for term in terms if any(bool((value > 0).any()) for value in term(bodies).values())]
+        self.terms = (*self.terms, *found)
+        return found
 
     @property
     def weights(self) -> dict[str, Tensor]:

@@ -19,16 +19,16 @@ from physic_core.engine.joint.terms.contact import ContactSettings
 from physic_core.engine.joint.terms.penetration import PenetrationSettings
 from physic_core.geometry.robust import geman_mcclure, pseudo_huber
 
-__all__ = ["PeopleTerm", "pair_energy"]
+__all__ = ["GAP_SIGMAS", "INSIDE_SIGMAS", "SIGMA_M", "PairEnergies", "PeopleTerm", "pair_energy"]
 
 _TOUCHING_PARTS = ("left_hand", "right_hand")
 _REACH_M = 0.06  # of the search, for vertices that are deep inside
 _MAX_GAP_M = 0.04  # of hands that may touch
 _NEARLY_INSIDE_M = 0.02  # other vertices are not expected to come inside before the next refresh
 _SLACK_M = 0.005  # depth without a penalty: soft tissue gives way
-_SIGMA_M = 0.02  # expected error of the distance between two surfaces
-_INSIDE_SIGMAS = 2.0  # beyond this many sigmas the gradient of penetration is constant
-_GAP_SIGMAS = 1.5  # beyond this many sigmas a gap counts as an outlier
+SIGMA_M = 0.02  # expected error of the distance between two surfaces
+INSIDE_SIGMAS = 2.0  # beyond this many sigmas the gradient of penetration is constant
+GAP_SIGMAS = 1.5  # beyond this many sigmas a gap counts as an outlier
 
 
 def pair_energy(distance: Tensor, apart: Tensor, touch: Tensor) -> Tensor:
@@ -41,11 +41,11 @@ def pair_energy(distance: Tensor, apart: Tensor, touch: Tensor) -> Tensor:
         apart: (p,) weight a of penetration.
         touch: (p,) weight t of contact.
     """
-    inside, gap = torch.relu(-distance - _SLACK_M) / _SIGMA_M, torch.relu(distance) / _SIGMA_M
-    return apart * pseudo_huber(inside.square(), _INSIDE_SIGMAS) + touch * geman_mcclure(gap.square(), _GAP_SIGMAS)
+    inside, gap = torch.relu(-distance - _SLACK_M) / SIGMA_M, torch.relu(distance) / SIGMA_M
+    return apart * pseudo_huber(inside.square(), INSIDE_SIGMAS) + touch * geman_mcclure(gap.square(), GAP_SIGMAS)
 
 
-class _PairEnergies(torch.autograd.Function):
+class PairEnergies(torch.autograd.Function):
     """Energy of each person (B,) by :func:`pair_energy`, with analytic derivatives by the vertices (B, n, 3).
 
     The overhead of autograd for these small arrays exceeds their cost.
@@ -106,8 +106,8 @@ class PeopleTerm(Term):
         kept = touches | (found.distance < _NEARLY_INSIDE_M)
         self.pairs, touches = found.select(kept), touches[kept]
         area = self._probes.area[self.pairs.person, self.pairs.probe]
-        self._apart = RobustSum.of("pseudo_huber", _INSIDE_SIGMAS, _SIGMA_M, self._apart_weight * area)
-        self._touch = RobustSum.of("geman_mcclure", _GAP_SIGMAS, _SIGMA_M, self._touch_weight * area * touches)
+        self._apart = RobustSum.of("pseudo_huber", INSIDE_SIGMAS, SIGMA_M, self._apart_weight * area)
+        self._touch = RobustSum.of("geman_mcclure", GAP_SIGMAS, SIGMA_M, self._touch_weight * area * touches)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of the pairs; zero if no vertices are near each other."""
@@ -115,7 +115,7 @@ class PeopleTerm(Term):
             return {}
         pairs, energy = self.pairs, torch.zeros_like(bodies.vertices[:, 0, 0])
         if len(pairs):
-            energy = _PairEnergies.apply(  # type: ignore[no-untyped-call]
+            energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
                 bodies.vertices, pairs, self._apart, self._touch
             )
         return {"people": energy}
