@@ -27,7 +27,7 @@ __all__ = ["find_raised_limbs", "judge_resting"]
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 
-_MIN_GAP_M, _MAX_GAP_M = 0.04, 0.25  # nearer limbs are pulled by contact and soles; higher ones are in the air
+_MIN_GAP_M, _MAX_GAP_M = 0.04, 0.2  # nearer limbs are pulled by contact and soles; higher ones are in the air
 _REACHED_M = 0.05  # a limb that stays farther from its surface was held back
 _MIN_PROBABILITY = 0.5  # of contact, mean of a sole
 _KNEELING_FLEXION = 1.0  # radians
@@ -90,7 +90,8 @@ def find_raised_limbs(energy: JointEnergy) -> RestingLimbs:
     """Return the feet and knees that are in the air over a surface and may rest on it; none without a floor.
 
     Such a knee is one that a person kneels on: it is bent, under the hip, and its lower leg is about level. Such a foot
-    is in sight, likely touches something, and is not known to be lifted; its owner kneels, or nothing balances them.
+    is in sight and likely touches something; its owner kneels, or nothing balances them. Neither is on a leg whose foot
+    is known to be lifted.
     Who stands on one leg keeps the other in the air: the photo hardly objects to that foot on the floor.
     """
     context, problem, estimate = energy.context, energy.problem, energy.state.unpack()
@@ -100,6 +101,8 @@ def find_raised_limbs(energy: JointEnergy) -> RestingLimbs:
     scale = float(estimate.log_scale.exp())
     posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
     kneeling = _kneeling(estimate.rotations, posed["joints"], up)
+    if problem.lifted_feet is not None:
+        kneeling &= ~problem.lifted_feet
     needed = kneeling.any(1) | ~_balanced(energy, posed["vertices"], up)
     may_rest = torch.cat([_feet_that_may_rest(energy) & needed[:, None], kneeling], 1)
     rows = (*context.soles, *_knee_rows(energy))
