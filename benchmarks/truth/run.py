@@ -144,7 +144,8 @@ def contact_of_parts(
 ) -> dict[str, dict[str, float]]:
     """Contact of each set of vertices: the share that touches, and the mean of the ten largest probabilities.
 
-    Forces between two parts of one body are not measured: vertices that touch the own body do not count.
+    The probability is at least that of a listed contact of the part, such as that of a hand at a hidden support. Forces
+    between two parts of one body are not measured: vertices that touch the own body do not count.
     """
     touching = person.contact.astype(bool)
     if person.contact_partner is not None:
@@ -155,7 +156,10 @@ def contact_of_parts(
     if person.contact_probability is not None:
         likely = np.where(touching | ~person.contact.astype(bool), person.contact_probability, 0.0)
         largest = {name: np.sort(likely[rows])[-TOP_VERTICES:] for name, rows in sets.items()}
-        found["contact_probability"] = {name: float(values.mean()) for name, values in largest.items()}
+        listed = {one.part: one.probability or 0.0 for one in reversed(person.contacts) if one.partner.kind != "self"}
+        found["contact_probability"] = {
+            name: max(float(values.mean()), listed.get(name, 0.0)) for name, values in largest.items()
+        }
     return found
 
 

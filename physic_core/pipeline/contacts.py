@@ -17,17 +17,19 @@ from physic_core.engine.contact.distance import (
     contact_surfaces,
     surface_distances,
 )
+from physic_core.engine.contact.floor_points import combine_floor_points
 from physic_core.engine.contact.hanging_arms import beside_hanging_arm
 from physic_core.engine.contact.inpainted_surfaces import lower_to_parts
 from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
 from physic_core.engine.contact.probability import (
     ASSUMED,
+    FLOOR,
     HANGING_ARM,
-    HIDDEN_SCENE,
     LIFTED_FOOT,
     OWN_HAND,
     PERSON,
+    SCENE,
     SELF,
     SURFACES,
     contact_probability,
@@ -50,6 +52,7 @@ from physic_core.engine.contact.support import (
     PosedPerson,
     find_support,
     support_record,
+    with_support,
 )
 from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.limbs import observed_parts
@@ -75,6 +78,7 @@ __all__ = ["Contacts", "classify_points", "measure_contacts"]
 
 _SEAT, _HELD = 1, 2  # assumed supports, as in assign_partners
 _SCENE, _PEOPLE, _OWN_BODY = 0, 1, 2  # what a vertex touches; the scene is with the floor
+_UNKNOWN_PRIOR = 0.5  # a contact prior gives 0 to what it does not see
 _OWN_RADIUS_M = 0.08  # of the search on the own body, whose parts are off by less than scene and people
 
 
@@ -159,22 +163,24 @@ def measure_contacts(
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, classes, above)
     give = _give(near, parts)
     before = _before_move(problem, vertices, s, settings, classes)
-    kinds = _surface_kinds(near, around, classes)
-    inpainted = kinds == SURFACES.index(HIDDEN_SCENE)
-    scene = lower_to_parts(near.scene, before.distance, before.normals, give, inpainted, model.part_of_vertex)
+    known = combine_floor_points(near, parts) if by_probability else near
+    inpainted = _inpainted(known, around, classes)
+    scene = lower_to_parts(known.scene, before.distance, before.normals, give, inpainted, model.part_of_vertex)
     skin = _skin_distances(model, vertices, outward, settings)
     touches, touched, likely = _touching(
         model,
         replace(
-            near, scene=above_dents(scene if by_probability else near.scene, give), floor=above_dents(near.floor, give)
+            known,
+            scene=above_dents(scene if by_probability else near.scene, give),
+            floor=above_dents(known.floor, give),
         ),
         skin,
         torch.where(beside_hanging_arm(model, result.joints[rows], skin[1].vertex), HANGING_ARM, 1.0),
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,
-        kinds,
-        _facing(near, around, outward, plane),
+        _surface_kinds(known, around),
+        _facing(known, around, outward, plane),
         problem.contact_probability[rows],
         settings,
     )
@@ -198,12 +204,12 @@ def measure_contacts(
         posed = PosedPerson(body, normals, result.joints[i], result.rotations[i])
         lifted = problem.lifted_feet[i] if problem.lifted_feet is not None else torch.zeros(2, dtype=torch.bool)
         outward_contact = touches[row] & (touched[row] != _OWN_BODY) & (on_object[row] < 0)
-        prior = problem.contact_probability[i]
+        prior = _known_prior(problem.contact_probability[i], seen_limbs[row])
         evidence = ContactEvidence(
             outward_contact, may_touch[row], near.nearest[row], prior, lifted, bool(result.hanging[i])
         )
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
-        hidden[row, carried[i].hidden & supports[row]] = _SEAT if carried[i].hidden_is_seat else _HELD
+        hidden[row, carried[i].hidden] = _SEAT if carried[i].hidden_is_seat else _HELD
         measured[i] |= {
             "balance_m": None if isinf(carried[i].outside_m) else max(0.0, carried[i].outside_m),
             "assumed_support": float(carried[i].hidden.any()),
@@ -256,8 +262,17 @@ def measure_contacts(
         else None
         for i, own in enumerate(index)
     )
+    by_part = tuple(
+        own if support is None else with_support(own, support)
+        for own, support in zip(by_part, supports_of, strict=True)
+    )
     table = ContactPartners(partners.table, index)
     return Contacts(contact, probability, distance, table, by_part, measured, supports_of)
+
+
+def _known_prior(prior: Tensor, seen: Tensor) -> Tensor:
+    """Return the prior (V,) with a low probability of limbs that the photo does not show replaced by an unknown one."""
+    return torch.where(seen, prior, prior.clamp(min=_UNKNOWN_PRIOR))
 
 
 def _share_below_dents(result: JointResult, rows: Tensor, give: Tensor) -> list[float]:
@@ -350,14 +365,20 @@ def _held_objects(
     return object_distances(vertices, objects.to(depth.device), depth, nearer, problem.K, SEARCH_RADIUS_M)
 
 
-def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces, classes: ClassifiedPoints) -> Tensor:
+def _inpainted(near: SurfaceDistances, around: ContactSurfaces, classes: ClassifiedPoints) -> Tensor:
+    """Return the vertices (N, V) bool whose nearest surface is an inpainted point of the scene."""
+    if not len(around.row):
+        return torch.zeros_like(near.on_floor)
+    row = around.row[near.point]
+    return (row >= 0) & ~classes.seen.to(row.device)[row] & ~near.on_floor
+
+
+def _surface_kinds(near: SurfaceDistances, around: ContactSurfaces) -> Tensor:
     """Return the kind (N, V) of the surface nearest to each vertex, as in :func:`contact_probability`."""
     floor = near.on_floor
-    if not len(around.row):
-        return torch.where(floor, 0, 1)
-    row = around.row[near.point]
-    inpainted = (row >= 0) & ~classes.seen.to(row.device)[row]
-    return torch.where(floor | (row < 0), 0, torch.where(inpainted, 2, 1))
+    if len(around.row):
+        floor = floor | (around.row[near.point] < 0)
+    return torch.where(floor, SURFACES.index(FLOOR), SURFACES.index(SCENE))
 
 
 def _facing(

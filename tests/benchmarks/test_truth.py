@@ -228,15 +228,29 @@ def test_calibration_error_is_the_distance_from_the_frequency(truth):
 
 def test_contact_with_the_own_body_is_none_with_the_scene(truth):
     partner = np.array([-1, 0, 1, 1], np.int16)
-    person = SimpleNamespace(
-        contact=partner >= 0, contact_partner=partner, contact_probability=np.array([0.1, 0.8, 0.9, 0.9])
-    )
     kinds = [SimpleNamespace(kind="floor"), SimpleNamespace(kind="self")]
+    person = SimpleNamespace(
+        contact=partner >= 0,
+        contact_partner=partner,
+        contact_probability=np.array([0.1, 0.8, 0.9, 0.9]),
+        contacts=(SimpleNamespace(part="hand", partner=kinds[1], probability=0.9),),
+    )
     found = truth.run.contact_of_parts(
         SimpleNamespace(contact_partners=kinds), person, {"all": np.arange(4), "hand": np.array([2, 3])}
     )
     assert found["contact"] == {"all": 0.25, "hand": 0}
     assert found["contact_probability"] == {"all": pytest.approx(0.9 / 4), "hand": 0}
+
+
+def test_a_limb_has_at_least_the_probability_of_its_listed_contacts(truth):
+    hidden = SimpleNamespace(kind="hidden")
+    listed = [SimpleNamespace(part="hand", partner=hidden, probability=p) for p in (0.8, 0.5)]
+    person = SimpleNamespace(
+        contact=np.ones(2, bool), contact_partner=None, contact_probability=np.full(2, 0.5), contacts=listed
+    )
+    rows = np.arange(2)
+    found = truth.run.contact_of_parts(SimpleNamespace(contact_partners=[]), person, {"hand": rows, "foot": rows})
+    assert found["contact_probability"] == {"hand": 0.8, "foot": 0.5}
 
 
 def test_depth_that_is_a_factor_off_is_right_after_it(truth):

@@ -118,6 +118,14 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region, dent=dent)[0].probability is None
 
 
+def test_a_hand_that_holds_a_hidden_support_touches_it_surely_though_not_with_every_vertex():
+    hidden = ContactPartner("hidden")
+    index, half = torch.zeros(8, dtype=torch.int64), torch.full((8,), 0.5)
+    region = torch.tensor([0] * 4 + [1] * 4)
+    contacts = body_contacts(index, half, (hidden,), ("left_hand", "left_foot"), region)
+    assert [str(one) for one in contacts] == ["left hand: hidden support, 0.80", "left foot: hidden support, 0.50"]
+
+
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
     names = ("left_hand", "head", "left_upper_arm", "torso")
     table = tuple(ContactPartner("self", part=name) for name in ("head", "left_hand", "torso", "left_upper_arm"))

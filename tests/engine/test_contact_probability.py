@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from physic_core.engine.contact.probability import (
     OWN_HAND,
-    PERSON,
     SELF,
     SURFACES,
     contact_probability,
@@ -40,11 +39,16 @@ def test_it_falls_with_the_distance(distance: float, step: float, kind: int, see
     assert probability(distance + step, kind, seen=seen) < probability(distance, kind, seen=seen)
 
 
-@given(st.floats(-0.05, 0.15), KINDS, st.booleans(), st.floats(0.1, 0.5))
+@given(st.floats(-0.05, 0.15), st.sampled_from([1, 2]), st.booleans(), st.floats(0.1, 0.5))
 def test_a_higher_prior_raises_it(distance: float, kind: int, seen: bool, prior: float):
     assert probability(distance, kind, seen=seen, prior=prior + 0.4) > probability(
         distance, kind, seen=seen, prior=prior
     )
+
+
+@given(st.floats(-0.05, 0.15), st.booleans(), st.floats(0, 1))
+def test_the_prior_tells_nothing_of_contact_with_the_floor(distance: float, seen: bool, prior: float):
+    assert probability(distance, 0, seen=seen, prior=prior) == probability(distance, 0, seen=seen)
 
 
 @given(KINDS, st.booleans(), st.floats(0, 1))
@@ -52,8 +56,8 @@ def test_it_is_zero_beyond_the_search_radius(kind: int, seen: bool, prior: float
     assert probability(torch.inf, kind, seen=seen, prior=prior) == 0
 
 
-def test_the_floor_is_surest_and_a_person_least():
-    assert probability(0.0, 0) > probability(0.0, 1) > probability(0.0, 2) > probability(0.0, SURFACES.index(PERSON))
+def test_the_floor_is_surest():
+    assert probability(0.0, 0) > 0.95 > 0.7 > max(probability(0.0, kind) for kind in range(1, len(SURFACES)))
 
 
 def test_a_hand_near_the_own_body_is_surer_than_other_parts_at_some_distance():
@@ -77,7 +81,7 @@ def test_a_limb_that_the_photo_shows_is_surer():
 
 def test_skin_that_faces_a_surface_touches_it_and_skin_that_looks_along_it_or_away_does_not():
     ahead, beside, away, unknown = facing_probability(torch.tensor([1.0, 0.0, -1.0, torch.nan])).tolist()
-    assert ahead > 0.95
-    assert beside < 0.01
-    assert away < 1e-5
+    assert ahead > 0.88
+    assert beside < 0.2
+    assert away < 0.01
     assert unknown == 1

@@ -16,12 +16,14 @@ from scipy.spatial import ConvexHull
 from physic_core.engine.contact.carrying_surfaces import correct_carrying_classes
 from physic_core.engine.contact.scene_parts import SceneParts
 from physic_core.engine.contact.support import (
+    Carried,
     ContactEvidence,
     PosedPerson,
     beside_hull,
     centre_of_mass,
     find_support,
     support_record,
+    with_support,
 )
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner, Support, SupportState
@@ -194,6 +196,25 @@ def test_the_record_lists_seen_and_hidden_supports(posed):
     assert str(support) == "assumed: left foot on floor, right foot on floor, hidden seat"
     unnamed = support_record(replace(found, contact=~found.hidden), index, None, (floor,), ("torso",), index * 0)
     assert unnamed.outside_m == support.outside_m
+
+
+def test_parts_that_carry_a_balanced_person_touch_surely_but_not_hands(posed):
+    model, _ = posed({})
+    names, region = model.part_names, model.part_of_vertex
+    feet = evidence(model, "left_sole", "right_sole", "left_hand").contact
+    carried = Carried(SupportState.BALANCED, feet, torch.zeros_like(feet), False, -0.1, torch.zeros(3))
+    index, half = torch.where(feet, 0, NO_PARTNER), torch.full(feet.shape, 0.5)
+    floor = ContactPartner("floor", "floor")
+    support = support_record(carried, index, half, (floor,), names, region)
+    assert {one.part: one.probability for one in support.contacts} == {
+        "left_foot": 0.9,
+        "right_foot": 0.9,
+        "left_hand": 0.5,
+    }
+    before = (BodyContact("left_hand", floor, 0.6, 20), BodyContact("left_foot", floor, 0.5, 20))
+    assert [str(one) for one in with_support(before, support)] == ["left foot: floor, 0.90", "left hand: floor, 0.50"]
+    unbalanced = replace(carried, state=SupportState.UNBALANCED)
+    assert support_record(unbalanced, index, half, (floor,), names, region).contacts[0].probability == 0.5
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.contact.probability import SURFACES, VISIBLE_SCENE, contact_probability
+from physic_core.engine.contact.probability import OBJECT, SURFACES, contact_probability
 from physic_core.engine.settings import ContactSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.pointmap import depth_to_pointmap
@@ -74,7 +74,7 @@ def object_probability(
 ) -> Tensor:
     """Return the probability (N, V) that each vertex touches an object.
 
-    An object has the errors of the visible scene. Limbs that the photo does not show touch it only if no other limb is
+    Limbs that the photo does not show touch it only if no other limb is
     likely to: somebody holds what the photo shows in the air.
 
     Args:
@@ -83,7 +83,7 @@ def object_probability(
         seen: (N, V) bool, vertices of limbs that the photo shows.
         settings: the contact interval.
     """
-    kind = torch.full_like(distances.object, SURFACES.index(VISIBLE_SCENE))
+    kind = torch.full_like(distances.object, SURFACES.index(OBJECT))
     prior = torch.full_like(distances.distance, _PRIOR)
     likely = contact_probability(distances.distance, kind, seen, prior, settings)
     likely = torch.where(may_touch, likely, 0.0)

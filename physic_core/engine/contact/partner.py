@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.probability import ASSUMED_HOLD
 from physic_core.engine.contact.regions import are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import SceneParts
 from physic_core.engine.contact.skin import SkinContacts
@@ -106,7 +107,8 @@ def body_contacts(
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
-    The probability of a part is the mean of its ten most probable vertices. Contacts of fewer than three vertices are
+    The probability of a part is the mean of its ten most probable vertices, that of a hand at a hidden support at least
+    :data:`ASSUMED_HOLD`. Contacts of fewer than three vertices are
     not listed, nor those of adjacent parts of the own body, such as an arm and the torso. Two parts of the own body
     that touch each other are listed once, from the part that is farther out.
 
@@ -130,6 +132,8 @@ def body_contacts(
         if probability is not None:
             likely = probability[touching & (code == value)]
             sure = round(float(likely.topk(min(_TOP_SHARE, len(likely))).values.mean()), 4)
+            if table[partner].kind == "hidden" and region_names[part].endswith("hand"):
+                sure = max(sure, ASSUMED_HOLD)
         here = touching & (code == value)
         deep = None if dent is None else _dent_of(dent[here])
         if sure is None or sure >= least:

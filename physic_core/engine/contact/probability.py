@@ -7,24 +7,24 @@ weak evidence:
 
     p = r (Phi((distance_m - d) / s) - Phi((-inside_m - d) / s)) + (1 - r) b exp(-|d| / 0.3 m)
 
-``r``, ``s`` and ``b`` depend on the surface: the floor is a plane through many points, the visible scene has the errors
-of depth, what people hide is inpainted, two people have errors of their own, and parts of one body only those of its
-pose. For a limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air
-keeps a fifth of its probability, an arm that hangs beside the thigh a tenth.
+``r``, ``s`` and ``b`` depend on the surface: the floor is a plane through many points, the scene has the errors of
+depth and of the inpainter, two people have errors of their own, and parts of one body only those of its pose. For a
+limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air keeps a fifth
+of its probability, an arm that hangs beside the thigh a tenth.
 
 Skin of a round body part faces what it touches (:func:`facing_probability`).
 
 The prior shifts the log-odds of ``p`` by a small amount, since stage 3 has used it already. It is a prior of contact
-with the scene, so that contact with skin has none.
+with the scene, so that contact with skin has none. It tells nothing more about skin near the floor.
 
-The constants of scene and floor are fitted by maximum likelihood on 38 synthetic worlds (``physic bench``, seed 900),
-with errors of versions 3 and 4; those of skin on the 30 worlds of ``benchmarks/contact_probability.py``. Those of
-lifted feet, hanging arms and assumed supports are set by hand. The benchmark measures the calibration on other worlds.
+The constants of scene, floor and skin are fitted by maximum likelihood with ``benchmarks/contact_probability.py``.
+Those of lifted feet, hanging arms and assumed supports are set by hand. The benchmark measures the calibration on
+other worlds.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import torch
 from torch import Tensor
@@ -33,10 +33,13 @@ from physic_core.engine.settings import ContactSettings
 
 __all__ = [
     "ASSUMED",
-    "HIDDEN_SCENE",
+    "ASSUMED_HOLD",
+    "CARRYING",
     "LIFTED_FOOT",
+    "OBJECT",
     "OWN_HAND",
     "PERSON",
+    "SCENE",
     "SELF",
     "SURFACES",
     "SurfaceError",
@@ -55,6 +58,8 @@ class SurfaceError:
         unseen_log_odds: added for limbs that the photo does not show.
         share: ``b`` for limbs that the photo shows.
         unseen_share: ``b`` for the others.
+        prior_weight: of the log-odds of the contact prior.
+        prior_offset: added to the log-odds with a prior.
     """
 
     log_odds: float
@@ -62,16 +67,18 @@ class SurfaceError:
     unseen_log_odds: float
     share: float
     unseen_share: float
+    prior_weight: float = 0.0
+    prior_offset: float = 0.0
 
 
-FLOOR = SurfaceError(0.40, 0.004, -1.8, 1.0, 1.0)
+FLOOR = SurfaceError(3.106, 0.008, -1.389, 0.589, 0.715, 0.0, 1.082)
 """The floor's plane."""
 
-VISIBLE_SCENE = SurfaceError(0.95, 0.030, -1.25, 1.0, 0.6)
-"""Scene points that the photo shows."""
+SCENE = SurfaceError(2.302, 0.039, -0.269, 0.461, 0.513, 0.096, -0.665)
+"""Scene points, visible or inpainted."""
 
-HIDDEN_SCENE = SurfaceError(2.2, 0.026, -1.25, 1.0, 0.6)
-"""Inpainted scene points. Stage 3 has moved them out of the bodies, so that they follow the skin."""
+OBJECT = SurfaceError(0.95, 0.030, -1.25, 1.0, 0.6, 0.16, -0.28)
+"""Small objects, of which the photo shows the front."""
 
 PERSON = SurfaceError(-0.41, 0.016, -0.54, 0.143, 0.325)
 """Skin of another person, by distances without the gap that vertices share."""
@@ -82,7 +89,7 @@ OWN_HAND = SurfaceError(0.365, 0.033, -2.30, 0.177, 0.111)
 SELF = SurfaceError(0.10, 0.013, -0.22, 0.018, 0.030)
 """Skin of other parts of the own body, which the errors of arms and legs move less than hands."""
 
-SURFACES = (FLOOR, VISIBLE_SCENE, HIDDEN_SCENE, PERSON, OWN_HAND, SELF)
+SURFACES = (FLOOR, SCENE, OBJECT, PERSON, OWN_HAND, SELF)
 """Kinds of surfaces, in the order of the argument ``kind`` of :func:`contact_probability`."""
 
 LIFTED_FOOT = 0.2
@@ -94,16 +101,23 @@ HANGING_ARM = 0.1
 ASSUMED = 0.5
 """Probability of contact with an assumed support: the pose needs it, and nothing shows it."""
 
-_FACING = 0.6
-"""Cosine at which a surface is touched by half as many vertices as ahead. A limb of radius 5 cm is within 2 cm of a
-plane where the cosine is above 0.6, the torso where it is above 0.85; surfaces are rarely planes."""
+ASSUMED_HOLD = 0.8
+"""Probability that a hand at an assumed support touches it: 22 of 27 hands in pictures with measured contact. A third
+of its vertices do.
+"""
 
-_FACING_SLOPE = 8.0
+CARRYING = 0.9
+"""Probability that a part that carries a balanced person touches what it rests on, hands excepted: on synthetic worlds
+46 of 48 such parts with a smaller probability of their vertices."""
+
+FACING = 0.41
+"""Cosine at which a surface is touched by half as many vertices as ahead; surfaces are rarely planes."""
+
+FACING_SLOPE = 3.63
+"""Slope of the log-odds over the cosine."""
 
 _UNSEEN_SIGMA_M = 0.0125  # of a limb that the photo does not show, added in squares
 _REACH_M = 0.3
-_PRIOR_WEIGHT = 0.157  # of the prior's log-odds
-_PRIOR_OFFSET = -0.275
 _PRIOR_RANGE = (0.05, 0.95)
 
 
@@ -119,8 +133,8 @@ def contact_probability(
         prior: (...) of the contact prior, in [0, 1]; None for contact with skin.
         settings: the contact interval.
     """
-    table = distance.new_tensor([(e.log_odds, e.sigma_m, e.unseen_log_odds, e.share, e.unseen_share) for e in SURFACES])
-    log_odds, sigma, unseen_log_odds, seen_share, unseen_share = table.T[:, kind]
+    table = distance.new_tensor([astuple(error) for error in SURFACES]).T[:, kind]
+    log_odds, sigma, unseen_log_odds, seen_share, unseen_share, prior_weight, prior_offset = table
     unseen = (~seen).to(distance)
     sigma = torch.sqrt(sigma.square() + unseen * _UNSEEN_SIGMA_M**2)
     right = torch.sigmoid(log_odds + unseen * unseen_log_odds)
@@ -131,8 +145,7 @@ def contact_probability(
     p = right * (outer - inner) + (1 - right) * share * torch.exp(-d.abs() / _REACH_M)
     p = p.clamp(1e-6, 1 - 1e-6)
     if prior is not None:
-        evidence = _PRIOR_WEIGHT * torch.logit(prior.to(d).clamp(*_PRIOR_RANGE)) + _PRIOR_OFFSET
-        p = torch.sigmoid(torch.logit(p) + evidence)
+        p = torch.sigmoid(torch.logit(p) + prior_weight * torch.logit(prior.to(d).clamp(*_PRIOR_RANGE)) + prior_offset)
     return torch.where(known, p, torch.zeros_like(p))
 
 
@@ -145,4 +158,4 @@ def facing_probability(cosine: Tensor) -> Tensor:
         cosine: (...) between the inward normal of the skin and the normal of the surface; NaN where it has none, which
             gives 1.
     """
-    return torch.where(torch.isnan(cosine), 1.0, torch.sigmoid(_FACING_SLOPE * (cosine - _FACING)))
+    return torch.where(torch.isnan(cosine), 1.0, torch.sigmoid(FACING_SLOPE * (cosine - FACING)))

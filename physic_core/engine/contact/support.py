@@ -10,7 +10,7 @@ Camera frame, metres.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -18,9 +18,10 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, SIDES, joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import body_contacts
+from physic_core.engine.contact.probability import CARRYING
 from physic_core.engine.joint.distances import hinge_angles
 from physic_core.engine.joint.limbs import is_sitting
-from physic_core.types.contacts import NO_PARTNER, ContactPartner
+from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 from physic_core.types.support import Support, SupportState
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "find_support",
     "hands_may_hold",
     "support_record",
+    "with_support",
 ]
 
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
@@ -216,9 +218,18 @@ def support_record(
     carrying = torch.where(carried.hidden, len(table), carrying)
     parts = body_contacts(carrying, probability, partners, region_names, region)
     contacts = tuple(one for one in parts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
+    if carried.state is SupportState.BALANCED:
+        contacts = tuple(map(_surer, contacts))
     x, y, z = carried.centre.tolist()
     outside = round(carried.outside_m, 4) if carried.outside_m < float("inf") else None
     return Support(carried.state, contacts, outside, (round(x, 4), round(y, 4), round(z, 4)))
+
+
+def with_support(contacts: tuple[BodyContact, ...], support: Support) -> tuple[BodyContact, ...]:
+    """Return a person's contacts by body part; those that carry the person have the probability of the support."""
+    known = {(one.part, one.partner): one.probability for one in support.contacts}
+    found = (replace(one, probability=known.get((one.part, one.partner), one.probability)) for one in contacts)
+    return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
 
 
 def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -299,6 +310,13 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
         found.append(_Hypothesis(lowest(model.outer & evidence.may_touch, _BED_M), none, _BED_COST))
     return (one for one in found if int(one.patch.sum()) >= _MIN_VERTICES)
+
+
+def _surer(contact: BodyContact) -> BodyContact:
+    """Return a contact that carries a balanced person, with the probability that such contacts have."""
+    if contact.probability is None or contact.part.endswith("hand"):
+        return contact
+    return replace(contact, probability=max(contact.probability, CARRYING))
 
 
 def _knees(model: BodyModel, body: PosedPerson) -> Tensor:
