@@ -18,19 +18,18 @@ from physic_core.engine.contact.distance import (
     surface_distances,
 )
 from physic_core.engine.contact.floor_points import combine_floor_points
-from physic_core.engine.contact.hanging_arms import beside_hanging_arm
 from physic_core.engine.contact.inpainted_surfaces import lower_to_parts
 from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
 from physic_core.engine.contact.partner import ContactPartners, assign_partners, body_contacts
 from physic_core.engine.contact.probability import (
     ASSUMED,
     FLOOR,
-    HANGING_ARM,
     LIFTED_FOOT,
     OWN_HAND,
     PERSON,
     SCENE,
     SELF,
+    STRAIGHT_HIP,
     SURFACES,
     contact_probability,
     facing_probability,
@@ -45,6 +44,7 @@ from physic_core.engine.contact.skin import (
     people_distances,
     without_shared_gap,
 )
+from physic_core.engine.contact.straight_hips import arms_at_straight_hips
 from physic_core.engine.contact.support import (
     DOWNWARD,
     Carried,
@@ -175,7 +175,7 @@ def measure_contacts(
             floor=above_dents(known.floor, give),
         ),
         skin,
-        torch.where(beside_hanging_arm(model, result.joints[rows], skin[1].vertex), HANGING_ARM, 1.0),
+        torch.where(arms_at_straight_hips(model, result.joints[rows], skin[1].vertex), STRAIGHT_HIP, 1.0),
         may_touch,
         model.outer * torch.where(in_air, LIFTED_FOOT, 1.0),
         seen_limbs,

@@ -32,11 +32,13 @@ def settings(inside: float = 3.0, contact: float = 0.8):
     )
 
 
-def pairs_of(gap: float, *, on_thigh: bool = False, touches: bool = True):
+def pairs_of(gap: float, *, on_thigh: bool = False, touches: bool = True, thigh_gap_m: float = 0.015):
     """Pairs of four vertices of a hand, ``gap`` metres and more before a patch of skin."""
     hand = [[0.0, 0.0, 1.0 - gap], [0.01, 0.0, 1.0 - gap], [0.02, 0.0, 0.99 - gap], [0.03, 0.0, 0.96 - gap]]
     skin = [[0.01 * i, 0.0, 1.0] for i in range(4)]
-    one = OwnHand(0, touches, torch.arange(4), torch.arange(4), torch.arange(4, 8), torch.full((4,), on_thigh))
+    one = OwnHand(
+        0, touches, torch.arange(4), torch.arange(4), torch.arange(4, 8), torch.full((4,), on_thigh), thigh_gap_m
+    )
     normals = torch.tensor([[AWAY] * 4 + [TOWARDS] * 4]).double()
     return find_own_pairs([one], torch.tensor([hand + skin]).double(), normals)
 
@@ -53,6 +55,7 @@ def test_the_skin_of_a_hand_that_is_nearest_to_the_body_touches(gap):
 def test_hands_that_hang_and_hands_over_the_thigh_are_kept_out_alone():
     assert pairs_of(0.01, touches=False)[1].tolist() == [False] * 3
     assert pairs_of(0.0, on_thigh=True)[1].tolist() == [True] * 3
+    assert pairs_of(0.0, on_thigh=True, thigh_gap_m=-1.0)[1].tolist() == [False] * 3
     assert pairs_of(0.03, on_thigh=True) is None
     assert pairs_of(0.06) is None
     assert pairs_of(0.2) is None

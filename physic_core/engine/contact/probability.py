@@ -10,7 +10,7 @@ weak evidence:
 ``r``, ``s`` and ``b`` depend on the surface: the floor is a plane through many points, the scene has the errors of
 depth and of the inpainter, two people have errors of their own, and parts of one body only those of its pose. For a
 limb that the photo does not show, ``r`` is lower and ``s`` larger. A foot that is found to be in the air keeps a fifth
-of its probability, an arm that hangs beside the thigh a tenth.
+of its probability, an arm at the thigh of a straight hip a tenth.
 
 Skin of a round body part faces what it touches (:func:`facing_probability`).
 
@@ -18,7 +18,7 @@ The prior shifts the log-odds of ``p`` by a small amount, since stage 3 has used
 with the scene, so that contact with skin has none. It tells nothing more about skin near the floor.
 
 The constants of scene, floor and skin are fitted by maximum likelihood with ``benchmarks/contact_probability.py``.
-Those of lifted feet, hanging arms and assumed supports are set by hand. The benchmark measures the calibration on
+Those of lifted feet, arms at thighs and assumed supports are set by hand. The benchmark measures the calibration on
 other worlds.
 """
 
@@ -41,6 +41,7 @@ __all__ = [
     "PERSON",
     "SCENE",
     "SELF",
+    "STRAIGHT_HIP",
     "SURFACES",
     "SurfaceError",
     "contact_probability",
@@ -95,8 +96,8 @@ SURFACES = (FLOOR, SCENE, OBJECT, PERSON, OWN_HAND, SELF)
 LIFTED_FOOT = 0.2
 """Factor on the probability of a foot that is found to be in the air."""
 
-HANGING_ARM = 0.1
-"""Factor on the probability of an arm that hangs beside the thigh: nearly all are a few centimetres from it."""
+STRAIGHT_HIP = 0.1
+"""Factor on the probability of an arm at the thigh of a straight hip: nearly all are a few centimetres from it."""
 
 ASSUMED = 0.5
 """Probability of contact with an assumed support: the pose needs it, and nothing shows it."""

@@ -20,6 +20,7 @@ __all__ = [
     "limb_part_indices",
     "observed_parts",
     "placement_keypoints",
+    "straight_hips",
 ]
 
 _END_JOINT = {
@@ -36,6 +37,7 @@ _HIPS, _KNEES = joint_pair("hip"), joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 _MIN_IN_LINE_COSINE = 0.82  # 35 degrees between trunk and legs
+_STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
 _MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators err by 20
 _MAX_SITTING_COSINE = 0.77  # 40 degrees of flexion of a hip; people perch on high seats
 _MAX_THIGH_COSINE = 0.9  # 25 degrees from down
@@ -160,3 +162,14 @@ def is_sitting(rotations: Tensor, joints: Tensor, up: Tensor) -> Tensor:
     bent = (thighs * trunk[:, None]).sum(-1).amin(1) > -_MAX_SITTING_COSINE
     raised = (thighs @ up).amin(1) > -_MAX_THIGH_COSINE
     return bent & (raised | (hinge_angles(rotations)[:, :2].amin(1) > _MAX_KNEE_FLEXION))
+
+
+def straight_hips(joints: Tensor) -> Tensor:
+    """Return which hips (B, 2) bool, left and right, are nearly straight: the thigh goes on along the trunk.
+
+    Args:
+        joints: (B, 55, 3) metres.
+    """
+    trunk = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _NECK], dim=-1)
+    thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
+    return (thighs * trunk[:, None]).sum(-1) > _STRAIGHT_HIP_COSINE

@@ -12,15 +12,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, SIDES, joint_pair
+from physic_core.body.joints import SIDES, joint_pair
 from physic_core.body.model import BodyModel
+from physic_core.engine.joint.limbs import straight_hips
 from physic_core.engine.joint.people_pairs import PeoplePairs
 
 __all__ = ["OwnHand", "find_own_pairs", "hands_of", "hanging_hands"]
 
-_NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _STRAIGHT_ELBOW_COSINE = 0.5  # 60 degrees
-_STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
 _REACH_M = 0.08  # of the search
 _MAX_BESIDE_M = 0.02  # of a vertex from the normal of its partner: the spacing of the partners
 _MAX_SLANT = 0.5  # the same, as a share of the distance along the normal
@@ -42,6 +41,7 @@ class OwnHand:
         rows: (h,) int64, its row of the subsampled vertices.
         skin: (k,) int64, rows of the body without this arm.
         on_thigh: (k,) bool, skin of the thigh of the same side.
+        thigh_gap_m: largest distance at which the hand touches that thigh; negative if it does not touch it.
     """
 
     person: int
@@ -50,6 +50,7 @@ class OwnHand:
     rows: Tensor
     skin: Tensor
     on_thigh: Tensor
+    thigh_gap_m: float = _MAX_THIGH_GAP_M
 
 
 def hanging_hands(joints: Tensor) -> Tensor:
@@ -60,24 +61,24 @@ def hanging_hands(joints: Tensor) -> Tensor:
     Args:
         joints: (B, 55, 3) metres.
     """
-    upper, lower, thigh = (
+    upper, lower = (
         F.normalize(joints[:, joint_pair(end)] - joints[:, joint_pair(start)], dim=-1)
-        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"))
+        for start, end in (("shoulder", "elbow"), ("elbow", "wrist"))
     )
-    trunk = F.normalize(joints[:, _PELVIS] - joints[:, _NECK], dim=-1)[:, None]
-    return ((upper * lower).sum(-1) > _STRAIGHT_ELBOW_COSINE) & ((trunk * thigh).sum(-1) > _STRAIGHT_HIP_COSINE)
+    return ((upper * lower).sum(-1) > _STRAIGHT_ELBOW_COSINE) & straight_hips(joints)
 
 
-def hands_of(model: BodyModel, ids: Tensor, probes: Tensor, seen: Tensor, hanging: Tensor) -> list[OwnHand]:
-    """Return the visible hands of all people.
+def hands_of(model: BodyModel, ids: Tensor, probes: Tensor, seen: Tensor, joints: Tensor) -> list[OwnHand]:
+    """Return the visible hands of all people. They do not touch the thigh of a straight hip.
 
     Args:
         model: body model.
         ids: (n,) int64, the subsampled vertices.
         probes: (m,) int64, rows of these that are compared with skin.
         seen: (B, n) bool, vertices of limbs that the photo shows.
-        hanging: (B, 2) bool, as of :func:`hanging_hands`.
+        joints: (B, 55, 3) metres.
     """
+    hanging, straight = hanging_hands(joints), straight_hips(joints)
     part, names = model.part_of_vertex[ids], model.part_names
     found = []
     for column, side in enumerate(SIDES):
@@ -87,7 +88,8 @@ def hands_of(model: BodyModel, ids: Tensor, probes: Tensor, seen: Tensor, hangin
         on_thigh = part[skin] == names.index(f"{side}_upper_leg")
         for person in seen[:, probes[own]].any(1).nonzero(as_tuple=True)[0].tolist():
             touches = not bool(hanging[person, column])
-            found.append(OwnHand(person, touches, own, probes[own], skin, on_thigh))
+            thigh_gap = -1.0 if bool(straight[person, column]) else _MAX_THIGH_GAP_M
+            found.append(OwnHand(person, touches, own, probes[own], skin, on_thigh, thigh_gap))
     return found
 
 
@@ -125,7 +127,7 @@ def _pairs_of(hand: OwnHand, vertices: Tensor, normals: Tensor) -> tuple[PeopleP
     order = torch.where(near, along, torch.inf).argsort()
     third = order[min(_FIRST, int(near.sum())) - 1]
     gap = along[third].clamp(min=0)
-    widest = _MAX_THIGH_GAP_M if bool(hand.on_thigh[column[third]]) else _MAX_GAP_M
+    widest = hand.thigh_gap_m if bool(hand.on_thigh[column[third]]) else _MAX_GAP_M
     touching = near & (along < (gap + _FLAT_M).clamp(max=_MAX_GAP_M))
     touching &= hand.touches and bool(gap < widest)
     kept = (near & (touching | (along < _NEARLY_INSIDE_M))).nonzero(as_tuple=True)[0]

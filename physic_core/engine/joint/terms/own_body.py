@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.own_hands import find_own_pairs, hands_of, hanging_hands
+from physic_core.engine.joint.own_hands import find_own_pairs, hands_of
 from physic_core.engine.joint.people_pairs import PeoplePairs, select_probes
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
@@ -38,8 +38,7 @@ class OwnBodyTerm(Term):
         self.pairs: PeoplePairs | None = None
         model, ids = context.problem.model, context.ids
         self._probes = select_probes(model, ids, context.area)
-        hanging = hanging_hands(joints)
-        self._hands = hands_of(model, ids, self._probes.rows, context.on_visible_part, hanging)
+        self._hands = hands_of(model, ids, self._probes.rows, context.on_visible_part, joints)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""

@@ -1,12 +1,13 @@
-"""Arms that hang beside the thigh do not touch it; arms that are bent or held away may."""
+"""Arms near the thigh of a straight hip rarely touch it; those of who sits or bends may."""
 
 from __future__ import annotations
 
-import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.contact.hanging_arms import beside_hanging_arm, hanging_arms
+from physic_core.engine.contact.straight_hips import arms_at_straight_hips
+from physic_core.engine.joint.limbs import straight_hips
+from physic_core.engine.joint.own_hands import hanging_hands
 
 STANDING = {
     "neck": (0.0, 1.5),
@@ -29,15 +30,15 @@ def posed(**moved: tuple[float, float]) -> torch.Tensor:
     return joints
 
 
-def test_both_arms_of_a_standing_person_hang():
-    assert hanging_arms(posed()).tolist() == [[True, True]]
+def test_the_hips_of_who_stands_are_straight_and_those_of_who_sits_are_not():
+    assert straight_hips(posed()).tolist() == [[True, True]]
+    assert straight_hips(posed(knee=(0.5, 0.9))).tolist() == [[False, True]]
 
 
-@pytest.mark.parametrize(
-    "moved", [{"wrist": (0.4, 0.9)}, {"elbow": (0.5, 1.3), "wrist": (0.5, 1.05)}, {"knee": (0.5, 0.9)}]
-)
-def test_an_arm_away_from_the_thigh_a_bent_arm_and_a_bent_hip_do_not(moved):
-    assert hanging_arms(posed(**moved)).tolist() == [[False, True]]
+def test_a_straight_arm_at_a_straight_hip_hangs():
+    assert hanging_hands(posed()).tolist() == [[True, True]]
+    assert hanging_hands(posed(elbow=(0.5, 1.3), wrist=(0.5, 1.05))).tolist() == [[False, True]]
+    assert hanging_hands(posed(knee=(0.5, 0.9))).tolist() == [[False, True]]
 
 
 def test_only_the_arm_and_the_thigh_of_one_side_are_flagged(body):
@@ -47,6 +48,6 @@ def test_only_the_arm_and_the_thigh_of_one_side_are_flagged(body):
     )
     nearest = torch.full((1, body.num_vertices), torso)
     nearest[0, hand], nearest[0, thigh], nearest[0, other] = thigh, hand, thigh
-    flagged = beside_hanging_arm(body, posed(), nearest)
+    flagged = arms_at_straight_hips(body, posed(), nearest)
     assert flagged[0].nonzero()[:, 0].tolist() == sorted((hand, thigh))
-    assert not beside_hanging_arm(body, posed(wrist=(0.4, 0.9)), nearest).any()
+    assert not arms_at_straight_hips(body, posed(knee=(0.5, 0.9)), nearest).any()
