@@ -206,7 +206,13 @@ def measure_contacts(
         outward_contact = touches[row] & (touched[row] != _OWN_BODY) & (on_object[row] < 0)
         prior = _known_prior(problem.contact_probability[i], seen_limbs[row])
         evidence = ContactEvidence(
-            outward_contact, may_touch[row], near.nearest[row], prior, lifted, bool(result.hanging[i])
+            contact=outward_contact,
+            may_touch=may_touch[row],
+            distance=near.nearest[row],
+            prior=prior,
+            lifted_feet=lifted,
+            feet_seen=bool(seen_limbs[row, soles].any()),
+            hanging=bool(result.hanging[i]),
         )
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)
         hidden[row, carried[i].hidden] = _SEAT if carried[i].hidden_is_seat else _HELD

@@ -124,6 +124,18 @@ def test_who_is_in_the_air_holds_something_or_jumps_by_the_contact_prior(posed):
     assert math.isinf(jumps.outside_m)
 
 
+def test_who_shows_no_feet_holds_something_hidden_only_over_the_shoulders(posed):
+    arms_down = {"left_shoulder": (0, 0, -1.2), "right_shoulder": (0, 0, 1.2)}
+    for bends, part in ((HANGS, "hand"), (arms_down, "foot")):
+        model, body = posed(bends)
+        hands_alone = evidence(model, prior=("left_hand", "right_hand"))
+        unseen = replace(hands_alone, feet_seen=False, prior=hands_alone.prior.clamp(min=0.5))
+        found = find_support(model, body, unseen, UP, assume=True)
+        assert within(model, found.hidden, f"left_{part}", f"right_{part}")
+        shown = find_support(model, body, hands_alone, UP, assume=True)
+        assert within(model, shown.hidden, "left_hand", "right_hand")
+
+
 def test_who_was_found_to_hang_holds_something_hidden_whatever_the_contact_prior(posed):
     model, body = posed(HANGS)
     in_air = evidence(model, lifted=(True, True))

@@ -38,6 +38,7 @@ __all__ = [
 ]
 
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
+_SHOULDERS, _WRISTS = joint_pair("shoulder"), joint_pair("wrist")
 _KNEES, _ANKLES = joint_pair("knee"), joint_pair("ankle")
 DOWNWARD = -0.3
 """Cosine between a normal and up; skin below it faces down, and can rest on something."""
@@ -87,6 +88,7 @@ class ContactEvidence:
         distance: (V,) signed, to the nearest surface, metres; inf beyond the search radius.
         prior: (V,) probability of the contact prior.
         lifted_feet: (2,) bool, left and right foot in the air.
+        feet_seen: whether the photo shows a foot.
         hanging: whether the person was found to hang from the hands by the pose.
     """
 
@@ -95,6 +97,7 @@ class ContactEvidence:
     distance: Tensor
     prior: Tensor
     lifted_feet: Tensor
+    feet_seen: bool = True
     hanging: bool = False
 
 
@@ -295,7 +298,11 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
     if not in_air and bool(is_sitting(body.rotations[None], body.joints[None], up)[0]):
         seat = lowest(members("thighs", "gluteus"))
         found.append(_Hypothesis(seat, soles, _SEAT_COST, is_seat=True, needs_surface=False))
-    held = hands_may_hold(model, evidence.prior[None])[0] | evidence.hanging
+    held = hands_may_hold(model, evidence.prior[None])[0]
+    if not evidence.feet_seen:
+        # Feet that the photo does not show stand on something more often than not.
+        held &= (body.joints[_WRISTS] - body.joints[_SHOULDERS]) @ up > 0
+    held |= evidence.hanging
     hands = members(*(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
     hold = _Hypothesis(hands, none, _HOLD_COST, needs_surface=False)
     if evidence.hanging:
