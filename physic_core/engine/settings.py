@@ -37,6 +37,7 @@ class ContactSettings:
         rule: "probability" gives contact to vertices whose probability of contact is at least the threshold, "distance"
             to those whose distance is within the two bounds; it estimates no probability.
         threshold: least probability of a vertex in contact. 0.35 has the best F1 of contact on synthetic worlds.
+            Limbs that the photo does not show need 0.5 at least.
         skin_threshold: the same for contact with other people and with the own body, which is less certain.
         distance_m: largest distance to scene or floor of a vertex in contact, metres; 0.02 as released. The probability
             is that of a true distance within the bounds.

@@ -78,6 +78,7 @@ __all__ = ["Contacts", "classify_points", "measure_contacts"]
 
 _SEAT, _HELD = 1, 2  # assumed supports, as in assign_partners
 _SCENE, _PEOPLE, _OWN_BODY = 0, 1, 2  # what a vertex touches; the scene is with the floor
+_UNSEEN_THRESHOLD = 0.5  # of contact of limbs that the photo does not show, at least
 _UNKNOWN_PRIOR = 0.5  # a contact prior gives 0 to what it does not see
 _OWN_RADIUS_M = 0.08  # of the search on the own body, whose parts are off by less than scene and people
 
@@ -467,9 +468,11 @@ def _touching(
     skin_likely = probabilities[1:].amax(0) * chance
     touched = probabilities.argmax(0)
     on_skin = (skin_likely >= reach.skin_threshold) & (touched > 0)
-    # Where the photo does not show a limb, the pose is a guess: probable contact, but none that is stated.
+    # Where the photo does not show a limb, the pose is a guess: contact with the scene is stated if it is more likely
+    # than not, and contact with skin is not.
     seen = torch.where(touched == _OWN_BODY, seen_on_own, seen_limbs)
-    return ((likely >= reach.threshold) | on_skin) & seen, touched, likely
+    likely_hidden = (likely >= max(_UNSEEN_THRESHOLD, reach.threshold)) & (touched == _SCENE)
+    return (((likely >= reach.threshold) | on_skin) & seen) | likely_hidden, touched, likely
 
 
 def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
