@@ -25,6 +25,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _TINY = 1e-12
+_OPPOSITE = 1e-16  # squared sum of opposite unit vectors: below, it has fewer digits than the half turn is off by
 
 
 def unit(vectors: Array) -> Array:
@@ -85,7 +86,7 @@ def rotation_between(first: Array, second: Array) -> Array:
     """
     a, b = unit(first), unit(second)
     middle = a + b
-    opposite = (middle * middle).sum(-1, keepdims=True) < _TINY
+    opposite = (middle * middle).sum(-1, keepdims=True) < _OPPOSITE
     if opposite.any():
         aside = cross(a, np.where(np.abs(a[..., :1]) < 0.8, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
         middle = np.where(opposite, aside, middle)
