@@ -1,12 +1,15 @@
-"""Settings with some values changed, for tests: ``adjusted(joint, contact__weight=0.0, restarts=1)``."""
+"""Settings and problems with some values changed, for tests: ``adjusted(joint, contact__weight=0.0, restarts=1)``."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
+import torch
+
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.settings import with_overrides
 
@@ -24,6 +27,19 @@ def adjusted(settings: Settings, **changes: Any) -> Settings:
             place = place.setdefault(table, {})
         place[name] = value
     return with_overrides(settings, overrides)
+
+
+def without_photo(problem: JointProblem) -> JointProblem:
+    """Return the problem without keypoints, depth, scene and floor."""
+    nothing = torch.zeros(0, 3)
+    return replace(
+        problem,
+        keypoint_confidence=torch.zeros_like(problem.keypoint_confidence),
+        floor_normal=None,
+        scene_points=nothing,
+        scene_normals=nothing,
+        human_depth=None,
+    )
 
 
 def with_options(joint: JointSettings, **changes: Any) -> JointSettings:

@@ -18,7 +18,7 @@ from physic_core.engine.joint.terms.people import pair_energy
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import vertex_normals
 
-from .adjusted import adjusted
+from .adjusted import adjusted, without_photo
 
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 DEFAULT = PRESETS["default"].joint
@@ -67,15 +67,7 @@ def at_chest(make_stage):
     problem = make_stage(
         [({"left_shoulder": (0.6, -0.3, -1.2), "left_elbow": (0.0, -2.0, 0.0)}, (0.0, 0.0, 3.0))]
     ).problem
-    nothing = torch.zeros(0, 3)
-    return replace(
-        problem,
-        keypoint_confidence=torch.zeros_like(problem.keypoint_confidence),
-        floor_normal=None,
-        scene_points=nothing,
-        scene_normals=nothing,
-        human_depth=None,
-    )
+    return without_photo(problem)
 
 
 def gap_of(problem, vertices) -> float:

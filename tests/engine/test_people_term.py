@@ -15,7 +15,7 @@ from physic_core.engine.joint.terms.people import PeopleTerm, pair_energy
 from physic_core.engine.presets import PRESETS
 from physic_core.geometry.visibility import vertex_normals
 
-from .adjusted import adjusted
+from .adjusted import adjusted, without_photo
 
 DEFAULT = PRESETS["default"].joint
 REACH_M = 0.06
@@ -24,16 +24,7 @@ REACH_M = 0.06
 def beside(make_stage, x: float, z: float):
     """Two people, 2 x metres beside and z metres behind each other, of whom the photo shows nothing."""
     stage = make_stage([({}, (-x, 0.0, 3.0)), ({}, (x, 0.0, 3.0 + z))])
-    problem, nothing = stage.problem, torch.zeros(0, 3)
-    unseen = replace(
-        problem,
-        keypoint_confidence=torch.zeros_like(problem.keypoint_confidence),
-        floor_normal=None,
-        scene_points=nothing,
-        scene_normals=nothing,
-        human_depth=None,
-    )
-    return replace(stage, problem=unseen)
+    return replace(stage, problem=without_photo(stage.problem))
 
 
 @pytest.fixture(scope="module")

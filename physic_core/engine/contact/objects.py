@@ -74,8 +74,8 @@ def object_probability(
 ) -> Tensor:
     """Return the probability (N, V) that each vertex touches an object.
 
-    Limbs that the photo does not show touch it only if no other limb is
-    likely to: somebody holds what the photo shows in the air.
+    Limbs that the photo does not show touch it only if no other limb is likely to: somebody holds what the photo shows
+    in the air.
 
     Args:
         distances: to the objects.

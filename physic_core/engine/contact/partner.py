@@ -108,9 +108,9 @@ def body_contacts(
     """List the contacts of one person by body part, most probable first.
 
     The probability of a part is the mean of its ten most probable vertices, that of a hand at a hidden support at least
-    :data:`ASSUMED_HOLD`. Contacts of fewer than three vertices are
-    not listed, nor those of adjacent parts of the own body, such as an arm and the torso. Two parts of the own body
-    that touch each other are listed once, from the part that is farther out.
+    :data:`ASSUMED_HOLD`. Contacts of fewer than three vertices are not listed, nor those of adjacent parts of the own
+    body, such as an arm and the torso. Two parts of the own body that touch each other are listed once, from the part
+    that is farther out.
 
     Args:
         index: (V,) index into ``table``, :data:`NO_PARTNER` without contact.
