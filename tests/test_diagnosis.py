@@ -419,19 +419,45 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
 
 def test_the_table_of_the_documentation_lists_the_checks(repository: Path) -> None:
     section = (repository / "docs" / "checks.md").read_text()
-    row = re.compile(r"^\| `(\w+)` \| (photo|person) \| [^|]+ \| ([≤≥]) ([\d.]+) \| ([^|]+) \|$", re.M)
+    row = re.compile(r"^\| ([^|]+) \| `(\w+)` \| (photo|person) \| [^|]+ \| ([≤≥]) ([\d.]+) \| ([^|]+) \|$", re.M)
     units = {"1: yes": "1 = yes", "deg": "degrees"}
     assert row.findall(section) == [
         (
-            *(name, check.of, "≤" if check.direction == "at most" else "≥"),
+            *(check.label, name, check.of, "≤" if check.direction == "at most" else "≥"),
             *(f"{check.threshold:g}", units.get(check.unit, check.unit)),
         )
         for name, check in CHECKS.items()
     ]
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("limb_keypoints", 0.033, "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)"),
+        ("limb_keypoints", 0.0351, "Limbs off their keypoints: 3.51 % of the box diagonal (limit 3.5 %)"),
+        ("mask_covered", 0.97, "Person covered by the body: 97 % of the mask (at least 90 %)"),
+        ("support", -0.001, "Distance to the nearest surface: 0.00 m (limit 0.1 m)"),
+        ("lean", 3.2, "Leans towards the camera or away: 3° (limit 12°)"),
+        ("legs_seen", 1.0, "Visible legs: 1 (at least 2)"),
+        ("focal_known", 0.0, "Focal length known: no (must be yes)"),
+        ("sole_height", None, "Lower sole off the floor: not measured"),
+    ],
+)
+def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, text: str) -> None:
+    check = check_value(name, value, "advice")
+    assert str(check) == text
+    assert check.message == (
+        text if check.ok else "advice" if check.failed else "not measured: there is nothing to measure"
+    )
+
+
+def test_a_check_of_an_earlier_version_reads_by_its_name() -> None:
+    check = CheckResult("legs_seen", CheckState.FAILED, 1.0, 2.0, "at least", "count", "a leg is not visible", 0)
+    assert str(check) == "Legs seen: 1 (at least 2)"
+
+
 RECORDS = (
-    CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body hangs in the air", 1),
+    CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body hangs in the air", 1, "Gap", "m"),
     CheckResult("visible", CheckState.OK, 0.9, 0.4, "at least", "share", "visible", 1),
     CheckResult("depth_vs_bodies", CheckState.UNKNOWN, None, 0.5, "at most", "share", "not measured: no depth"),
 )
@@ -448,6 +474,8 @@ def test_checks_are_written_and_read_back() -> None:
         "unit": "m",
         "message": "the body hangs in the air",
         "person": 1,
+        "label": "Gap",
+        "share_of": "m",
     }
     assert parse_checks(records, 2) == RECORDS
 

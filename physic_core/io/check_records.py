@@ -54,4 +54,6 @@ def _parse(record: Mapping[str, Any], version: int) -> CheckResult:
         unit=record["unit"],
         message=record["message"],
         person=record["person"],
+        label=record.get("label", ""),
+        share_of=record.get("share_of", ""),
     )

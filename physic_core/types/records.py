@@ -48,6 +48,11 @@ class StageRecord:
     failed: bool = False
 
 
+_YES = "1: yes"
+_UNITS = {"share": (100, " %", 0), "log": (100, " %", 0), "m": (1, " m", 2), "deg": (1, "°", 0), "count": (1, "", 0)}
+"""Factor, symbol and digits after the point of each unit of checks."""
+
+
 class CheckState(StrEnum):
     """Outcome of a self-check."""
 
@@ -85,8 +90,11 @@ class CheckResult:
         threshold: the bound on ``value``.
         direction: whether ``value`` must be "at most" or "at least" the threshold.
         unit: of value and threshold.
-        message: meaning of the value; what to do if the check failed; the reason if nothing was measured.
+        message: what is wrong and what to do if the check failed; the reason if nothing was measured; else the check
+            as text.
         person: index into ``Reconstruction.people``, or None if the check is about the photo.
+        label: the name that readers see; in results of earlier versions "", and then ``title`` is the name in words.
+        share_of: what a value of unit "share" is a share of: "the box diagonal"; "" if the label says it.
     """
 
     name: str
@@ -97,9 +105,46 @@ class CheckResult:
     unit: str
     message: str
     person: int | None = None
+    label: str = ""
+    share_of: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", CheckState(self.state))
+
+    def __str__(self) -> str:
+        """Return label, value and bound: "Limbs off their keypoints: 3.3 % of the box diagonal (limit 3.5 %)"."""
+        bound = "" if self.value is None else f" ({self.bound_text})"
+        return f"{self.title}: {self.value_text}{bound}"
+
+    @property
+    def title(self) -> str:
+        """The label, or the name in words if there is none."""
+        return self.label or self.name.replace("_", " ").capitalize()
+
+    @property
+    def value_text(self) -> str:
+        """The value with its unit: "3.3 % of the box diagonal", "0.04 m", "yes"; or "not measured"."""
+        if self.value is None:
+            return "not measured"
+        if self.unit == _YES:
+            return "yes" if self.value >= 1 else "no"
+        factor, symbol, digits = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
+        value, bound = factor * self.value, factor * self.threshold
+        digits += factor == 100 and abs(value) < 10
+        # A failed value does not look like its bound.
+        while value != bound and round(value, digits) == round(bound, digits) and digits < 4:
+            digits += 1
+        number = f"{round(value, digits) + 0.0:.{digits}f}"  # no "-0"
+        share = f" of {self.share_of}" if self.share_of else ""
+        return f"{number.removesuffix('.0')}{symbol}{share}"
+
+    @property
+    def bound_text(self) -> str:
+        """The threshold with its unit: "limit 3.5 %", "at least 90 %", "must be yes"."""
+        if self.unit == _YES:
+            return "must be yes"
+        factor, symbol, _ = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
+        return f"{'limit' if self.direction == 'at most' else 'at least'} {factor * self.threshold:.4g}{symbol}"
 
     @property
     def ok(self) -> bool:

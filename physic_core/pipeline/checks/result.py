@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from physic_core.pipeline.checks.specs import CHECKS
@@ -38,10 +39,19 @@ def check_value(
     else:
         if failed is None:
             failed = value < bound if check.direction == "at least" else value > bound
-        state, message = (CheckState.FAILED, advice) if failed else (CheckState.OK, check.meaning)
-    return CheckResult(
-        name, state, None if value is None else float(value), float(bound), check.direction, check.unit, message
+        state, value, message = CheckState.FAILED if failed else CheckState.OK, float(value), advice
+    found = CheckResult(
+        name,
+        state,
+        value,
+        float(bound),
+        check.direction,
+        check.unit,
+        message,
+        label=check.label,
+        share_of=check.share_of,
     )
+    return replace(found, message=str(found)) if found.ok else found
 
 
 def failed_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...]:

@@ -60,11 +60,10 @@ def _check(check: CheckResult) -> dict[str, Any]:
     return {
         "name": check.name,
         "state": str(check.state),
-        "value": check.value,
-        "threshold": check.threshold,
-        "direction": check.direction,
-        "unit": check.unit,
-        "message": check.message,
+        "label": check.title,
+        "value": check.value_text,
+        "bound": check.bound_text,
+        "message": "" if check.ok else check.message,
         "person": check.person,
     }
 

@@ -12,15 +12,7 @@ function element(tag, properties = {}, ...children) {
   return made;
 }
 
-const metres = value => value === null ? "unknown" : `${value.toFixed(2)} m`;
+const metres = value => value === null ? "unknown" : `${value.toFixed(2).replace(/^-(0\.00)$/, "$1")} m`;
 const percent = value => `${(100 * value).toFixed(value < 0.1 ? 1 : 0)} %`;
 const words = name => name.replaceAll("_", " ");
 const cssColor = ([red, green, blue]) => `rgb(${red} ${green} ${blue})`;
-
-function number(value, unit) {
-  if (value === null) return "not measured";
-  const digits = Math.abs(value) >= 100 ? 0 : Math.abs(value) >= 10 ? 1 : 2;
-  if (unit.startsWith("1")) return value >= 1 ? "yes" : "no"; // "1 = yes"
-  if (unit === "count") return String(Math.round(value));
-  return unit === "share" ? percent(value) : `${value.toFixed(digits)} ${unit}`;
-}

@@ -2,7 +2,6 @@
 
 const ORDER = { failed: 0, unknown: 1, ok: 2 };
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
-const STATE_NAME = { failed: "failed", unknown: "not measured", ok: "ok" };
 
 function gradeBadge(grade) {
   return element("span", { className: `grade ${grade ?? "soft"}`, textContent: grade ?? "no grade" });
@@ -105,13 +104,12 @@ function checkList(checks) {
   return [...rest.map(checkRow), folded].filter(Boolean);
 }
 
+// Label, value and bound; the name in the code is the tooltip.
 function checkRow(check) {
-  const bound = check.unit.startsWith("1") ? "must be yes" : `${check.direction} ${number(check.threshold, check.unit)}`;
-  const value = check.value === null ? STATE_NAME[check.state] : `${STATE_NAME[check.state]}: ${number(check.value, check.unit)}`;
-  return element("div", { className: "check" },
-    element("div", { className: "row" }, element("code", { textContent: check.name }),
-      element("span", { className: STATE_CLASS[check.state], textContent: value, title: bound })),
-    element("p", { textContent: `${check.message} (${bound})` }));
+  const value = element("span", { className: STATE_CLASS[check.state], textContent: check.value });
+  const bound = check.state === "unknown" ? null : element("span", { className: "soft", textContent: ` (${check.bound})` });
+  const why = check.message ? element("p", { textContent: check.message }) : null;
+  return element("div", { className: "check", title: check.name }, `${check.label}: `, value, bound, why);
 }
 
 function showRemarks(section, data) {
