@@ -1,7 +1,9 @@
 """The journal of a batch: one JSON line per photo that was tried, appended and never changed.
 
-The last line of an id counts. Each line has a checksum; a line that is damaged or cut off, by a crash or a full disk,
-is ignored, and so is what a damaged line could have replaced: see :class:`JournalRows`.
+The last line of an id counts. Lines of one file follow each other in time; of several files, as shards have them, the
+line of the run with the larger number is the later one. No clock decides: machines may have different ones. Each line
+has a checksum; a line that is damaged or cut off, by a crash or a full disk, is ignored, and so is what a damaged line
+could have replaced: see :class:`JournalRows`.
 """
 
 from __future__ import annotations
@@ -30,13 +32,15 @@ COLUMNS: Mapping[str, str] = {
     "message": "of the error",
     "seconds": "wall-clock time of this photo, without loading models",
     "attempts": "how often it was tried in this run: a photo whose worker dies is tried twice",
-    "finished": "end, UTC",
+    "finished": "end, UTC, by the clock of the machine that did it",
+    "run": "number of the run: one more than the largest in the folder's journals at its start",
     "photo": "SHA-256 of the file; empty if it cannot be read",
-    "bytes": "size of the file",
-    "modified": "modification time of the file, ns since 1970",
+    "bytes": "size of the file before it was read; empty if it cannot be found",
+    "modified": "modification time of the file before it was read, ns since 1970",
     "config": "digest of the settings that results depend on, with those of this photo alone",
     "save": "what was saved: full, numbers, people or summary, and +preview, +glb or +report",
     "folder": "of the results, relative to the output folder; empty without files",
+    "files": "names and sizes of the files of the result and of its thumbnail, such as people.npz=2048 thumbnail=512",
     "result": "SHA-256 of the arrays in the photo's folder, or of its picture if there are none; empty without files",
     "version": "of physic-core",
     "grade": "of the result: good, doubtful or bad",
@@ -68,6 +72,7 @@ class Journal:
                     raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder")
                 self._file = opened.enter_context(path.open("ab+"))
                 self._end_torn_line()
+                self._run = 1 + read_journals(path.parent, ()).run
                 sync_folder(path.parent)
             except OSError as error:
                 raise self._error(error) from error
@@ -82,12 +87,15 @@ class Journal:
         self._lock.close()
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Write a row, and wait until it is on the disk.
+        """Write a row with the number of this run, and wait until it is on the disk.
 
         Raises:
             OutputError: the disk is full, or the file cannot be written.
         """
-        line = json.dumps(with_checksum(to_json(row, digits=9)), ensure_ascii=True, allow_nan=False) + "\n"
+        line = (
+            json.dumps(with_checksum(to_json({**row, "run": self._run}, digits=9)), ensure_ascii=True, allow_nan=False)
+            + "\n"
+        )
         try:
             self._file.write(line.encode())
             self._file.flush()
@@ -116,11 +124,13 @@ class JournalRows:
         last: the last row of each id.
         damaged: number of lines that are damaged or cut off.
         unsure: ids of failed photos that were perhaps done later, in a line that is damaged.
+        run: largest number of a run; 0 without rows.
     """
 
     last: Mapping[str, dict[str, Any]]
     damaged: int
     unsure: frozenset[str]
+    run: int = 0
 
 
 def read_rows(folder: Path, columns: Iterable[str] | None = None) -> Mapping[str, dict[str, Any]]:
@@ -131,40 +141,61 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> Mapping[str
 def read_journals(folder: Path, columns: Iterable[str] | None = None) -> JournalRows:
     """Read all journals of a folder, or only some columns of them.
 
-    An id can be in several journals after a change of shards; then the row that was finished last counts.
+    An id can be in several journals after a change of shards; then the row of the later run counts.
     """
     found: dict[str, dict[str, Any]] = {}
+    places: dict[str, _Place] = {}
     failed: set[str] = set()
     unsure: set[str] = set()
-    damaged = 0
-    wanted = None if columns is None else {*columns, "id", "finished"}
-    for row in _lines(folder):
+    damaged = last_run = 0
+    wanted = None if columns is None else {*columns, "id"}
+    for place, row in _lines(folder):
         if row is None:
             damaged += 1
             unsure |= failed
             continue
-        before = found.get(row["id"])
-        if before is None or str(row.get("finished", "")) >= str(before.get("finished", "")):
-            found[row["id"]] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
-            unsure.discard(row["id"])
-            (failed.add if row["state"] == "failed" else failed.discard)(row["id"])
-    return JournalRows(found, damaged, frozenset(unsure))
+        item = row["id"]
+        last_run = max(last_run, place.run)
+        if item not in places or place.follows(places[item]):
+            places[item] = place
+            found[item] = row if wanted is None else {name: row[name] for name in wanted & row.keys()}
+            unsure.discard(item)
+            (failed.add if row["state"] == "failed" else failed.discard)(item)
+    return JournalRows(found, damaged, frozenset(unsure), last_run)
 
 
 def last_rows(folder: Path) -> Iterator[dict[str, Any]]:
     """Yield the last row of each id, without holding all rows in memory."""
-    last = {item: row.get("finished") for item, row in read_rows(folder, ()).items()}
-    for row in _lines(folder):
-        if row is not None and last.get(row["id"]) == row.get("finished") and last.pop(row["id"], None) is not None:
+    last: dict[str, _Place] = {}
+    for place, row in _lines(folder):
+        if row is not None and (row["id"] not in last or place.follows(last[row["id"]])):
+            last[row["id"]] = place
+    for place, row in _lines(folder):
+        if row is not None and last.get(row["id"]) == place:
             yield row
 
 
-def _lines(folder: Path) -> Iterator[dict[str, Any] | None]:
-    """Yield the row of each line; None for a line that is damaged or cut off."""
-    for path in sorted(folder.glob("journal*.jsonl")):
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Of a line: name of the file, number of the line, and number of the run that wrote it, 0 if unknown."""
+
+    file: str
+    line: int
+    run: int
+
+    def follows(self, other: _Place) -> bool:
+        """Whether this line is later than one that was read before; files are read in the order of their names."""
+        return self.file == other.file or self.run >= other.run
+
+
+def _lines(folder: Path) -> Iterator[tuple[_Place, dict[str, Any] | None]]:
+    """Yield the place and the row of each line; None for a line that is damaged or cut off."""
+    for path in sorted(filter(Path.is_file, folder.glob("journal*.jsonl"))):
         with path.open("rb") as file:
-            for line in file:
-                yield _row(line)
+            for number, line in enumerate(file):
+                row = _row(line)
+                run = 0 if row is None else row.get("run")
+                yield _Place(path.name, number, run if isinstance(run, int) else 0), row
 
 
 def _row(line: bytes) -> dict[str, Any] | None:

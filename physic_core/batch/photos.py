@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,7 +18,17 @@ from physic_core.batch.extra import import_pyarrow
 from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import ConfigError, InputError
 
-__all__ = ["PhotoItem", "default_id", "find_photos", "in_shard", "parse_shard", "photo_folder", "table_item"]
+__all__ = [
+    "PhotoItem",
+    "default_id",
+    "file_stamp",
+    "find_photos",
+    "in_shard",
+    "parse_shard",
+    "photo_folder",
+    "stamped",
+    "table_item",
+]
 
 PHOTO_SUFFIXES = (".avif", ".heic", ".heif", ".jpeg", ".jpg", ".mpo", ".png", ".tif", ".tiff", ".webp")
 """Suffixes of the files of a folder that are photos; a file that is named itself may have any."""
@@ -36,11 +46,28 @@ class PhotoItem:
         id: unique in the batch, and equal in every run of it.
         path: absolute.
         settings: of the table ``[photo]`` for this photo alone.
+        stamp: size in bytes and modification time in ns of the file at some time before it is read, by
+            :func:`stamped`; None if it is unknown, or there is no file.
     """
 
     id: str
     path: str
     settings: Mapping[str, Any] = field(default_factory=dict)
+    stamp: tuple[int, int] | None = field(default=None, compare=False)
+
+
+def stamped(item: PhotoItem) -> PhotoItem:
+    """Return a photo with the size and time that its file has now."""
+    return replace(item, stamp=file_stamp(item.path))
+
+
+def file_stamp(path: str) -> tuple[int, int] | None:
+    """Return the size in bytes and the modification time in ns of a file; None if it cannot be found."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
 
 
 def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> list[PhotoItem]:

@@ -6,10 +6,8 @@ are flat and ready for JSON and Parquet.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -17,8 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.machine import peak_memory_mb
-from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.saving import Saving, result_digest, save_photo, thumbnail_jpeg, thumbnail_path
+from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
+from physic_core.batch.result_files import file_sizes, result_digest
+from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg, thumbnail_path
 from physic_core.batch.settings import config_digest, settings_digest
 from physic_core.discovery.plugins import core_version
 from physic_core.errors import OutputError
@@ -88,10 +87,11 @@ class PhotoProcessor:
         Raises:
             OutputError: the files cannot be written: the disk is full, or gone.
         """
-        start = time.perf_counter()
+        start, item = time.perf_counter(), stamped(item)
         try:
             result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
+            files = file_sizes(Path(self.job.out), photo_folder(item.id), self.job.saving)
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -104,6 +104,7 @@ class PhotoProcessor:
             "seconds": time.perf_counter() - start - loading,
             "photo": result.photo.partition(" ")[0],
             "folder": photo_folder(item.id) if self.job.saving.main_file else "",
+            "files": files,
             "grade": str(result.grade or ""),
             "checks_failed": " ".join(failed),
             "peak_mb": peak_memory_mb(),
@@ -125,7 +126,16 @@ class PhotoProcessor:
 def failed_row(
     job: BatchJob, item: PhotoItem, error: str, message: str, seconds: float, attempts: int = 1
 ) -> dict[str, Any]:
-    """Return the row of a photo that has no result; ``error`` is a class name, ``seconds`` what was spent on it."""
+    """Return the row of a photo that has no result.
+
+    Args:
+        job: of the batch.
+        item: the photo, with the stamp of before it was read; without one it is tried again by the next run.
+        error: name of a class.
+        message: of the error.
+        seconds: spent on it.
+        attempts: how often it was tried.
+    """
     from physic_core.io.result_folder import file_digest
 
     return base_row(job, item) | {
@@ -134,13 +144,15 @@ def failed_row(
         "message": " ".join(message.split())[:_MAX_MESSAGE],
         "seconds": seconds,
         "attempts": attempts,
-        "photo": file_digest(item.path),
+        # A file that was replaced meanwhile is not the one that failed.
+        "photo": file_digest(item.path) if file_stamp(item.path) == item.stamp else "",
     }
 
 
 def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
     """Return a row with the columns that do not depend on the result, and empty ones for the others."""
-    row: dict[str, Any] = {
+    size, modified = item.stamp or (None, None)
+    return {
         "id": item.id,
         "path": item.path,
         "state": "",
@@ -150,18 +162,15 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "attempts": 1,
         "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "photo": "",
-        "bytes": None,
-        "modified": None,
+        "bytes": size,
+        "modified": modified,
         "config": job.digest(item),
         "save": str(job.saving),
         "folder": "",
+        "files": "",
         "result": result_digest(Path(job.out, photo_folder(item.id)), job.saving),
         "version": core_version(),
         "grade": "",
         "checks_failed": "",
         "peak_mb": None,
     }
-    with suppress(OSError):
-        status = os.stat(item.path)
-        row |= {"bytes": status.st_size, "modified": status.st_mtime_ns}
-    return row

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
@@ -12,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.batch.journal import Journal, read_journals
-from physic_core.batch.photos import PhotoItem, photo_folder
+from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.saving import result_digest
+from physic_core.batch.result_files import is_complete, result_digest
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
@@ -27,7 +26,7 @@ Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], N
 It raises PhysicError if the backends cannot be loaded, and OutputError if results cannot be written.
 """
 
-_NEEDED = ("state", "config", "save", "result", "photo", "bytes", "modified", "version")
+_NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modified", "version")
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,7 @@ class Plan:
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again.
         changed: number of the photos in ``todo`` that were tried before with other content or settings.
+        lost: number of the photos in ``todo`` that were done before, and whose files are gone, cut off or others.
         versions: versions of physic-core of the rows that are kept.
         damaged: number of lines of the journals that are damaged or cut off.
     """
@@ -49,13 +49,21 @@ class Plan:
     changed: int
     versions: tuple[str, ...]
     damaged: int = 0
+    lost: int = 0
 
 
-def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False) -> Plan:
+def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False, verify: bool = False) -> Plan:
     """Compare the photos with the journals in the output folder.
 
     A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
-    if its files are gone or of another run. Content is compared by size and modification time first, then by digest.
+    if its files are gone, cut off or of another run. Content is compared by size and modification time first, then by
+    digest.
+
+    Args:
+        items: the photos.
+        job: of the batch.
+        retry_failed: whether photos that failed are done again.
+        verify: whether files of results are compared by digest, too; without it, by size.
     """
     journals = read_journals(Path(job.out), _NEEDED)
     rows = journals.last
@@ -69,13 +77,24 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
         elif not _is_current(row, item, job):
             todo.append(item)
             count["changed"] += 1
+        elif not _has_its_files(row, item, job, verify=verify):
+            todo.append(item)
+            count["lost"] += 1
         elif row["state"] == "failed" and (retry_failed or item.id in journals.unsure):
             todo.append(item)
         else:
             count[row["state"]] += 1
             versions.add(str(row.get("version", "")))
     kept = tuple(sorted(versions))
-    return Plan(tuple(todo), count["done"], count["failed"], count["changed"], kept, journals.damaged)
+    return Plan(
+        tuple(map(stamped, todo)),
+        count["done"],
+        count["failed"],
+        count["changed"],
+        kept,
+        journals.damaged,
+        count["lost"],
+    )
 
 
 def run_batch(
@@ -136,14 +155,18 @@ def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
     if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
         return False
+    stamp = file_stamp(item.path)
+    if stamp is None:
+        return row.get("bytes") is None
+    if stamp == (row.get("bytes"), row.get("modified")):
+        return True
+    return stamp[0] == row.get("bytes") and file_digest(item.path) == row.get("photo")
+
+
+def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, *, verify: bool) -> bool:
+    out, folder = Path(job.out), photo_folder(item.id)
     # After a kill between a result and its row, the files are those of a later run with other settings.
-    found = result_digest(Path(job.out, photo_folder(item.id)), job.saving)
+    found = result_digest(out / folder, job.saving)
     if found != row.get("result") or (row["state"] == "done" and job.saving.main_file and not found):
         return False
-    try:
-        status = os.stat(item.path)
-    except OSError:
-        return row.get("bytes") is None
-    if (status.st_size, status.st_mtime_ns) == (row.get("bytes"), row.get("modified")):
-        return True
-    return status.st_size == row.get("bytes") and file_digest(item.path) == row.get("photo")
+    return row["state"] == "failed" or is_complete(out, folder, row, job.saving, verify=verify)

@@ -13,7 +13,7 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["LEVELS", "Saving", "result_digest", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
+__all__ = ["LEVELS", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
 
 LEVELS = ("full", "numbers", "people", "summary")
 """full: JSON, arrays, GLB files, preview. numbers: JSON, arrays. people: JSON, arrays of the people. summary: none."""
@@ -42,12 +42,17 @@ class Saving:
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise ConfigError(f"what to save is one of {', '.join(LEVELS)} (got '{self.level}')")
-        if self.glb and self.level in ("people", "summary"):
+        if self.glb and not self.can_be_loaded:
             raise ConfigError(f"--glb needs --save full or numbers (got {self.level})")
 
     def __str__(self) -> str:
         more = [name for name in ("preview", "glb") if getattr(self, name) and self.level != "full"]
         return "+".join([self.level, *more, *["report"] * self.report])
+
+    @property
+    def can_be_loaded(self) -> bool:
+        """Whether :func:`physic_core.load_reconstruction` reads what is saved."""
+        return self.level in ("full", "numbers")
 
     @property
     def main_file(self) -> str:
@@ -71,7 +76,7 @@ def save_photo(result: Reconstruction, folder: Path, saving: Saving, title: str 
     """
     from physic_core.io.results import save_reconstruction
 
-    if saving.level in ("full", "numbers"):
+    if saving.can_be_loaded:
         everything = saving.level == "full"
         preview, glb = everything or saving.preview, everything or saving.glb
         save_reconstruction(result, folder, preview=preview, glb=glb, compact=True, overwrite=True)
@@ -108,20 +113,6 @@ def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
             document_file.write_bytes(encode_document(document))
         for name, content in pictures.items():
             temporary(name).write_bytes(content)
-
-
-def result_digest(folder: Path, saving: Saving) -> str:
-    """Return the digest of the arrays of a photo's result, or of its picture if it has none; "" without a result.
-
-    A report that is added later does not change it.
-    """
-    from physic_core.files.atomic import committed_path
-    from physic_core.io.result_folder import ARRAYS_FILE, PEOPLE_FILE, digests_of_result, file_digest
-
-    if saving.level == "summary":
-        return file_digest(committed_path(folder, saving.main_file)) if saving.main_file else ""
-    arrays = PEOPLE_FILE if saving.level == "people" else ARRAYS_FILE
-    return (digests_of_result(folder) or {}).get(arrays, "")
 
 
 def thumbnail_path(folder: str) -> str:

@@ -16,7 +16,7 @@ from physic_core.files.atomic import atomic_write
 __all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "default_table_kind", "write_table"]
 
 TABLE_KINDS = ("parquet", "csv")
-_INTEGERS = ("attempts", "bytes", "modified")
+_INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
 _ROWS = 10_000  # of one group of a Parquet file
 

@@ -42,6 +42,7 @@ _LEVELS = ("full", "numbers", "people", "summary")
     help="Seconds of one photo; 0: none.",
 )
 @click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
+@click.option("--verify", is_flag=True, help="Compare files of earlier results by SHA-256, not by size alone.")
 @click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
 @click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
 @click.option("--executor", metavar="NAME", default="local", show_default=True, help="local, or a plugin's, as ray.")
@@ -58,6 +59,7 @@ def batch(
     table: str | None,
     timeout: float,
     retry: str | None,
+    verify: bool,
     shard: str | None,
     executor: str,
     address: str | None,
@@ -83,7 +85,7 @@ def batch(
     if shard is not None:
         items = [item for item in items if in_shard(item.id, part, count)]
     job = _job(out, **options)
-    plan = plan_batch(items, job, retry_failed=retry is not None)
+    plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
     click.echo(_describe(plan, len(items)), err=True)
     from physic_core.cli.run import sigterm_as_exception
 
@@ -159,6 +161,8 @@ def _describe(plan: Plan, photos: int) -> str:
         parts.append(f"{plan.failed:,} failed before (--retry failed tries them again)")
     if plan.changed:
         parts.append(f"{plan.changed:,} of those to do were done with other content or settings")
+    if plan.lost:
+        parts.append(f"{plan.lost:,} of those to do were done, and files of their results are gone or damaged")
     if plan.damaged:
         parts.append(f"{plan.damaged:,} lines of the journal are damaged or cut off and count for nothing")
     others = [version for version in plan.versions if version not in ("", core_version())]

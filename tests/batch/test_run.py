@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import random
@@ -12,6 +13,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,13 +24,13 @@ import pytest
 from fuzzing.tiny_result import tiny_result
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
-from physic_core.batch.photos import find_photos, photo_folder
-from physic_core.batch.process import BatchJob, base_row
-from physic_core.batch.run import plan_batch
+from physic_core.batch.photos import find_photos, photo_folder, stamped
+from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
+from physic_core.batch.run import plan_batch, run_batch
 from physic_core.batch.saving import Saving, save_photo
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
-from physic_core.errors import OutputError
+from physic_core.errors import InputError, OutputError
 from physic_core.files.document_checksum import with_checksum
 
 from .conftest import STANDIN
@@ -146,7 +149,7 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path: Path):
     assert list(read_rows(tmp_path)) == ["a", "b", "d"]
     assert read_rows(tmp_path)["a"]["value"] == pytest.approx(1 / 3)
     assert [found["id"] for found in last_rows(tmp_path)] == ["b", "a", "d"]
-    assert read_rows(tmp_path, ("state",))["d"] == {"id": "d", "state": "done", "finished": "2026-01-01T00:00:00"}
+    assert read_rows(tmp_path, ("state", "run"))["d"] == {"id": "d", "state": "done", "run": 2}
 
 
 def test_a_damaged_row_counts_for_nothing(tmp_path: Path):
@@ -163,7 +166,7 @@ def test_a_damaged_row_counts_for_nothing(tmp_path: Path):
             assert all(found.last[name] == before[name] for name in found.last)
             assert len(found.last) + found.damaged == sum(map(bool, damaged.split(b"\n")))
     path.write_bytes(content.replace(b"1e+300", b"1e+200"))
-    assert read_journals(tmp_path) == JournalRows({"a": before["a"]}, 1, frozenset())
+    assert read_journals(tmp_path) == JournalRows({"a": before["a"]}, 1, frozenset(), run=1)
 
 
 def test_a_row_without_checksum_counts_for_nothing(tmp_path: Path):
@@ -175,10 +178,36 @@ def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path
     for number, name in enumerate("ab", start=1):
         with Journal(tmp_path / f"journal-{number}-of-2.jsonl") as journal:
             journal.append(row(name))
-            journal.append(row("both", f"2026-01-0{number}T00:00:00", value=number))
+            journal.append(row("both", value=number))
     assert sorted(read_rows(tmp_path)) == ["a", "b", "both"]
     assert read_rows(tmp_path)["both"]["value"] == 2
     assert Counter(found["id"] for found in last_rows(tmp_path)) == {"a": 1, "b": 1, "both": 1}
+
+
+def test_a_clock_that_goes_back_does_not_bring_an_earlier_row_back(tmp_path: Path):
+    days = ["2026-01-09", "2026-01-03", "2026-01-01"]
+    for value, day in enumerate(days):
+        with Journal(tmp_path / "journal.jsonl") as journal:
+            journal.append(row("a", f"{day}T00:00:00", value=value))
+    assert read_rows(tmp_path)["a"]["value"] == 2
+    assert [(found["value"], found["run"]) for found in last_rows(tmp_path)] == [(2, 3)]
+
+
+@pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
+def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path: Path, names: tuple[str, str]):
+    for value, name in enumerate(names):
+        with Journal(tmp_path / f"journal-{name}.jsonl") as journal:
+            journal.append(row("a", f"2026-01-0{9 - value}T00:00:00", value=value))
+    assert read_rows(tmp_path)["a"]["value"] == 1
+    assert [found["value"] for found in last_rows(tmp_path)] == [1]
+
+
+def test_rows_of_older_versions_have_no_number_of_a_run(tmp_path: Path):
+    (tmp_path / "journal-2-of-2.jsonl").write_text(json.dumps(with_checksum(row("a", value=0))) + "\n")
+    assert read_rows(tmp_path)["a"]["value"] == 0
+    with Journal(tmp_path / "journal-1-of-2.jsonl") as journal:
+        journal.append(row("a", value=1))
+    assert read_rows(tmp_path)["a"]["value"] == 1
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
@@ -213,7 +242,7 @@ def finished(job: BatchJob, photos: Path, **more: Any) -> None:
         for item in find_photos([str(photos)]):
             from physic_core.io.result_folder import file_digest
 
-            journal.append(base_row(job, item) | {"state": "done", "photo": file_digest(item.path)} | more)
+            journal.append(base_row(job, stamped(item)) | {"state": "done", "photo": file_digest(item.path)} | more)
 
 
 def job_for(out: Path, *overrides: str, level: str = "summary") -> BatchJob:
@@ -253,12 +282,113 @@ def test_settings_of_one_photo_do_that_photo_anew(tmp_path: Path, out: Path):
     assert todo(job, table) == ["b"]
 
 
-def test_lost_files_are_made_again(tmp_path: Path, out: Path):
+def tiny(path: str, settings: Mapping[str, Any]) -> Any:
+    """Return the same small result for every photo."""
+    return tiny_result()
+
+
+def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
+    """Write the result of every photo and its row, and return the last row."""
+    process = PhotoProcessor(job, tiny)
+    todo = find_photos([str(photos)])
+    run_batch(todo, job, lambda items, job: (process(item) for item in items), Path(job.out) / "journal.jsonl")
+    return list(read_rows(Path(job.out)).values())[-1]
+
+
+@pytest.mark.parametrize("damage", ["deleted", "cut"])
+@pytest.mark.parametrize(
+    "saving",
+    [
+        Saving("full", report=True),
+        Saving("numbers", preview=True),
+        Saving("people", thumbnails=False),
+        Saving("summary", preview=True, report=True),
+    ],
+    ids=str,
+)
+def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving: Saving, damage: str):
+    photos = make_photos(tmp_path / "photos", "a")
+    job = BatchJob(load_config(preset="mock"), str(out), saving)
+    found = run_tiny(photos, job)
+    sizes = dict(text.split("=") for text in found["files"].split())
+    assert sizes == {
+        "thumbnail" if path.suffix == ".jpg" else path.name: str(path.stat().st_size)
+        for kind in ("photos", "thumbnails")
+        for path in out.glob(f"{kind}/*/**/*.*")
+    }
+    assert todo(job, photos) == todo(job, photos, verify=True) == []
+    for path in out.glob("photos/*/*/*"):
+        content = path.read_bytes()
+        path.unlink()
+        if damage == "cut":
+            path.write_bytes(content[: len(content) // 2])
+        plan = plan_batch(find_photos([str(photos)]), job)
+        assert (path.name, len(plan.todo), plan.lost, plan.changed) == (path.name, 1, 1, 0)
+        path.write_bytes(content)
+    assert todo(job, photos) == []
+
+
+def test_changed_bytes_are_found_where_that_is_asked(tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a")
+    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", preview=True))
+    run_tiny(photos, job)
+    for path in out.glob("photos/*/*/*"):
+        content = path.read_bytes()
+        middle = len(content) // 2
+        path.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
+        assert todo(job, photos, verify=True) == ["a"], path.name
+        path.write_bytes(content)
+    assert todo(job, photos, verify=True) == []
+
+
+def test_a_lost_thumbnail_does_a_photo_anew_only_where_its_result_cannot_be_loaded(tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "a")
+    for level, anew in (("people", ["a"]), ("numbers", [])):
+        job = BatchJob(load_config(preset="mock"), str(out / level), Saving(level))
+        run_tiny(photos, job)
+        shutil.rmtree(out / level / "thumbnails")
+        assert todo(job, photos) == anew
+
+
+def test_rows_of_older_versions_state_no_sizes_and_their_files_are_read(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="numbers")
+    row = run_tiny(photos, job)
+    older = {name: value for name, value in row.items() if name not in ("files", "run", "checksum")}
+    (out / "journal.jsonl").write_text(json.dumps(with_checksum(older)) + "\n")
+    assert todo(job, photos) == []
+    arrays = next(out.glob("photos/*/*/*.npz"))
+    arrays.write_bytes(arrays.read_bytes()[:-1])
+    assert todo(job, photos) == ["a"]
+
+
+def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path, out: Path):
+    photos, job = make_photos(tmp_path / "photos", "done", "failed"), job_for(out)
+
+    def replaced(path: str, settings: Mapping[str, Any]) -> Any:
+        Path(path).write_bytes(b"X" * len(Path(path).read_bytes()))
+        if "failed" in path:
+            raise InputError("damaged")
+        return replace(tiny_result(), photo=f"sha256:{hashlib.sha256(b'done').hexdigest()}")
+
+    process = PhotoProcessor(job, replaced)
+    items = find_photos([str(photos)])
+    run_batch(items, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
+    assert sorted(todo(job, photos)) == ["done", "failed"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_photo_that_is_replaced_while_its_worker_hangs_is_done_again(standin: ModuleType, tmp_path: Path, out: Path):
+    photos = make_photos(tmp_path / "photos", "replaced")
+    standin.run_standin(photos, out, workers=1, timeout=2.0)
+    assert states(out) == {"replaced": ("failed", "Timeout")}
+    assert todo(standin.standin_job(out), photos) == ["replaced"]
+
+
+def test_results_without_a_row_and_rows_without_a_result_are_made_again(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
     finished(job, photos)
     assert todo(job, photos) == ["a"]
-    save_photo(tiny_result(), out / photo_folder(find_photos([str(photos)])[0].id), job.saving)
-    finished(job, photos)
+    run_tiny(photos, job)
     assert todo(job, photos) == []
     shutil.rmtree(out / "photos")
     assert todo(job, photos) == ["a"]

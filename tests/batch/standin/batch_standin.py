@@ -28,6 +28,9 @@ def work(text: str, seconds: float = 0.0) -> str:
         (Path(text).parent / f"{os.getpid()}.pid").touch()
         while len(list(Path(text).parent.glob("*.pid"))) < 2:
             time.sleep(0.02)
+    if name.startswith("replaced"):
+        Path(text).write_bytes(b"X" * Path(text).stat().st_size)
+        time.sleep(600)
     if name.startswith("hang"):
         time.sleep(600)
     if name.startswith("abort"):

@@ -1,0 +1,98 @@
+"""The files of a photo's result: their sizes for the journal, and whether they are still there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from physic_core.batch.saving import Saving, thumbnail_path
+from physic_core.errors import InputError
+from physic_core.files.atomic import committed_path
+from physic_core.io.result_folder import (
+    ARRAYS_FILE,
+    DOCUMENT_FILE,
+    PEOPLE_FILE,
+    PREVIEW_FILE,
+    REPORT_FILE,
+    digests_of_result,
+    file_digest,
+)
+from physic_core.io.results import read_document
+
+__all__ = ["file_sizes", "is_complete", "result_digest"]
+
+_THUMBNAIL = "thumbnail"
+
+
+def result_digest(folder: Path, saving: Saving) -> str:
+    """Return the digest of the arrays of a photo's result, or of its picture if it has none; "" without a result.
+
+    The digest of arrays is the one that ``reconstruction.json`` states. A report that is added later does not change
+    it.
+    """
+    if saving.level == "summary":
+        return file_digest(committed_path(folder, saving.main_file)) if saving.main_file else ""
+    arrays = PEOPLE_FILE if saving.level == "people" else ARRAYS_FILE
+    return (digests_of_result(folder) or {}).get(arrays, "")
+
+
+def file_sizes(out: Path, folder: str, saving: Saving) -> str:
+    """Return "NAME=BYTES NAME=BYTES ..." of the files of a photo's folder, and of its thumbnail as the last one.
+
+    Raises:
+        OSError: one of them is missing.
+    """
+    if saving.level == "summary":
+        names = [PREVIEW_FILE] * saving.preview + [REPORT_FILE] * saving.report
+    else:
+        names = _names(out / folder)
+    paths = {name: out / folder / name for name in names}
+    if saving.thumbnails:
+        paths[_THUMBNAIL] = out / thumbnail_path(folder)
+    return " ".join(f"{name}={path.stat().st_size}" for name, path in paths.items())
+
+
+def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, *, verify: bool = False) -> bool:
+    """Return whether the files that the row of a finished photo names are there with their sizes.
+
+    A file of another size counts if its digest is that of ``reconstruction.json``: a report that is added later
+    changes some. So do the files of a row of an older version, which states no sizes. A thumbnail counts only where
+    it cannot be made again from the result.
+
+    Args:
+        out: folder of the batch.
+        folder: of the photo, relative to ``out``.
+        row: of the journal.
+        saving: what was saved.
+        verify: whether to compare digests even where sizes agree.
+    """
+    sizes = {name: int(size) for name, _, size in (text.partition("=") for text in str(row.get("files", "")).split())}
+    thumbnail = sizes.pop(_THUMBNAIL, None)
+    if thumbnail and not saving.can_be_loaded and _size(out / thumbnail_path(folder)) != thumbnail:
+        return False
+    different = [name for name in sizes if _size(out / folder / name) != sizes[name]]
+    if saving.level == "summary":
+        return not different  # the caller compares the digest of the one main file
+    names = different if sizes and not verify else {*sizes, *_names(out / folder)}
+    return not names or _have_their_digests(out / folder, names)
+
+
+def _names(folder: Path) -> list[str]:
+    return [DOCUMENT_FILE, *(digests_of_result(folder) or {})]
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
+def _have_their_digests(folder: Path, names: Iterable[str]) -> bool:
+    """Whether files of a result are those that its ``reconstruction.json`` names, and that one is undamaged."""
+    try:
+        digests = read_document(folder).get("digests", {})
+    except InputError:
+        return False
+    return all(file_digest(folder / name) == digests.get(name) for name in names if name != DOCUMENT_FILE)
