@@ -44,6 +44,7 @@ def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name: str)
     assert own["name"] == name
     assert own["version"] == project(ROOT)["version"]
     assert own["license"] == "Apache-2.0"
+    assert own["authors"] == project(ROOT)["authors"]
     assert own["requires-python"] == project(ROOT)["requires-python"]
 
 
