@@ -5,17 +5,17 @@ Camera frame (x right, y down, z forward), metres; the camera is the origin. Pix
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 
 from physic_core.geometry.raster import hidden_by_raster
+from physic_core.geometry.rays import RayCaster
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SelfOcclusion",
     "depth_order_violations",
-    "embree_device",
     "faces_of_vertices",
     "facing",
     "hidden_from_camera",
@@ -135,7 +134,7 @@ def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """Return which vertices are behind another face of their own mesh.
 
-    By ray casts (embree) on the CPU, and by rasterisation on CUDA.
+    By ray casts on the CPU, and by rasterisation on CUDA.
 
     Args:
         vertices: (..., V, 3) metres, camera frame.
@@ -150,43 +149,30 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     if vertices.is_cuda:
         hidden, face = hidden_by_raster(bodies, faces)
         return hidden.reshape(shape), face.reshape(shape)
-    triangles = faces.cpu().numpy().astype(np.int32)
+    triangles = faces.cpu().numpy()
     pairs = [_cast_rays(body.cpu().double().numpy(), triangles) for body in bodies]
     hidden, face = (torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True))
     return hidden.reshape(shape), face.reshape(shape)
 
 
 def _cast_rays(
-    points: NDArray[np.float64], triangles: NDArray[np.int32]
+    points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
     # Only faces that face the camera can be hit first: the others are left out of the search tree.
     start = points[triangles[:, 0]]
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)
-    scene = EmbreeScene(embree_device())
-    TriangleMesh(scene, points.astype(np.float32), triangles[front])
-    hit = scene.run(np.zeros(points.shape, np.float32), rays.astype(np.float32))
-    face = front[np.maximum(hit, 0)] if len(front) else np.zeros(len(points), np.int64)
-    # In float64, on the plane of the face: embree's own distances are float32.
-    along = (normals[face] * rays).sum(1)
-    reach = (normals[face] * start[face]).sum(1)
-    nearer = np.divide(reach, along, out=np.full(len(points), np.inf), where=np.abs(along) > 1e-12)
+    if not len(front):
+        return np.zeros(len(points), bool), np.full(len(points), -1)
+    caster = RayCaster(points, triangles[front])
+    hit = caster.first_faces(np.zeros(3), rays)
+    nearer = caster.plane_distance(hit, np.zeros_like(rays), rays)
+    face = front[hit]
     own = (triangles[face] == np.arange(len(points))[:, None]).any(1)
     hidden = (hit >= 0) & ~own & (nearer < distance - _BEHIND_M)
-    return hidden, np.where(hidden, face, -1).astype(np.int64)
-
-
-@functools.cache
-def embree_device() -> Any:
-    """Return the shared Embree device; creating a device takes longer than the ray casts of one body."""
-    from embreex.rtcore import EmbreeDevice
-
-    return EmbreeDevice()
+    return hidden, np.where(hidden, face, -1)
 
 
 @dataclass(frozen=True)

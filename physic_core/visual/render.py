@@ -15,6 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Intrinsics
 
     Array = NDArray[np.float64]
@@ -147,13 +148,13 @@ class RayCastMesh:
         vertices: (N * V, 3) metres.
         faces: (N * F, 3), counter-clockwise from outside.
         normals: (N * V, 3) unit.
-        caster: trimesh's intersector.
+        caster: of the faces.
     """
 
     vertices: Array
     faces: NDArray[np.int64]
     normals: Array
-    caster: Any
+    caster: RayCaster
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,8 @@ def prepare_meshes(
             of which each triangle may cover the image.
     """
     import trimesh
-    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    from physic_core.geometry.rays import RayCaster
 
     if not bodies or not len(faces):
         return None
@@ -199,7 +201,7 @@ def prepare_meshes(
             return None
     mesh = trimesh.Trimesh(vertices, triangles, process=False)
     normals = np.asarray(mesh.vertex_normals) if smooth else np.zeros_like(vertices)
-    return RayCastMesh(vertices, triangles, normals, RayMeshIntersector(mesh))
+    return RayCastMesh(vertices, triangles, normals, RayCaster(vertices, triangles))
 
 
 def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
@@ -285,7 +287,7 @@ def _cast_rays(
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
     origins, directions = viewer.rays(columns, rows)
-    triangle = shapes.caster.intersects_first(origins, directions)
+    triangle = shapes.caster.first_faces(origins, directions)
     hit = np.flatnonzero(triangle >= 0)
     corners = shapes.faces[triangle[hit]]
     weights, spots = _barycentric(shapes.vertices[corners], origins[hit], directions[hit])

@@ -128,6 +128,7 @@ def test_limbs_are_seen_by_the_published_share(published: Published, state: str)
     names = [model.part_names[p] for p in limb_part_indices(model.part_names)]
     parts = sorted(limb_part_indices(model.part_names), key=lambda p: model.part_names[p].startswith("right"))
     assert {model.part_names[p] for p in parts} == set(names)
+    pytest.importorskip("embreex", reason="the published shares depend on the rounding of Embree")
     vertices = published[f"one/out/{state}/vertices"][0]
     shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts)
     stored = published[f"one/out/{state}/part_visible_fraction"][0].double()

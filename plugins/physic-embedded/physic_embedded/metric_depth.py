@@ -235,7 +235,7 @@ def _scale_from_torso(
     rays: int,
 ) -> float:
     """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits the torso first."""
-    import trimesh
+    from physic_core.geometry.rays import RayCaster
 
     inner = _erode(mask) & original.valid
     rows, columns = np.nonzero(inner)
@@ -246,16 +246,12 @@ def _scale_from_torso(
     directions = np.stack(
         [(columns - camera[0, 2]) / camera[0, 0], (rows - camera[1, 2]) / camera[1, 1], np.ones(len(rows))], -1
     )
-    mesh = trimesh.Trimesh(body, faces, process=False)
-    hit = mesh.ray.intersects_first(np.zeros_like(directions), directions)
-    on_torso = (hit >= 0) & torso[hit]
+    hits = RayCaster(body, faces).first(np.zeros(3), directions)
+    on_torso = (hits.face >= 0) & torso[hits.face]
     if on_torso.sum() < 20:
         return float("nan")
-    corners = body[faces[hit[on_torso]]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # The ray's direction has z = 1, so the distance along it is the depth.
-    depth = (normal * corners[:, 0]).sum(-1) / (normal * directions[on_torso]).sum(-1)
-    ratio = depth / original.points[rows[on_torso], columns[on_torso], 2]
+    ratio = hits.distance[on_torso] / original.points[rows[on_torso], columns[on_torso], 2]
     return float(np.median(ratio[np.isfinite(ratio)]))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["RayCaster", "SceneIndex", "contact_by_rule"]
+__all__ = ["SceneIndex", "contact_by_rule"]
 
 INSIDE_REACH_M = 0.15
 """A vertex counts as inside up to this depth, as in the released code's rule of contact."""
@@ -188,36 +188,6 @@ def _one_per_cell(centres: Array) -> NDArray[np.int64]:
         (cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2], return_index=True
     )[1]
     return rows
-
-
-@dataclass(frozen=True, eq=False)
-class RayCaster:
-    """Casts rays onto the triangles of a scene.
-
-    Attributes:
-        scene: of embree.
-        mesh: of embree; kept, since the scene only refers to it.
-    """
-
-    scene: Any
-    mesh: Any
-
-    @classmethod
-    def build(cls, surface: Surface) -> RayCaster:
-        """Build the tree of embree."""
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        scene = EmbreeScene()
-        vertices, faces = np.asarray(surface.vertices, np.float32), np.asarray(surface.faces, np.int32)
-        return cls(scene, TriangleMesh(scene, vertices=vertices, indices=faces))
-
-    def first_hit(self, origins: Array, directions: Array) -> Array:
-        """Return the distance (n,) m to the first triangle of rays with origins (n, 3) and unit directions (n, 3)."""
-        start, way = (np.ascontiguousarray(a, np.float32) for a in (origins, directions))
-        found = self.scene.run(start, way, output=True)
-        distance: Array = np.where(found["primID"] >= 0, found["tfar"], np.inf).astype(np.float64)
-        return distance
 
 
 def contact_by_rule(distance: Array, threshold_m: float) -> NDArray[np.bool_]:

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.geometry.rays import RayCaster
 from physic_core.metrics.contact_scores import contact_counts
 from physic_core.metrics.geodesic import geodesic_error, surface_graph
 from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import LIMB_JOINTS
 from physic_evaluate.projection import box_iou, box_of_points, person_points, project
-from physic_evaluate.scene_surface import EXACT_WITHIN_M, RayCaster, SceneIndex, contact_by_rule
+from physic_evaluate.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -381,7 +382,7 @@ def occluded_share(frame: Frame, scene: Surface | None, person: TruePerson) -> f
         return None
     way = camera.in_world(points) - camera.centre
     length = np.linalg.norm(way, axis=1)
-    first = _caster(scene).first_hit(np.tile(camera.centre, (len(way), 1)), way / length[:, None])
+    first = _caster(scene).first(camera.centre, way / length[:, None]).distance
     return float((first < length - HIDDEN_BEHIND_M).mean())
 
 
@@ -417,7 +418,7 @@ def _index_of(scene: Surface) -> SceneIndex:
 
 @lru_cache(maxsize=2)
 def _caster(scene: Surface) -> RayCaster:
-    return RayCaster.build(scene)
+    return RayCaster(scene.vertices, scene.faces)
 
 
 def _true_distance(frame: Frame, scene: Surface, person: TruePerson) -> Array:

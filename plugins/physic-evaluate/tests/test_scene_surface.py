@@ -9,7 +9,7 @@ import trimesh
 from physic_core.body.nearest_surface import closest_barycentric
 from physic_core.errors import InputError
 from physic_evaluate.contract import Surface
-from physic_evaluate.scene_surface import EXACT_WITHIN_M, RayCaster, SceneIndex, contact_by_rule
+from physic_evaluate.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
 
 
 def surface(mesh: trimesh.Trimesh) -> Surface:
@@ -54,12 +54,6 @@ def test_beyond_reach_is_infinite_and_points_without_triangles_are_refused():
     assert index.signed_distance(np.array([[0, 0, 3.0], [np.nan, 0, 0]])).tolist() == [np.inf, np.inf]
     with pytest.raises(InputError, match="the mesh of the scene has no triangles"):
         SceneIndex.build(Surface(np.zeros((4, 3)), np.zeros((0, 3), int)))
-
-
-def test_a_ray_ends_at_the_first_wall():
-    caster = RayCaster.build(surface(trimesh.creation.box((2, 2, 2))))
-    hits = caster.first_hit(np.array([[0, 0, -5.0], [0, 5, -5]]), np.array([[0, 0, 1.0], [0, 0, 1]]))
-    assert hits.tolist() == [pytest.approx(4), np.inf]
 
 
 def test_far_points_get_the_distance_to_a_sheet_of_many_triangles():

@@ -18,6 +18,7 @@ from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
+from physic_core.geometry.rays import RayCaster
 
 __all__ = ["is_opposite_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
 
@@ -53,13 +54,12 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
     Returns:
         (P,) float64; 1 for a part without vertices.
     """
-    import trimesh
-
     points, triangles, part = (t.detach().cpu().numpy() for t in (vertices.double(), faces, part_of_vertex))
-    mesh = trimesh.Trimesh(points, triangles, process=False)
-    face, ray = mesh.ray.intersects_id(np.zeros_like(points), points, multiple_hits=False)
-    own = np.zeros(len(points), bool)
-    own[ray] = (part[triangles[face]] == part[ray, None]).any(1)
+    # Scaled and normalised as trimesh does in the released code: which rays miss depends on the rounding.
+    low, size = points.min(0), np.linalg.norm(np.ptp(points, axis=0))
+    rays = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
+    face = RayCaster(100 / size * (points - low), triangles).first_faces(-100 / size * low, rays)
+    own = (face >= 0) & (part[triangles[face]] == part[:, None]).any(1)
     return torch.tensor([own[part == p].mean() if (part == p).any() else 1.0 for p in parts], dtype=torch.float64)
 
 
