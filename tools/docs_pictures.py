@@ -67,7 +67,7 @@ def view(result: Reconstruction, which: Any) -> Any:
 
 
 def contact(result: Reconstruction, index: int) -> Any:
-    return render_contact_views(result, index, 800, 480).picture
+    return render_contact_views(result, index, 800, 480)
 
 
 def method(folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["NO_PARTNER", "PARTNER_KINDS", "BodyContact", "ContactPartner"]
+__all__ = ["NO_PARTNER", "PARTNER_KINDS", "BodyContact", "ContactPartner", "part_words"]
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the own body; a support
@@ -13,6 +13,11 @@ hands or on their lap, which is no part of the scene."""
 
 NO_PARTNER = -1
 """Entry of ``Person.contact_partner`` for a vertex that is not in contact."""
+
+
+def part_words(part: str) -> str:
+    """Return the name of a body part for readers: "left hand"; "buttocks" for the part "seat", unlike a seat."""
+    return "buttocks" if part == "seat" else part.replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,7 @@ class ContactPartner:
     @property
     def title(self) -> str:
         """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head", "hidden seat"."""
-        part = self.part.replace("_", " ") or "body"
+        part = part_words(self.part) or "body"
         if self.kind == "person":
             return f"{part} of person {self.person}"
         if self.kind == "self":
@@ -68,6 +73,11 @@ class BodyContact:
     vertices: int
     dent_m: float | None = None
 
+    @property
+    def likely(self) -> bool:
+        """Whether the probability is at least one half, or not estimated."""
+        return self.probability is None or self.probability >= 0.5
+
     def __str__(self) -> str:
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        return f"{self.part.replace('_', ' ')}: {self.partner.title}{sure}"
+        return f"{part_words(self.part)}: {self.partner.title}{sure}"

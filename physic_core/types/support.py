@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from physic_core.types.contacts import BodyContact
+from physic_core.types.contacts import BodyContact, part_words
 
 __all__ = ["Support", "SupportState"]
 
@@ -60,18 +60,19 @@ class Support:
 
     @property
     def hidden(self) -> tuple[str, ...]:
-        """Names of the hidden supports: "hidden seat", "hidden hold", "hidden support under the feet", ..."""
+        """Names of the hidden supports: "hidden seat", "hidden handhold", "hidden support under the feet", ..."""
         return tuple(dict.fromkeys(_hidden(one) for one in self.contacts if one.partner.kind == "hidden"))
 
     def __str__(self) -> str:
         largest = sorted(self.contacts, key=lambda one: -one.vertices)
         on = {one.part: one.partner.title for one in reversed(largest) if one.partner.kind != "hidden"}
         seen = [
-            f"{part.replace('_', ' ')} on {on[part]}"
+            f"{part_words(part)} on {on[part]}"
             for part in dict.fromkeys(one.part for one in self.contacts)
             if part in on
         ]
-        return ": ".join(filter(None, (self.state.value, ", ".join([*seen, *self.hidden]))))
+        unseen = [f"a {name.removeprefix('hidden ')} that the scene does not show" for name in self.hidden]
+        return ": ".join(filter(None, (self.state.value, ", ".join([*seen, *unseen]))))
 
 
 def _hidden(contact: BodyContact) -> str:
@@ -80,7 +81,7 @@ def _hidden(contact: BodyContact) -> str:
     if contact.partner.surface:
         return f"hidden {contact.partner.surface}"
     if limb == "hand":
-        return "hidden hold"
+        return "hidden handhold"
     if limb == "back":
         return "hidden support behind the back"
     return f"hidden support under the {_HIDDEN_BELOW.get(limb, limb)}"

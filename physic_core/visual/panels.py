@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = [
-    "ContactViews",
+    "CONTACT_VIEWS",
     "colored_depth",
     "depth_panel",
     "depth_range",
@@ -41,24 +40,14 @@ __all__ = [
 OPACITY = 0.85
 """Opacity of the bodies over the photo."""
 
+CONTACT_VIEWS = ("front", "back", "below")
+"""Views of a person that show contact."""
+
 _FAR = 60.0  # metres where the colours end
 
 _LEFT_HIP, _RIGHT_HIP = joint_pair("hip")
 _LEFT_SHOULDER, _RIGHT_SHOULDER = joint_pair("shoulder")
 _PELVIS, _NECK = JOINT_INDEX["pelvis"], JOINT_INDEX["neck"]
-
-
-@dataclass(frozen=True)
-class ContactViews:
-    """Image of one person from several views, and positions of the view names.
-
-    Attributes:
-        picture: (H, W, 3) uint8 RGB.
-        views: name of each view and its centre column, px.
-    """
-
-    picture: UInt8Array
-    views: tuple[tuple[str, float], ...]
 
 
 def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
@@ -116,8 +105,8 @@ def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
     return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
 
 
-def render_contact_views(reconstruction: Reconstruction, index: int, width: int, height: int) -> ContactViews:
-    """Draw one person from the front, the back and below, with contact in the colour of what is touched.
+def render_contact_views(reconstruction: Reconstruction, index: int, width: int, height: int) -> UInt8Array:
+    """Draw one person as in ``CONTACT_VIEWS``, side by side, with contact in the colour of what is touched.
 
     The view from below is enlarged by up to 1.5 times.
     """
@@ -127,27 +116,25 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
     shapes = prepare_meshes([vertices], reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M)
     if shapes is None or not np.isfinite(vertices).all():
-        return ContactViews(_bytes(picture), ())
+        return _bytes(picture)
     colors = contact_colors(person, reconstruction.contact_partners) / 255.0
-    views = _view_axes(joints)
-    sizes = np.array([[np.ptp(vertices @ right), np.ptp(vertices @ top)] for right, top in views.values()]) + 0.1
-    share = sizes[:, 0] / sizes[:, 0].sum()
-    edges = np.round(np.cumsum([0.0, *share]) * width).astype(int)
-    fits = np.minimum(np.diff(edges) / sizes[:, 0], height / sizes[:, 1])
-    upright = fits[:2].min()
-    scales = upright, upright, min(fits[2], 1.5 * upright)
-    middles = []
-    for (right, top), scale, left, end in zip(views.values(), scales, edges[:-1], edges[1:], strict=True):
+    edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
+    corners, fits = [], []
+    for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):
         axes = np.stack([right, top, np.cross(right, top)])
-        along = vertices @ axes.T
-        view = Orthographic(axes.T @ ((along.min(0) + along.max(0)) / 2), right, top, scale, int(end - left), height)
+        low, high = (vertices @ axes.T).min(0), (vertices @ axes.T).max(0)
+        corners.append((axes, axes.T @ ((low + high) / 2)))
+        fits.append(min(room / (high[0] - low[0] + 0.1), height / (high[1] - low[1] + 0.1)))
+    upright = min(fits[:2])
+    scales = upright, upright, min(fits[2], 1.5 * upright)
+    for (axes, middle), scale, left, end in zip(corners, scales, edges[:-1], edges[1:], strict=True):
+        view = Orthographic(middle, axes[0], axes[1], scale, int(end - left), height)
         picture[:, left:end] = composite(render_mesh(shapes, view, colors), picture[:, left:end])
-        middles.append((left + end) / 2)
-    return ContactViews(_bytes(picture), tuple(zip(views, middles, strict=True)))
+    return _bytes(picture)
 
 
-def _view_axes(joints: Array) -> dict[str, tuple[Array, Array]]:
-    """Return right and top axes (upright frame) of the front, back and bottom views of one person."""
+def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
+    """Return right and top axes (upright frame) of each of ``CONTACT_VIEWS`` of one person."""
     up = np.array([0.0, 1.0, 0.0])
     left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
     spine = _unit(joints[_NECK] - joints[_PELVIS], up)
@@ -157,11 +144,7 @@ def _view_axes(joints: Array) -> dict[str, tuple[Array, Array]]:
     top = _unit(top if np.linalg.norm(top) > 0.5 else spine - (spine @ front) * front, up)
     level = front - (front @ up) * up
     level = _unit(level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0]))
-    return {
-        "front": (np.cross(top, front), top),
-        "back": (np.cross(front, top), top),
-        "below": (np.cross(level, -up), level),
-    }
+    return [(np.cross(top, front), top), (np.cross(front, top), top), (np.cross(level, -up), level)]
 
 
 def _unit(vector: Array, otherwise: Array) -> Array:

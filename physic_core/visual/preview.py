@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
@@ -22,31 +22,28 @@ from physic_core.visual.panels import (
     depth_range,
     overlay_panel,
     photo_panel,
-    render_contact_views,
 )
-from physic_core.visual.preview_geometry import build_preview_geometry, person_color
+from physic_core.visual.people_table import draw_person_number, people_table
+from physic_core.visual.preview_geometry import build_preview_geometry
+from physic_core.visual.preview_text import ALERT_RGB, INK_RGB, SOFT_RGB, draw_text, font, wrap
 from physic_core.visual.render import Perspective
 from physic_core.visual.unposed_boxes import draw_unposed
 
 if TYPE_CHECKING:
-    from physic_core.types import Person, Reconstruction, UInt8Array
+    from physic_core.types import Reconstruction, UInt8Array
 
 __all__ = ["preview_image", "preview_png", "summary_line"]
 
 WIDTH = 1800
 """Width of the preview, px."""
 
-MAX_CONTACT_PEOPLE = 4
-"""Maximum number of people with contact views."""
-
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
 _CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
-_INK, _SOFT, _ALERT, _FLOOR = (32, 34, 38), (98, 102, 108), (178, 48, 34), (34, 140, 84)
-_SHOWN_LINES = 6
+_FLOOR = (34, 140, 84)
+_SHOWN_MESSAGES = 6
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
-_PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
 
 
 @dataclass(frozen=True)
@@ -67,23 +64,25 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay, depth, side view, top view and contacts in one image, 1800 px wide."""
+    """Render photo, overlay, depth, side view, top view and a table of people in one image, 1800 px wide."""
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
-    frames = _layout(width / height)
-    facts = _wrap(summary_line(reconstruction), 17, WIDTH - 2 * _MARGIN)
+    room = WIDTH - 2 * _MARGIN
+    facts = wrap(summary_line(reconstruction), 17, room, "  ·  ")
     lines = [
-        *((line, _ALERT) for line in _message_lines("! ", reconstruction.warnings)),
-        *((line, _SOFT) for line in _message_lines("", reconstruction.notes)),
+        *((line, ALERT_RGB) for line in _message_lines("! ", reconstruction.warnings)),
+        *((line, SOFT_RGB) for line in _message_lines("", reconstruction.notes)),
     ]
-    top = _MARGIN + 42 + 24 * len(facts) + 14
-    bottom = max(frame.y + frame.height for frame in frames) + top
-    page = Image.new("RGB", (WIDTH, bottom + _MARGIN + 24 * len(lines) + (10 if lines else 0)), PAGE_RGB)
+    frames = _layout(width / height, _MARGIN + 42 + 24 * len(facts) + 14)
+    below = max(frame.y + frame.height for frame in frames) + 14
+    table = people_table(reconstruction, room) if reconstruction.people else None
+    messages = below if table is None else below + _TITLE + table.height + 10
+    page = Image.new("RGB", (WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
     pen = ImageDraw.Draw(page)
-    _text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30, _INK)
+    draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
     for line, fact in enumerate(facts):
-        _text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, _SOFT)
-    photo, mesh, depth, side, above, contact = (_Frame(f.x, f.y + top, f.width, f.height) for f in frames)
+        draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
+    photo, mesh, depth, side, above = frames
     _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
@@ -93,9 +92,12 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
-    _draw_contact_panel(page, contact, reconstruction)
+    if table is not None:
+        draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
+        _contact_legend(pen, (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6), reconstruction)
+        page.paste(table, (_MARGIN, below + _TITLE))
     for row, (text, color) in enumerate(lines):
-        _text(pen, (_MARGIN, bottom + 14 + 24 * row), text, 16, color)
+        draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
     return page
 
 
@@ -105,7 +107,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
     facts = [
         f"grade: {reconstruction.grade or 'none'}",
         f"{camera.width} x {camera.height} px",
-        f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px ({camera.source})",
+        f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         "scale of unknown certainty" if scene.scale_sigma is None else f"scale ±{100 * scene.scale_sigma:.0f} %",
         *([f"changed by {100 * (scene.scale - 1):+.1f} % in the joint fit"] if reconstruction.people else []),
     ]
@@ -124,47 +126,32 @@ def summary_line(reconstruction: Reconstruction) -> str:
     return "  ·  ".join(facts)
 
 
-def person_checks(person: Person) -> str:
-    """Return the names of a person's checks that failed or were not measured, as one line; "" if all are ok."""
-    parts = [f"fails: {', '.join(person.failed_checks)}"] * bool(person.failed_checks)
-    parts += [f"not measured: {', '.join(person.unknown_checks)}"] * bool(person.unknown_checks)
-    return "; ".join(parts)
-
-
 def _title(reconstruction: Reconstruction) -> str:
     people, unposed = len(reconstruction.people), len(reconstruction.unposed)
     found = {0: "No person: the scene alone", 1: "1 person"}.get(people, f"{people} people")
     return f"{found}, {unposed} without a body" if unposed else found
 
 
-def _layout(aspect: float) -> tuple[_Frame, ...]:
-    """Return the frames of photo, overlay, depth, side, top and contact panels."""
-    room = WIDTH - 2 * _MARGIN
-    third = (room - 2 * _GAP) // 3
+def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
+    """Return the frames of photo, overlay, depth, side view and top view, below a row of px."""
+    room, y = WIDTH - 2 * _MARGIN, top + _TITLE
     if aspect > 1.05:
-        height = round(third / aspect)
-        sizes = [[(third, height)] * 3, [(third, _ROW)] * 3]
+        width, half = (room - 2 * _GAP) // 3, (room - _GAP) // 2
+        height, low = round(width / aspect), y + round(width / aspect) + _GAP + _TITLE
+        views = [_Frame(_MARGIN + i * (half + _GAP), low, half, _ROW) for i in (0, 1)]
     else:
-        # An upright photo leaves room for the side view beside the three pictures.
-        height = min(600, round((room - 3 * _GAP - 420) / (3 * aspect)))
-        width = max(1, round(height * aspect))
-        sizes = [
-            [(width, height)] * 3 + [(room - 3 * (max(width, _CELL) + _GAP), height)],
-            [(third, _ROW), (room - third - _GAP, _ROW)],
-        ]
-    frames, y = [], 0
-    for row in sizes:
-        x = _MARGIN
-        for width, height in row:
-            frames.append(_Frame(x, y + _TITLE, width, height))
-            x += max(width, _CELL) + _GAP
-        y += _TITLE + row[0][1] + _GAP
-    return tuple(frames)
+        # An upright photo leaves room for the side and top views beside the three pictures.
+        height = min(700, round((room - 3 * _GAP - 420) / (3 * aspect)))
+        width, left = round(height * aspect), _MARGIN + 3 * (max(round(height * aspect), _CELL) + _GAP)
+        half = (height - _GAP - _TITLE) // 2
+        views = [_Frame(left, y + i * (height - half), WIDTH - _MARGIN - left, half) for i in (0, 1)]
+    pictures = [_Frame(_MARGIN + i * (max(width, _CELL) + _GAP), y, max(width, 1), height) for i in range(3)]
+    return (*pictures, *views)
 
 
 def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
     pen = ImageDraw.Draw(page)
-    _text(pen, (frame.x, frame.y - 26), title, 18, _INK)
+    draw_text(pen, (frame.x, frame.y - 26), title, 18)
     page.paste(Image.fromarray(picture), (frame.x, frame.y))
     pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
 
@@ -182,13 +169,7 @@ def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Recons
             aside = max(28.0, 1.6 * float(np.linalg.norm(spots[0, :2] - spots[1, :2])))
             column, top = column + (aside if column + aside < frame.width - 12 else -aside), max(row - 6, 12)
         x, y = (float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (top, frame.height)))
-        _draw_person_number(pen, frame.x + x, frame.y + y, index)
-
-
-def _draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
-    """Draw a person's number on a disc in their colour."""
-    pen.ellipse((x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2)
-    pen.text((x, y), str(index), font=_font(14), fill=(20, 20, 20), anchor="mm")
+        draw_person_number(pen, frame.x + x, frame.y + y, index)
 
 
 def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
@@ -196,7 +177,7 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     pen = ImageDraw.Draw(page)
     near, far = ends
     room = max(frame.width, _CELL)
-    width = min(240, int(room - _font(18).getlength(_DEPTH_TITLE) - 60))
+    width = min(240, int(room - font(18).getlength(_DEPTH_TITLE) - 60))
     x, y = frame.x + room - width - 20, frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
@@ -205,9 +186,9 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
         column = x + math.log(metres / near) / math.log(far / near) * width
         if column > last + 26:
             last = column
-            pen.line((column, y - 3, column, y), fill=_SOFT)
-            pen.text((column, y - 4), f"{metres:g}", font=_font(13), fill=_INK, anchor="mb")
-    pen.text((x + width + 6, y + 9), "m", font=_font(14), fill=_INK, anchor="ls")
+            pen.line((column, y - 3, column, y), fill=SOFT_RGB)
+            pen.text((column, y - 4), f"{metres:g}", font=font(13), fill=INK_RGB, anchor="mb")
+    pen.text((x + width + 6, y + 9), "m", font=font(14), fill=INK_RGB, anchor="ls")
 
 
 def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) -> None:
@@ -217,136 +198,49 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
         row = frame.y + plan.floor_row
         pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*_FLOOR, 200), width=1)
-        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=_font(14), fill=_FLOOR, anchor="ra")
+        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=font(14), fill=_FLOOR, anchor="ra")
     if plan.camera is not None:
         _draw_camera(pen, frame, plan)
     for metre, column in plan.columns.items():
         if 6 < column < frame.width - 6 and (plan.pixels_per_metre > 30 or metre % 5 == 0):
-            pen.line((frame.x + column, bottom - 8, frame.x + column, bottom - 1), fill=_SOFT)
-            pen.text((frame.x + column, bottom - 9), f"{metre} m", font=_font(13), fill=_INK, anchor="mb")
+            pen.line((frame.x + column, bottom - 8, frame.x + column, bottom - 1), fill=SOFT_RGB)
+            pen.text((frame.x + column, bottom - 9), f"{metre} m", font=font(13), fill=INK_RGB, anchor="mb")
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
     x, y = frame.x + 16, frame.y + 28
     end = x + length * plan.pixels_per_metre
     pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
-    pen.line((x, y, end, y), fill=_INK, width=3)
+    pen.line((x, y, end, y), fill=INK_RGB, width=3)
     for edge in (x, end):
-        pen.line((edge, y - 5, edge, y + 5), fill=_INK, width=2)
-    pen.text(((x + end) / 2, y - 5), f"{length} m", font=_font(14), fill=_INK, anchor="mb")
+        pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
+    pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
 
 
 def _draw_camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: LabeledView) -> None:
-    """Draw a camera symbol; it looks to the right in the side view, to the top in the top view."""
+    """Draw the camera's field of view as a wedge, to the right in the side view, to the top in the top view."""
     assert plan.camera is not None
     x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
     sideways = bool(plan.columns)
-    along, beside = (
-        (np.array([1.0, 0.0]), np.array([0.0, 1.0])) if sideways else (np.array([0, -1.0]), np.array([1.0, 0]))
-    )
-
-    def quad(start: float, end: float, first: float, second: float) -> list[tuple[float, float]]:
-        corners = ((start, -first), (start, first), (end, second), (end, -second))
-        return [tuple((np.array([x, y]) + a * along + b * beside).tolist()) for a, b in corners]
-
-    pen.polygon(quad(-16, 0, 8, 8), fill=_INK)
-    pen.polygon(quad(1, 8, 3, 7), fill=_INK)
-    anchor, spot = ("mt", (x - 4, y + 12)) if sideways else ("lm", (x + 14, y + 8))
-    pen.text(spot, "camera", font=_font(13), fill=_INK, anchor=anchor)
+    ends = ((20, -10), (20, 10)) if sideways else ((-10, -20), (10, -20))
+    pen.polygon([(x, y), *((x + right, y + down) for right, down in ends)], fill=INK_RGB)
+    anchor, spot = ("mt", (x + 4, y + 12)) if sideways else ("lm", (x + 12, y - 4))
+    pen.text(spot, "camera", font=font(13), fill=INK_RGB, anchor=anchor)
 
 
-def _draw_contact_panel(page: Image.Image, frame: _Frame, reconstruction: Reconstruction) -> None:
-    pen = ImageDraw.Draw(page)
-    people = reconstruction.people
-    shown = min(len(people), MAX_CONTACT_PEOPLE)
-    more = f", {len(people) - shown} more not shown" if len(people) > shown else ""
-    title = f"Contact{more}"
-    _text(pen, (frame.x, frame.y - 26), title, 18, _INK)
-    _contact_legend(pen, frame, frame.x + _font(18).getlength(title) + 20, reconstruction)
-    pen.rectangle((frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height), outline=(206, 206, 202))
-    if not shown:
-        return
-    across, down = _grid(shown, frame)
-    width, height = frame.width // across, frame.height // down
-    head = 50 if any(person_checks(person) for person in people[:shown]) else 30
-    for index in range(shown):
-        x, y = frame.x + index % across * width, frame.y + index // across * height
-        shown_person = render_contact_views(reconstruction, index, width - 8, height - head - 24)
-        page.paste(Image.fromarray(shown_person.picture), (x + 4, y + head))
-        for view, column in shown_person.views:
-            pen.text((x + 4 + column, y + height - 12), view, font=_font(13), fill=_SOFT, anchor="mm")
-        _draw_person_number(pen, x + 18, y + 16, index)
-        person = people[index]
-        share = 100 * float(np.mean(person.contact)) if len(person.contact) else 0.0
-        grade = f"{person.grade}, " if person.grade else ""
-        parts = "; ".join(map(str, person.contacts)) or "no contact"
-        facts = _shorten(f"{grade}{share:.1f} % of the vertices touch. {parts}", 15, width - 44)
-        pen.text((x + 36, y + 16), facts, font=_font(15), fill=_SOFT, anchor="lm")
-        if line := person_checks(person):
-            line = _shorten(line, 14, width - 16)
-            color = _ALERT if person.failed_checks else _SOFT
-            pen.text((x + 8, y + 38), line, font=_font(14), fill=color, anchor="lm")
-
-
-def _contact_legend(pen: ImageDraw.ImageDraw, frame: _Frame, x: float, reconstruction: Reconstruction) -> None:
-    """Draw name and colour of what people touch, beside the panel's title."""
+def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction) -> None:
+    """Draw name and colour of what people touch, in a line from a spot."""
     known = any(person.contact_partner is not None for person in reconstruction.people)
     legend = partner_legend(reconstruction.contact_partners) if known else {"in contact": CONTACT_RGB}
-    font = _font(14)
+    x, y = spot
     for name, color in legend.items():
-        end = x + 16 + font.getlength(name)
-        if end > frame.x + frame.width:
-            return
-        pen.rectangle((x, frame.y - 20, x + 11, frame.y - 9), fill=color)
-        pen.text((x + 16, frame.y - 14), name, font=font, fill=_SOFT, anchor="lm")
-        x = end + 14
-
-
-def _grid(count: int, frame: _Frame) -> tuple[int, int]:
-    """Return the number of columns and rows that show ``count`` people as large as possible."""
-
-    def scale(across: int) -> float:
-        return min(frame.width / across / 2.6, (frame.height / math.ceil(count / across) - 54) / 1.8)
-
-    across = max(range(1, count + 1), key=scale)
-    return across, math.ceil(count / across)
+        pen.rectangle((x, y, x + 11, y + 11), fill=color)
+        pen.text((x + 16, y + 6), name, font=font(14), fill=SOFT_RGB, anchor="lm")
+        x += 30 + font(14).getlength(name)
 
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
-    lines = [_shorten(f"{mark}{text}", 16, WIDTH - 2 * _MARGIN) for text in texts[:_SHOWN_LINES]]
-    more = len(texts) - len(lines)
-    return [*lines, f"{mark}{more} more in reconstruction.json"] if more > 0 else lines
-
-
-def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size)
-
-
-def _text(
-    pen: ImageDraw.ImageDraw, spot: tuple[float, float], text: str, size: int, color: tuple[int, int, int]
-) -> None:
-    pen.text(spot, text.translate(_PLAIN), font=_font(size), fill=color)
-
-
-def _shorten(text: str, size: int, width: float) -> str:
-    """Shorten a text to one line of at most ``width`` px."""
-    line = " ".join(text.translate(_PLAIN).split())
-    font = _font(size)
-    if font.getlength(line) <= width:
-        return line
-    while line and font.getlength(line + " ...") > width:
-        line = line[:-8]
-    return line + " ..."
-
-
-def _wrap(text: str, size: int, width: float) -> list[str]:
-    """Join facts to as few lines as possible, each at most ``width`` px."""
-    font, lines = _font(size), [""]
-    for fact in text.split("  ·  "):
-        longer = f"{lines[-1]}  ·  {fact}" if lines[-1] else fact
-        if font.getlength(longer) <= width:
-            lines[-1] = longer
-        else:
-            lines.append(fact)
-    return lines
+    more = len(texts) - _SHOWN_MESSAGES
+    shown = [*texts[:_SHOWN_MESSAGES], *([f"{more} more in reconstruction.json"] if more > 0 else [])]
+    return [line for text in shown for line in wrap(f"{mark}{' '.join(text.split())}", 16, WIDTH - 2 * _MARGIN)]
 
 
 def _ticks(near: float, far: float) -> list[float]:

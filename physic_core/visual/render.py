@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,37 +38,16 @@ LONGEST_BODY_EDGE_M = 2.0
 """Longest edge of a body's triangle that is drawn. Those of plausible bodies are up to 6 cm long."""
 
 
-class ViewCamera(Protocol):
-    """Protocol of a virtual camera with images of ``height`` x ``width`` px."""
-
-    @property
-    def width(self) -> int:
-        """Columns of the image."""
-
-    @property
-    def height(self) -> int:
-        """Rows of the image."""
-
-    def project(self, points: Array) -> Array:
-        """Project points (N, 3) to column and row in px, and distance from the camera in metres."""
-
-    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
-
-    def light_axes(self) -> Array:
-        """Return unit vectors (3, 3) towards the right, the top and the camera."""
-
-
 @dataclass(frozen=True)
 class Perspective:
-    """Pinhole camera at the origin of the OpenCV frame, for any image size."""
+    """Pinhole camera at the origin of the OpenCV frame, with images of ``height`` x ``width`` px."""
 
     intrinsics: Intrinsics
     width: int
     height: int
 
     def project(self, points: Array) -> Array:
-        """See :class:`ViewCamera`."""
+        """Project points (N, 3) to column and row in px, and distance from the camera in metres."""
         camera = self.intrinsics.resized(self.width, self.height)
         depth = points[:, 2]
         safe = np.where(depth > 1e-6, depth, np.nan)
@@ -77,7 +56,7 @@ class Perspective:
         )
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """See :class:`ViewCamera`."""
+        """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
         camera = self.intrinsics.resized(self.width, self.height)
         directions = np.stack(
             [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1
@@ -85,7 +64,7 @@ class Perspective:
         return np.zeros_like(directions), directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
     def light_axes(self) -> Array:
-        """See :class:`ViewCamera`."""
+        """Return unit vectors (3, 3) towards the right, the top and the camera."""
         return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 
 
@@ -117,7 +96,7 @@ class Orthographic:
         return np.cross(self.right, self.top)
 
     def project(self, points: Array) -> Array:
-        """See :class:`ViewCamera`; the distance is from a plane 1000 m in front of ``center``."""
+        """See :class:`Perspective`; the distance is from a plane 1000 m in front of ``center``."""
         offset = points - self.center
         return np.stack(
             [
@@ -129,15 +108,18 @@ class Orthographic:
         )
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """See :class:`ViewCamera`."""
+        """See :class:`Perspective`."""
         x = (columns - (self.width - 1) / 2) / self.pixels_per_metre
         y = -(rows - (self.height - 1) / 2) / self.pixels_per_metre
         origins = self.center + x[:, None] * self.right + y[:, None] * self.top + self.start * self.towards_eye
         return origins, np.broadcast_to(-self.towards_eye, origins.shape)
 
     def light_axes(self) -> Array:
-        """See :class:`ViewCamera`."""
+        """See :class:`Perspective`."""
         return np.stack([self.right, self.top, self.towards_eye])
+
+
+ViewCamera = Perspective | Orthographic
 
 
 @dataclass(frozen=True)
@@ -164,7 +146,7 @@ class Layer:
     Attributes:
         color: (H, W, 3) float32, premultiplied by ``alpha``.
         alpha: (H, W) float32.
-        distance: (H, W) float32 from the eye as in :meth:`ViewCamera.project`, metres; inf where empty.
+        distance: (H, W) float32 from the eye as in ``project`` of the camera, metres; inf where empty.
     """
 
     color: NDArray[np.float32]

@@ -114,7 +114,7 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     dent = torch.tensor([torch.nan] * 4 + [0.02] * 10)
     contacts = body_contacts(index, probability, (floor, seat), ("seat", "left_foot"), region, dent=dent)
     assert contacts == (BodyContact("seat", seat, 0.8, 5, 0.02), BodyContact("left_foot", floor, 0.5, 4))
-    assert [str(one) for one in contacts] == ["seat: seat, 0.80", "left foot: floor, 0.50"]
+    assert [str(one) for one in contacts] == ["buttocks: seat, 0.80", "left foot: floor, 0.50"]
     assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region, dent=dent)[0].probability is None
 
 

@@ -205,7 +205,7 @@ def test_the_record_lists_seen_and_hidden_supports(posed):
     support = support_record(found, index, None, (floor,), model.part_names, model.part_of_vertex)
     assert {one.partner.kind for one in support.contacts} == {"floor", "hidden"}
     assert support.hidden == ("hidden seat",)
-    assert str(support) == "assumed: left foot on floor, right foot on floor, hidden seat"
+    assert str(support) == "assumed: left foot on floor, right foot on floor, a seat that the scene does not show"
     unnamed = support_record(replace(found, contact=~found.hidden), index, None, (floor,), ("torso",), index * 0)
     assert unnamed.outside_m == support.outside_m
 
@@ -233,7 +233,7 @@ def test_parts_that_carry_a_balanced_person_touch_surely_but_not_hands(posed):
     ("part", "name"),
     [
         ("left_upper_leg", "hidden support under the thighs"),
-        ("right_hand", "hidden hold"),
+        ("right_hand", "hidden handhold"),
         ("back", "hidden support behind the back"),
         ("left_foot", "hidden support under the feet"),
         ("right_lower_leg", "hidden support under the knees"),
@@ -243,7 +243,8 @@ def test_parts_that_carry_a_balanced_person_touch_surely_but_not_hands(posed):
 )
 def test_names_of_hidden_supports(part, name):
     support = Support("assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0))
-    assert str(support) == f"assumed: {name}"
+    assert support.hidden == (name,)
+    assert str(support) == f"assumed: a {name.removeprefix('hidden ')} that the scene does not show"
 
 
 NAMES = ("unknown", "wall", "seat", "object")

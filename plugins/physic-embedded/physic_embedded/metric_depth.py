@@ -140,14 +140,18 @@ class EmbeddedMetricDepth(MetricDepth):
                 off = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
             if off.any() and not off[np.isfinite(contact)].all():
                 others = _count_people(int(off.sum()))
-                notes.append(f"{others} left out of the scale: not on the floor that was found")
+                notes.append(f"{others} not used for the scale: their soles are not on the floor that was found")
                 contact = np.where(off, np.nan, contact)
             scale, sigma = _median_scale(contact, options.contact_sigma)
-            notes.insert(0, f"scale from the soles of {_count_people(int(np.isfinite(contact).sum()))} on the floor")
+            notes.insert(
+                0, f"the scale is from the soles of {_count_people(int(np.isfinite(contact).sum()))} on the floor"
+            )
         elif options.rule != "contact" and np.isfinite(size).any():
             scale, sigma = _median_scale(size, options.body_size_sigma)
             seen = _count_people(int(np.isfinite(size).sum()))
-            notes.append(f"scale from the body size of {seen}, less sure than from soles on a floor")
+            notes.append(
+                f"the scale is from the body size of {seen}: soles on a visible floor would give it more exactly"
+            )
         else:
             raise BackendError(
                 "the embedded metric depth found no soles on a floor and no torso in the relative depth: "

@@ -163,7 +163,7 @@ class EmbeddedPointmap(RelativePointmap):
             source = f"default ({self.options.default_focal:g} x the long side)"
             camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
             camera = replace(camera, focal_sigma=_DEFAULT_FOCAL_SIGMA)
-            notes = [f"focal length is a {source}, give or take {_DEFAULT_FOCAL_SIGMA:.0%}"]
+            notes = [f"the focal length is a {source}: it may be off by {_DEFAULT_FOCAL_SIGMA:.0%}"]
         else:
             camera, notes = given, []
         if segments is None:
@@ -196,8 +196,8 @@ class EmbeddedPointmap(RelativePointmap):
             walls=None if walls is None else wall_planes(raw, walls, focal),
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )
-        within = f"known within a factor of {np.exp(infinity.sigma):.2g}"
-        return infinity.disparity, f"depth is ambiguous up to an offset, {within}: {infinity.rule}"
+        factor = f"{np.exp(infinity.sigma):.2g}"
+        return infinity.disparity, f"the depth of the background may be off by a factor of {factor}: {infinity.rule}"
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def test_soles_on_the_floor_give_the_scale(world: World) -> None:
     assert np.median(ratio) == pytest.approx(1, abs=0.01)
     assert answer.intrinsics == CAMERA
     assert answer.scale_sigma == pytest.approx(0.08, abs=0.005)
-    assert answer.notes == ("scale from the soles of 2 people on the floor",)
+    assert answer.notes == ("the scale is from the soles of 2 people on the floor",)
 
 
 def test_body_size_gives_the_scale_where_no_floor_was_found(world: World) -> None:
@@ -95,7 +95,9 @@ def test_body_size_gives_the_scale_where_no_floor_was_found(world: World) -> Non
     print(f"scale is off by {100 * (np.median(ratio) - 1):+.2f} %")
     assert np.median(ratio) == pytest.approx(1, abs=0.02)
     assert answer.scale_sigma == pytest.approx(0.2, abs=0.01)
-    assert answer.notes == ("scale from the body size of 2 people, less sure than from soles on a floor",)
+    assert answer.notes == (
+        "the scale is from the body size of 2 people: soles on a visible floor would give it more exactly",
+    )
 
 
 def test_unseen_feet_do_not_measure(world: World) -> None:
@@ -103,10 +105,10 @@ def test_unseen_feet_do_not_measure(world: World) -> None:
     observed[:, [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]] = False
     hidden = replace(world.bodies, observed=observed)
     answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=hidden))
-    assert answer.notes[0].startswith("scale from the body size of 2 people")
+    assert answer.notes[0].startswith("the scale is from the body size of 2 people")
     observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["left_foot"]]] = True
     answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, observed=observed)))
-    assert answer.notes == ("scale from the soles of 1 person on the floor",)
+    assert answer.notes == ("the scale is from the soles of 1 person on the floor",)
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
 
 
@@ -115,8 +117,8 @@ def test_a_person_who_stands_elsewhere_is_left_out_of_the_scale() -> None:
     answer = EmbeddedMetricDepth().infer(IMAGE, world.hints)
     assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
     assert answer.notes == (
-        "scale from the soles of 2 people on the floor",
-        "1 person left out of the scale: not on the floor that was found",
+        "the scale is from the soles of 2 people on the floor",
+        "1 person not used for the scale: their soles are not on the floor that was found",
     )
 
 

@@ -116,7 +116,9 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     assert found.outdoors < 0.01
     assert found.gap == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
-    assert found.rule == ("the farthest pixels are taken as a wall, with the edges of the room, the walls of the room")
+    assert found.rule == (
+        "the farthest pixels are taken as a wall; also used: the edges of the room, the walls of the room"
+    )
 
 
 def test_normals_of_a_room_agree_best_with_its_axes_at_the_true_infinity() -> None:
@@ -174,13 +176,13 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert found.outdoors > 0.9
     assert found.gap == pytest.approx(0.006, rel=0.1)
-    assert found.rule == "the farthest pixels are taken as infinitely far, by default"
+    assert found.rule == "the farthest pixels are taken as infinitely far, since the photo has no other cue"
 
 
 def test_nothing_known_of_a_room_leaves_the_default() -> None:
     found = disparity_at_infinity(np.linspace(2, 5, 400).reshape(20, 20), None, 20.0)
     assert found.gap == pytest.approx(0.4, rel=0.1)
-    assert found.rule == "the farthest pixels are taken as a wall, by default"
+    assert found.rule == "the farthest pixels are taken as a wall, since the photo has no other cue"
 
 
 def test_a_standing_person_tells_how_high_the_camera_is() -> None:
@@ -250,9 +252,9 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     rows, columns = np.nonzero(scene.valid)
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
-    assert scene.notes[0] == "focal length is a default (0.85 x the long side), give or take 25%"
+    assert scene.notes[0] == "the focal length is a default (0.85 x the long side): it may be off by 25%"
     factor, rule = re.fullmatch(r"(.*): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
-    assert re.fullmatch(r"depth is ambiguous up to an offset, known within a factor of [1-9][.\d]*", factor)
+    assert re.fullmatch(r"the depth of the background may be off by a factor of [1-9][.\d]*", factor)
     assert rule.startswith("the farthest pixels are taken as a wall")
 
 

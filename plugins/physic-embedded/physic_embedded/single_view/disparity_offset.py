@@ -112,9 +112,8 @@ def disparity_at_infinity(
         cost = cost + 4 * (1 - score / max(float(score.max()), 1e-6))
         cues.append("the walls of the room")
     best = int(cost.argmin())
-    kind = "infinitely far" if outdoors > 0.5 else "a wall"
-    far = f"the farthest pixels are taken as {kind}"
-    rule = far + (", with " + ", ".join(cues) if cues else ", by default")
+    far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
+    rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
     weight = np.exp(-(cost - cost[best]) / 2)
     sigma = np.sqrt(np.average(np.log(gaps / gaps[best]) ** 2, weights=weight))
     return InfinityEstimate(float(candidates[best]), float(gaps[best]), outdoors, float(sigma), rule)
