@@ -8,17 +8,17 @@ from collections.abc import AsyncIterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from fastapi import FastAPI, HTTPException, Request
-from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException as StarletteHTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
 
 from physic_serve.answers import answer, wants_page
-from physic_serve.guards import SameOrigin, StatedLength
+from physic_serve.guards import Guard
 from physic_serve.jobs import Job, Jobs, QueueFull
 from physic_serve.pages import STATIC, job_page, start_page, static_file
 from physic_serve.uploads import KINDS, SETTINGS, read_upload
-from physic_serve.worker import REPORT_FILE
+from physic_serve.worker import PHOTO_FILE, REPORT_FILE
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
@@ -41,6 +41,7 @@ class Status(BaseModel):
     """State of one reconstruction."""
 
     id: str
+    photo: str = Field(description="name of the photo's file, as the client gave it, or empty")
     state: Literal["queued", "running", "done", "failed"]
     position: int = Field(description="photos before this one; 0 unless it waits")
     stages: list[str] = Field(description="names of the stages that have begun")
@@ -55,12 +56,12 @@ class Failure(BaseModel):
     detail: str
 
 
-def make_app(jobs: Jobs, hosts: frozenset[str] | None = None) -> ASGIApp:
+def make_app(jobs: Jobs, hosts: frozenset[str]) -> ASGIApp:
     """Return the application.
 
     Args:
         jobs: the queue; started and closed by the caller.
-        hosts: names under which the server is reached; None for any.
+        hosts: names under which the server is reached, in lower case; it can be reached under every address.
     """
     app = FastAPI(
         title="PhySIC",
@@ -74,7 +75,7 @@ def make_app(jobs: Jobs, hosts: frozenset[str] | None = None) -> ASGIApp:
     _add_interface(app, jobs)
     _add_pages(app, jobs)
     # Outside of FastAPI's own limit, whose refusal of a stated length is neither a page nor JSON.
-    return SameOrigin(StatedLength(app, int(jobs.limits.upload_mb * 1e6)), hosts)
+    return Guard(app, hosts, jobs.limits)
 
 
 def _find(jobs: Jobs, name: str) -> Job:
@@ -86,6 +87,7 @@ def _find(jobs: Jobs, name: str) -> Job:
 def _status(jobs: Jobs, job: Job) -> Status:
     return Status(
         id=job.id,
+        photo=job.photo,
         state=job.state,
         position=jobs.position(job),
         stages=[name for name, *_ in job.stages],
@@ -105,6 +107,7 @@ def _add_interface(app: FastAPI, jobs: Jobs) -> None:
         415: {"model": Failure, "description": f"not {KINDS}"},
         422: {"model": Failure, "description": "a setting is not a number in its range"},
         503: {"model": Failure, "description": "the queue is full: the header Retry-After gives seconds"},
+        507: {"model": Failure, "description": "the server has no room for the photo"},
     }
 
     @app.post(
@@ -116,13 +119,14 @@ def _add_interface(app: FastAPI, jobs: Jobs) -> None:
         openapi_extra={"requestBody": _request_body(), "parameters": _parameters()},
     )
     async def upload(request: Request) -> Response:
-        jobs.check_room()
         try:
-            async with asyncio.timeout(limits.upload_s):
-                photo, settings = await read_upload(request)
+            with jobs.new() as job:
+                async with asyncio.timeout(limits.upload_s):
+                    job.photo, job.settings = await read_upload(request, job.folder / PHOTO_FILE)
         except TimeoutError:
             raise HTTPException(408, f"the upload took more than {limits.upload_s:g} s") from None
-        job = await run_in_threadpool(jobs.add, photo, settings)
+        except OSError as error:
+            raise HTTPException(507, f"the server cannot store the photo: {error.strerror}") from error
         if wants_page(request):
             return RedirectResponse(f"/jobs/{job.id}", 303)
         content = _status(jobs, job).model_dump()
@@ -201,6 +205,10 @@ def _add_errors(app: FastAPI) -> None:
         # The framework's own words for what no route of ours has said.
         text = _PLAIN.get((error.status_code, error.detail), str(error.detail))
         return answer(request, error.status_code, text, dict(error.headers or {}))
+
+    @app.exception_handler(ClientDisconnect)
+    async def gone(request: Request, error: ClientDisconnect) -> Response:
+        return Response(status_code=400)  # nobody reads it
 
     @app.exception_handler(QueueFull)
     async def full(request: Request, error: QueueFull) -> Response:

@@ -6,6 +6,7 @@ import ipaddress
 import signal
 import sys
 import tempfile
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ class _PositiveNumber(click.FloatRange):
 
 
 _POSITIVE = _PositiveNumber()
+_EXPORTS = ("glb", "bvh", "usd", "mjcf")  # about 2 s of one core and 10 MB for two people; not ply (46 MB) and obj
 
 
 @click.command()
@@ -42,6 +44,14 @@ _POSITIVE = _PositiveNumber()
 @click.option("--timeout", default=600.0, show_default=True, type=_POSITIVE, help="Longest time of one photo, s.")
 @click.option("--keep", default=50, show_default=True, type=click.IntRange(1), help="Most results that are kept.")
 @click.option("--keep-hours", default=24.0, show_default=True, type=_POSITIVE, help="Age at which one is deleted.")
+@click.option("--allow-host", metavar="NAME", multiple=True, help="A name of this server; may be repeated.")
+@click.option(
+    "--export",
+    "exports",
+    metavar="FORMAT",
+    multiple=True,
+    help=f"Format of physic export to write beside each result; may be repeated.  [default: {', '.join(_EXPORTS)}]",
+)
 @click.option("--folder", type=click.Path(path_type=Path), help="Where results lie.  [default: the temporary folder]")
 def serve(
     host: str,
@@ -54,51 +64,71 @@ def serve(
     timeout: float,
     keep: int,
     keep_hours: float,
+    allow_host: tuple[str, ...],
+    exports: tuple[str, ...],
     folder: Path | None,
 ) -> None:
     """Serve a page where photos are uploaded and reconstructed, and the same as an HTTP interface.
 
     Photos are reconstructed one at a time. All uploads and results are deleted when the server ends.
     """
-    import uvicorn
-
     from physic_core import load_config
     from physic_serve.app import make_app
+    from physic_serve.connections import make_server
+    from physic_serve.folder import server_folder
     from physic_serve.jobs import Jobs
     from physic_serve.settings import Limits
-    from physic_serve.worker import Worker
+    from physic_serve.worker import Worker, open_pipeline
 
     config = load_config(file, preset=preset, overrides=overrides)
     limits = Limits(queue=queue, upload_mb=max_mb, job_s=timeout, results=keep, result_s=keep_hours * 3600)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    place = Path(tempfile.mkdtemp(prefix="physic-serve-", dir=folder))
-    jobs = Jobs(place, partial(Worker, config), limits)
-    signal.signal(signal.SIGTERM, _end)
-    jobs.start()
-    try:
+    formats = _formats(exports)
+    parent = Path(tempfile.gettempdir()) if folder is None else folder
+    parent.mkdir(parents=True, exist_ok=True)
+    _end_at_signals()
+    with ExitStack() as stack:
+        place = stack.enter_context(server_folder(parent))
+        tempfile.tempdir = str(place)  # for parts of forms
+        jobs = Jobs(place, partial(Worker, config, open_pipeline, formats), limits)
+        stack.callback(jobs.close)
+        stack.callback(_ignore_signals)
+        jobs.start()
         click.echo("loading the models", err=True)
         if refused := jobs.wait_until_open():
             raise BackendError(refused)
-        loopback = is_loopback(host)
-        if not loopback:
+        if not is_loopback(host):
             click.echo(exposure_warning(host), err=True)
-        app = make_app(jobs, frozenset({"localhost", "127.0.0.1", "::1", host}) if loopback else None)
-        server = uvicorn.Server(
-            uvicorn.Config(app, host, port, log_level="warning", limit_concurrency=100, timeout_graceful_shutdown=2)
-        )
-        server.config.load()
+        names = {name.lower() for name in ("localhost", host, *allow_host)}
+        server = make_server(make_app(jobs, frozenset(names)), host, port, limits)
         sockets = [server.config.bind_socket()]
+        sockets[0].listen()  # clients may connect as soon as they read the address
         address = f"[{host}]" if ":" in host else host
         click.echo(f"http://{address}:{sockets[0].getsockname()[1]}/  (Ctrl-C ends it)")
         server.run(sockets)
-    finally:
-        jobs.close()
 
 
-def _end(*_: object) -> None:
-    """End as after Ctrl-C: the worker is ended and the results are deleted."""
-    sys.exit(0)
+def _formats(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the formats to export: those named, or those of the default whose libraries are installed."""
+    from physic_core.visual.export.formats import find_format
+
+    found = [find_format(name, "") for name in names or _EXPORTS]
+    for each in found:
+        if names and not each.available:
+            raise click.UsageError(f"--export {each.name} needs the extra '{each.extra}' of physic-core: install it")
+    return tuple(dict.fromkeys(each.name for each in found if each.available))
+
+
+def _end_at_signals() -> None:
+    """Let SIGTERM end the server as Ctrl-C does, and SIGHUP as SIGTERM, also while uvicorn handles SIGTERM."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup sets it
+        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
+def _ignore_signals() -> None:
+    """Let no second signal interrupt the deletion of uploads and results."""
+    for name in {"SIGTERM", "SIGINT", "SIGHUP"} & set(dir(signal)):  # Windows has no SIGHUP
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def exposure_warning(host: str) -> str:

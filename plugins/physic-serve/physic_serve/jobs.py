@@ -8,8 +8,8 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from physic_serve.worker import PHOTO_FILE, Message, Task, Worker
 __all__ = ["Job", "Jobs", "QueueFull"]
 
 _LOG = logging.getLogger("physic_serve")
-_EVERY_S = 30.0  # between two searches for old results
+_EVERY_S = 1.0  # between two searches for old results, and for the end of an idle worker
 _PAUSE_S = 5.0  # before a worker is opened again that could not be opened
 
 
@@ -39,6 +39,7 @@ class Job:
     Attributes:
         id: 128 random bits; whoever knows it can read the result.
         folder: with the upload and the results.
+        photo: name that the client gave the file, or "".
         settings: of ``[photo]``.
         state: "queued", "running", "done" or "failed".
         error: why it failed, or "".
@@ -50,7 +51,8 @@ class Job:
 
     id: str
     folder: Path
-    settings: dict[str, float]
+    photo: str = ""
+    settings: dict[str, float] = field(default_factory=dict)
     state: str = "queued"
     error: str = ""
     stages: list[tuple[str, int, int]] = field(default_factory=list)
@@ -75,12 +77,13 @@ class Jobs:
 
     def __init__(self, folder: Path, open_worker: Callable[[], Worker], limits: Limits) -> None:
         self.limits = limits
-        self.refused = ""
+        self.refused = self._why_refused = ""  # for clients, and for the log
         self._opened = threading.Event()
-        self._folder, self._open_worker = folder, open_worker
+        self.folder, self._open_worker = folder, open_worker
         self._jobs: dict[str, Job] = {}
         self._waiting: deque[Job] = deque()
         self._running: Job | None = None
+        self._uploads = 0
         self._change = threading.Condition()
         self._seconds: deque[float] = deque(maxlen=8)
         self._worker: Worker | None = None
@@ -92,10 +95,10 @@ class Jobs:
         self._thread.start()
 
     def wait_until_open(self) -> str:
-        """Wait until the worker has loaded the backends; return why it cannot, or ""."""
+        """Wait until the worker has loaded the backends; return why it cannot, for the log, or ""."""
         while not self._opened.wait(0.1) and self._thread.is_alive():
             pass
-        return self.refused
+        return self._why_refused if self.refused else ""
 
     def close(self) -> None:
         """End the worker and delete all uploads and results."""
@@ -105,32 +108,39 @@ class Jobs:
             if self._worker is not None:
                 self._worker.end()
         self._thread.join(10.0)
-        shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
-    def check_room(self) -> None:
-        """Raise QueueFull if no photo can be added."""
-        with self._change:
-            if len(self._waiting) >= self.limits.queue:
-                each = sum(self._seconds) / len(self._seconds) if self._seconds else 30.0
-                raise QueueFull(max(1, round(each)))
+    @contextmanager
+    def new(self) -> Iterator[Job]:
+        """Yield a job with an empty folder for the photo, and put it into the queue at the end of the block.
 
-    def add(self, photo: bytes, settings: dict[str, float]) -> Job:
-        """Put a photo into the queue.
+        Its place in the queue is taken from the beginning. After an exception, the folder is deleted.
 
         Raises:
-            QueueFull: too many photos wait.
+            QueueFull: too many photos wait or are sent.
+            OSError: the folder cannot be made.
         """
         with self._change:
-            self.check_room()
-            name = secrets.token_urlsafe(16)
-            folder = self._folder / name
-            folder.mkdir()
-            (folder / PHOTO_FILE).write_bytes(photo)
-            job = Job(name, folder, settings)
+            if len(self._waiting) + self._uploads + (self._running is not None) > self.limits.queue:
+                each = sum(self._seconds) / len(self._seconds) if self._seconds else 30.0
+                raise QueueFull(max(1, round(each)))
+            self._uploads += 1
+        name = secrets.token_urlsafe(16)
+        job = Job(name, self.folder / name)
+        try:
+            job.folder.mkdir()
+            yield job
+        except BaseException:
+            shutil.rmtree(job.folder, ignore_errors=True)
+            with self._change:
+                self._uploads -= 1
+            raise
+        with self._change:
+            self._uploads -= 1
+            job.changed = time.monotonic()
             self._jobs[name] = job
             self._waiting.append(job)
             self._change.notify_all()
-            return job
 
     def get(self, name: str) -> Job | None:
         """Return a job, or None if there is none of this name or it was deleted."""
@@ -177,6 +187,8 @@ class Jobs:
                 self._feed(worker)
             except Exception:
                 _LOG.exception("the queue goes on with a new worker")
+                if self._running is not None:
+                    self._finish(self._running, Message("failed", "an unexpected error; the server's log has more"))
             worker.end()
 
     def _feed(self, worker: Worker) -> None:
@@ -189,15 +201,16 @@ class Jobs:
                 self.refused = ""
                 self._opened.set()
                 break
-            self.refused = f"the models cannot be loaded: {message.content}"
-            _LOG.error(self.refused)
+            self.refused = "the models cannot be loaded; the server's log has more"
+            self._why_refused = f"the models cannot be loaded: {message.content}"
+            _LOG.error(self._why_refused)
             self._opened.set()
             self._fail_waiting()
             with self._change:
                 self._change.wait(0 if self._closed else _PAUSE_S)
             return
-        while (job := self._next()) is not None:
-            worker.send(Task(job.folder, job.settings))
+        while (job := self._next(worker)) is not None:
+            worker.send(Task(job.folder, job.photo, job.settings))
             start = time.monotonic()
             usable = self._follow(job, messages, start + self.limits.job_s)
             self._seconds.append(time.monotonic() - start)
@@ -205,10 +218,13 @@ class Jobs:
             if not usable:
                 return
 
-    def _next(self) -> Job | None:
-        """Wait for a job; None if the server is closed."""
+    def _next(self, worker: Worker) -> Job | None:
+        """Wait for a job; None if the server is closed, or the worker has ended."""
         with self._change:
             while not self._closed:
+                if not worker.alive:
+                    _LOG.warning("the worker process ended while it had no photo; a new one is started")
+                    return None
                 if self._waiting:
                     self._running = job = self._waiting.popleft()
                     job.state, job.changed = "running", time.monotonic()
@@ -246,6 +262,7 @@ class Jobs:
                 job.state = "done"
             else:
                 job.error, job.state = str(message.content), "failed"
+                shutil.rmtree(job.folder, ignore_errors=True)
 
     def _fail_waiting(self) -> None:
         with self._change:

@@ -12,9 +12,11 @@ class Limits:
     """What the server accepts and keeps.
 
     Attributes:
-        queue: largest number of photos that wait.
+        queue: largest number of photos that wait; one more can be reconstructed or sent.
         upload_mb: largest upload, MB of 10^6 bytes.
         upload_s: longest time of one upload, s.
+        head_s: longest time until the head of a request is complete, s. A head is under 64 kB; 15 s allow 4 kB/s.
+        connections: largest number of connections. The oldest one without a request is closed for a new one.
         job_s: longest time of one reconstruction, s.
         results: largest number of finished reconstructions that are kept; the oldest is deleted first.
         result_s: age at which a finished reconstruction is deleted, s.
@@ -23,6 +25,8 @@ class Limits:
     queue: int = 8
     upload_mb: float = 40.0
     upload_s: float = 120.0
+    head_s: float = 15.0
+    connections: int = 100
     job_s: float = 600.0
     results: int = 50
     result_s: float = 24 * 3600.0

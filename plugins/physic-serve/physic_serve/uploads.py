@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
+import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fastapi import HTTPException
+from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
@@ -21,35 +25,45 @@ SETTINGS = {
 }
 """Settings of ``[photo]`` that a client can give: meaning and largest value."""
 
+_LONGEST_NAME = 100  # characters of a photo's name that pages show
 KINDS = "JPEG, PNG, WebP, TIFF, AVIF or HEIC"
 _STARTS = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+")
 
 
-async def read_upload(request: Request) -> tuple[bytes, dict[str, float]]:
-    """Return the bytes of the photo, and the settings from the form or from the query.
+async def read_upload(request: Request, path: Path) -> tuple[str, dict[str, float]]:
+    """Write the photo of a request to a file; return its name, and the settings from the form or from the query.
 
     Raises:
         HTTPException: 400 without a photo, 413 for more bytes than allowed, 415 for a file of another kind, 422 for a
             setting that is no such number.
+        OSError: the file cannot be written.
     """
     given: dict[str, Any] = dict(request.query_params)
-    if request.headers.get("content-type", "").startswith("multipart/form-data"):
-        try:
-            async with request.form(max_files=1, max_fields=8, max_part_size=10_000) as form:
-                given |= {name: value for name, value in form.items() if isinstance(value, str)}
-                file = form.get("photo")
-                photo = await file.read() if isinstance(file, UploadFile) else b""
-        except StarletteHTTPException as error:
-            if error.status_code == 413:
-                raise
-            raise HTTPException(400, f"the form cannot be read: {error.detail}") from error
-    else:
-        photo = await request.body()
-    if not photo:
+    name = ""
+    with path.open("wb") as photo:
+        if request.headers.get("content-type", "").startswith("multipart/form-data"):
+            try:
+                async with request.form(max_files=1, max_fields=8, max_part_size=10_000) as form:
+                    given |= {key: value for key, value in form.items() if isinstance(value, str)}
+                    file = form.get("photo")
+                    if isinstance(file, UploadFile):
+                        name = file.filename or ""
+                        await run_in_threadpool(shutil.copyfileobj, file.file, photo)
+            except StarletteHTTPException as error:
+                if error.status_code == 413:
+                    raise
+                raise HTTPException(400, f"the form cannot be read: {error.detail}") from error
+        else:
+            async for chunk in request.stream():
+                await run_in_threadpool(photo.write, chunk)
+    with path.open("rb") as photo:
+        start = photo.read(16)
+    if not start:
         raise HTTPException(400, "there is no photo: send its bytes as the body, or as the form's field 'photo'")
-    if not _is_photo(photo[:16]):
+    if not _is_photo(start):
         raise HTTPException(415, f"the file is not a photo: send {KINDS}")
-    return photo, {name: _number(name, given[name]) for name in SETTINGS if given.get(name)}
+    settings = {key: _number(key, given[key]) for key in SETTINGS if given.get(key)}
+    return "".join(c for c in re.split(r"[/\\]", name)[-1] if c.isprintable())[:_LONGEST_NAME], settings
 
 
 def _is_photo(start: bytes) -> bool:

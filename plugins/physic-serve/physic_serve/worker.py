@@ -5,9 +5,11 @@ A photo that crashes it or hangs costs this photo alone: the server ends the pro
 
 from __future__ import annotations
 
+import logging
 import math
 import multiprocessing
 import os
+import re
 import signal
 import threading
 import time
@@ -17,7 +19,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from physic_core import InputError, NoPersonError, PhysicError
+from physic_core import InputError, NoPersonError, OutputError, PhysicError
 from physic_core.batch.workers import report_calls_to
 
 if TYPE_CHECKING:
@@ -33,13 +35,16 @@ PHOTO_FILE = "photo"
 
 REPORT_FILE = "report.html"
 
+_LOG = logging.getLogger("physic_serve")
 _POLL_S = 0.2
+_PATH = re.compile(r"(?<!\w)[/\\][\w.]|\b[A-Za-z]:[/\\]")  # an absolute one, or below the home folder
 
 
 class Task(NamedTuple):
-    """One photo: the folder with the upload, where the results go too, and settings of ``[photo]``."""
+    """One photo: the folder with the upload, where the results go too, its name, and settings of ``[photo]``."""
 
     folder: Path
+    photo: str
     settings: dict[str, float]
 
 
@@ -77,14 +82,20 @@ class Worker:
     Args:
         config: passed to ``open_``.
         open_: called in the process; returns the function of a task. Can be pickled.
+        exports: formats of ``physic export`` that are written beside each result.
     """
 
-    def __init__(self, config: Any, open_: OpenPipeline = open_pipeline) -> None:
+    def __init__(self, config: Any, open_: OpenPipeline = open_pipeline, exports: tuple[str, ...] = ()) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs, config, open_), daemon=True)
+        self._process = context.Process(target=_work, args=(theirs, config, open_, exports), daemon=True)
         self._process.start()
         theirs.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
 
     def send(self, task: Task) -> None:
         """Give the process a task; if it has just died, :meth:`receive` says so."""
@@ -109,7 +120,7 @@ class Worker:
                 elif time.monotonic() > deadline:
                     yield Message("died", f"{title}: not finished after {limit:g} s; timeout_s of [run] sets the limit")
                     return
-                elif self._process.is_alive():
+                elif self.alive:
                     yield None
                 else:
                     raise EOFError
@@ -125,7 +136,7 @@ class Worker:
         self._pipe.close()
 
 
-def _work(pipe: connection.Connection, config: Any, open_: OpenPipeline) -> None:
+def _work(pipe: connection.Connection, config: Any, open_: OpenPipeline, exports: tuple[str, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server, which ends this process
     threading.Thread(target=_end_with_parent, daemon=True).start()
     report_calls_to(lambda title, seconds: pipe.send(Message("call", (title, seconds))))
@@ -140,26 +151,42 @@ def _work(pipe: connection.Connection, config: Any, open_: OpenPipeline) -> None
             task: Task = pipe.recv()
         except EOFError:
             return
-        pipe.send(_run(task, reconstruct, lambda *stage: pipe.send(Message("stage", stage))))
+        pipe.send(_run(task, reconstruct, exports, lambda *stage: pipe.send(Message("stage", stage))))
 
 
-def _run(task: Task, reconstruct: Callable[[Task, Progress], Reconstruction], progress: Progress) -> Message:
+def _run(
+    task: Task, reconstruct: Callable[[Task, Progress], Reconstruction], exports: tuple[str, ...], progress: Progress
+) -> Message:
     """Reconstruct the photo of a task and write its files; whatever goes wrong becomes a message."""
     try:
         result = reconstruct(task, progress)
         progress("write the files", 0, 0)
         result.save(str(task.folder))
-        result.report(str(task.folder / REPORT_FILE), "Reconstruction")
-        return Message("done", {**result.summary(), "grade": None if result.grade is None else str(result.grade)})
-    except (InputError, NoPersonError) as error:
-        return Message("failed", str(error))
-    except PhysicError as error:
-        return Message("failed", f"{type(error).__name__}: {error}")
+        result.report(str(task.folder / REPORT_FILE), task.photo or "Reconstruction")
     except Exception as error:
-        import traceback
+        return Message("failed", _reason(error))
+    missing = {}
+    for name in exports:
+        try:
+            result.export(str(task.folder), name)
+        except Exception as error:  # the result itself is complete
+            missing[name] = _reason(error)
+    summary = {**result.summary(), "grade": None if result.grade is None else str(result.grade)}
+    return Message("done", summary | ({"missing_exports": missing} if missing else {}))
 
-        traceback.print_exc()  # for whoever runs the server
-        return Message("failed", f"an unexpected error ({type(error).__name__}); the server's log has more")
+
+def _reason(error: Exception) -> str:
+    """Return what clients may read of an error: no path of this machine, which the log has."""
+    if not isinstance(error, PhysicError):
+        _LOG.error("an unexpected error", exc_info=error)
+        return f"an unexpected error ({type(error).__name__}); the server's log has more"
+    text = str(error) if isinstance(error, (InputError, NoPersonError)) else f"{type(error).__name__}: {error}"
+    if not _PATH.search(text):
+        return text
+    _LOG.error(text)
+    if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
+        return f"the server cannot write the result: {error.__cause__.strerror}"
+    return f"{type(error).__name__}; the server's log has more"
 
 
 def _end_with_parent() -> None:

@@ -29,6 +29,10 @@ class ScriptedWorker:
         self.outcome: Callable[[Task], Message] = self.write
         self.ended = False
 
+    @property
+    def alive(self) -> bool:
+        return not self.ended
+
     def write(self, task: Task) -> Message:
         (task.folder / "preview.png").write_bytes(b"picture")
         (task.folder / "report.html").write_text("<p>report</p>")
@@ -64,7 +68,8 @@ class Served:
         self.release = threading.Event()
         self.jobs = Jobs(folder, self._open, limits)
         self.jobs.start()
-        self.client = TestClient(make_app(self.jobs, frozenset({"testserver"})), raise_server_exceptions=True)
+        self.app = make_app(self.jobs, frozenset({"testserver"}))
+        self.client = TestClient(self.app, raise_server_exceptions=True)
 
     def _open(self) -> Any:
         self.workers.append(ScriptedWorker())

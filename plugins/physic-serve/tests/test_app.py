@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import errno
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 import pytest
 
 from physic_serve.pages import STATIC
+from physic_serve.worker import Message, Task
 
 from .conftest import PHOTO, Served, jpeg
 
@@ -29,6 +33,7 @@ def test_a_photo_becomes_files(serve: Serve, tmp_path: Path):
     files = {file: f"/reconstructions/{name}/files/{file}" for file in ("preview.png", "report.html")}
     assert done == {
         "id": name,
+        "photo": "",
         "state": "done",
         "position": 0,
         "stages": ["people", "scene"],
@@ -96,12 +101,22 @@ def test_a_broken_upload_is_refused(serve: Serve, content: bytes, status: int, d
     assert served.client.get("/health").json()["waiting"] == 0
 
 
-def test_the_name_of_the_file_is_not_used(serve: Serve, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("../../../evil.jpg", "evil.jpg"),
+        ("/etc/passwd", "passwd"),
+        ("a\x1b[2Jb.jpg", "a[2Jb.jpg"),
+        ("reconstruction.json", "reconstruction.json"),
+        ("C:\\evil", "evil"),
+        ("n" * 300, "n" * 100),
+    ],
+)
+def test_the_name_of_the_file_is_shown_and_names_no_file(serve: Serve, tmp_path: Path, name: str, shown: str):
     served = serve()
     served.release.set()
-    for name in ("../../../evil.jpg", "/etc/passwd", "a\x00b.jpg", "reconstruction.json", "C:\\evil"):
-        posted = served.client.post("/reconstructions", files={"photo": (name, PHOTO)})
-        assert served.wait(posted.json()["id"])["state"] == "done"
+    posted = served.client.post("/reconstructions", files={"photo": (name, PHOTO)})
+    assert served.wait(posted.json()["id"])["photo"] == shown
     written = {file.relative_to(tmp_path).parts[-1] for file in tmp_path.rglob("*") if file.is_file()}
     assert written == {"preview.png", "report.html"}
 
@@ -139,13 +154,69 @@ def test_a_setting_out_of_its_range_is_refused(serve: Serve, text: str):
     )
 
 
-def test_a_page_of_another_site_and_another_host_name_are_refused(serve: Serve):
-    served = serve()
-    foreign = served.post(headers={"origin": "http://evil.example"})
-    assert (foreign.status_code, foreign.text) == (403, "a page of another site sent this request\n")
-    rebound = served.client.get("/", headers={"host": "evil.example"})
-    assert (rebound.status_code, rebound.text) == (400, "this server has another name\n")
-    assert served.post(headers={"origin": "http://testserver"}).status_code == 202
+@pytest.mark.parametrize(
+    ("headers", "status", "detail"),
+    [
+        ({"origin": "http://evil.example"}, 403, "a page of another site sent this request"),
+        ({"origin": "null"}, 403, "a page of another site sent this request"),
+        ({"origin": "http://["}, 400, "the header Origin must be like http://name:port or null; got 'http://['"),
+        ({"host": "[::1"}, 400, "the header Host must be a name or an address, and may have a port; got '[::1'"),
+        ({"host": "a@testserver"}, 400, "the header Host must be a name or an address, and may have a port; got"),
+        (
+            {"host": "evil.example:80"},
+            421,
+            "this server is not called 'evil.example': the option --allow-host of physic serve adds a name",
+        ),
+    ],
+)
+def test_a_foreign_or_malformed_host_or_origin_is_refused(
+    serve: Serve, headers: dict[str, str], status: int, detail: str
+):
+    found = serve().post(headers=headers)
+    assert (found.status_code, found.json()["detail"][: len(detail)]) == (status, detail)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"origin": "http://testserver"},
+        {"host": "TestServer:8000", "origin": "https://testserver:8000"},
+        {"host": "192.0.2.7:80"},
+        {"host": "[::1]"},
+    ],
+)
+def test_the_names_and_addresses_of_the_server_are_answered(serve: Serve, headers: dict[str, str]):
+    assert serve().post(headers=headers).status_code == 202
+
+
+@pytest.mark.parametrize("as_form", [False, True])
+def test_an_upload_that_does_not_end_is_408(serve: Serve, as_form: bool):
+    """The body stops after its first bytes; without the time limit, the test's own limit ends it."""
+    served = serve(upload_s=0.2)
+    kind = b"multipart/form-data; boundary=b" if as_form else b"image/jpeg"
+    begun = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="p"\r\n\r\n' if as_form else b""
+    sent: list[Any] = []
+
+    async def post() -> None:
+        parts = iter([{"type": "http.request", "body": begun + PHOTO[:100], "more_body": True}])
+
+        async def receive() -> Any:
+            for part in parts:
+                return part
+            await asyncio.sleep(3600)
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        headers = [(b"host", b"testserver"), (b"content-type", kind)]
+        scope = {"type": "http", "method": "POST", "path": "/reconstructions", "query_string": b"", "headers": headers}
+        await asyncio.wait_for(served.app(scope, receive, send), 60)
+
+    asyncio.run(post())
+    assert sent[0]["status"] == 408
+    assert json.loads(sent[1]["body"]) == {"detail": "the upload took more than 0.2 s"}
+    assert list(served.jobs.folder.iterdir()) == []
+    assert served.post().status_code == 202
 
 
 def test_a_deleted_job_is_gone_and_its_folder_too(serve: Serve, tmp_path: Path):
@@ -180,6 +251,41 @@ def test_a_result_that_is_too_old_is_deleted(serve: Serve):
     name = served.post().json()["id"]
     while served.client.get(f"/reconstructions/{name}").status_code == 200:
         served.jobs.delete_old()
+
+
+def test_a_photo_that_cannot_be_stored_is_507(serve: Serve):
+    served = serve()
+    served.jobs.folder.rmdir()
+    found = served.post()
+    assert (found.status_code, found.json()) == (
+        507,
+        {"detail": f"the server cannot store the photo: {os.strerror(errno.ENOENT)}"},
+    )
+
+
+def test_a_failed_photo_leaves_no_file(serve: Serve):
+    served = serve()
+    posted = served.post().json()["id"]
+    served.wait(posted, "running")
+    (worker,) = served.workers
+
+    def write_half(task: Task) -> Message:
+        worker.write(task)
+        return Message("failed", "the disk is full")
+
+    worker.outcome = write_half
+    served.release.set()
+    assert served.wait(posted)["error"] == "the disk is full"
+    assert list(served.jobs.folder.iterdir()) == []
+
+
+def test_a_worker_that_ends_without_a_photo_costs_none(serve: Serve):
+    served = serve()
+    assert served.jobs.wait_until_open() == ""
+    served.workers[0].end()
+    served.release.set()
+    assert served.wait(served.post().json()["id"])["state"] == "done"
+    assert len(served.workers) == 2
 
 
 def test_all_results_are_deleted_at_the_end(serve: Serve, tmp_path: Path):
@@ -238,7 +344,7 @@ def test_the_interface_is_described(serve: Serve):
         ("/health", "get"),
     }
     post = described["paths"]["/reconstructions"]["post"]
-    assert set(post["responses"]) == {"202", "400", "408", "413", "415", "422", "503"}
+    assert set(post["responses"]) == {"202", "400", "408", "413", "415", "422", "503", "507"}
     assert set(post["requestBody"]["content"]) == {"multipart/form-data", "image/*"}
 
 

@@ -11,6 +11,7 @@ import sys
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,8 @@ def test_a_program_gets_the_files_of_a_result(address: str, photo: Path, tmp_pat
         assert (done["state"], done["summary"]["people"]) == ("done", 1)
         assert set(done["files"]) == {
             *("combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz"),
-            *("report.html", "scene.glb"),
+            *("report.html", "scene.glb", "skinned.glb", "skeleton.bvh", "mujoco.xml"),
+            *(["stage.usdc"] if find_spec("pxr") else []),
         }
         for name, place in done["files"].items():
             (tmp_path / name).write_bytes(client.get(place).content)
@@ -180,6 +182,11 @@ def test_the_warning_names_the_address_and_what_to_do():
         "Warning: 0.0.0.0 can be reached by other machines. There is no password and no encryption: put a server in "
         "front that has both, or use the default 127.0.0.1."
     )
+
+
+def test_an_unknown_format_is_refused():
+    done = CliRunner().invoke(main, ["serve", "--export", "gltf"])
+    assert (done.exit_code, "cannot export to 'gltf'" in done.stderr) == (3, True)
 
 
 def test_a_wrong_option_is_an_error_before_anything_is_loaded():

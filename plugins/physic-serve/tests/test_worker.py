@@ -11,7 +11,7 @@ import pytest
 
 from physic_serve.jobs import Job, Jobs
 from physic_serve.settings import Limits
-from physic_serve.worker import Message, Worker
+from physic_serve.worker import PHOTO_FILE, Message, Worker
 
 STAND_IN = """
 import os, signal, time
@@ -43,6 +43,8 @@ def open_pipeline(config):
             raise InputError("the photo is broken")
         if word == "backend":
             raise BackendError("no answer")
+        if word == "path":
+            raise BackendError(f"cannot read {task.folder}")
         raise ValueError(f"a bug at {task.folder}")
 
     return reconstruct
@@ -71,6 +73,12 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         jobs.close()
 
 
+def add(jobs: Jobs, word: str) -> Job:
+    with jobs.new() as job:
+        (job.folder / PHOTO_FILE).write_text(word)
+    return job
+
+
 def ended(job: Job) -> str:
     while not job.finished:
         time.sleep(0.02)
@@ -79,21 +87,22 @@ def ended(job: Job) -> str:
 
 def test_a_photo_that_breaks_the_process_costs_itself_alone(start: Callable[..., Jobs]):
     jobs = start()
-    added = [jobs.add(word.encode(), {}) for word in ("kill", "bad", "backend", "exit", "bug")]
+    added = [add(jobs, word) for word in ("kill", "bad", "backend", "path", "exit", "bug")]
     assert [ended(job) for job in added] == [
         "the process was ended by SIGKILL; often the memory is too small",
         "the photo is broken",
         "BackendError: no answer",
+        "BackendError; the server's log has more",
         "the process ended with code 7",
         "an unexpected error (ValueError); the server's log has more",
     ]
-    assert [job.stages for job in added] == [[("people", 0, 1)]] * 5
+    assert [job.stages for job in added] == [[("people", 0, 1)]] * 6
     assert jobs.wait_until_open() == ""
 
 
 def test_a_photo_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
     jobs = start(job_s=0.5)
-    assert ended(jobs.add(b"hang", {})) == "no result after 0.5 s, the limit"
+    assert ended(add(jobs, "hang")) == "no result after 0.5 s, the limit"
 
 
 SLOW = "metric_depth 'slow': not finished after 0.3 s; timeout_s of [run] sets the limit"
@@ -101,7 +110,7 @@ SLOW = "metric_depth 'slow': not finished after 0.3 s; timeout_s of [run] sets t
 
 def test_a_call_of_a_backend_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
     jobs = start()
-    assert [ended(jobs.add(word, {})) for word in (b"call", b"bad")] == [SLOW, "the photo is broken"]
+    assert [ended(add(jobs, word)) for word in ("call", "bad")] == [SLOW, "the photo is broken"]
 
 
 def test_loading_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
@@ -111,8 +120,7 @@ def test_loading_that_takes_too_long_is_ended(start: Callable[..., Jobs]):
 def test_models_that_cannot_be_loaded_are_reported(start: Callable[..., Jobs]):
     jobs = start("refuse")
     assert jobs.wait_until_open() == "the models cannot be loaded: BackendError: no weights"
-    job = jobs.add(b"photo", {})
-    assert ended(job) == "the models cannot be loaded: BackendError: no weights"
+    assert ended(add(jobs, "photo")) == "the models cannot be loaded; the server's log has more"
 
 
 def test_a_message_can_be_sent_between_processes():
