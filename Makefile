@@ -1,4 +1,4 @@
-# make demo [PHOTO=photo.jpg]   reconstruct a photo and say where the results are
+# make demo [PHOTO=photo.jpg]   reconstruct a photo and say where its page is, to open in a browser
 # make quick [JOBS=2]           the tests that matter while you work, in about a minute on two cores
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -14,22 +13,21 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from physic_core import Reconstruction
 from physic_core.cli import main
-from physic_core.errors import NoPersonError
-from physic_core.io.result_folder import file_digest, image_digest, photo_of_result
+from physic_core.errors import InputError, NoPersonError
+from physic_core.io.photo import read_photo
+from physic_core.io.result_folder import file_digest, image_digest, photo_digest, photo_of_result
+from physic_core.types import Intrinsics, Scene
 
 
-@dataclass
-class Found:
-    """As much of a reconstruction as the command looks at."""
-
-    photo: str
-    people = unposed = checks = warnings = notes = stages = ()
-    grade = None
-
-    def save(self, folder: str, *, overwrite: bool) -> None:
-        document = {"schema": "physic-reconstruction", "photo": self.photo, "files": ["reconstruction.json"]}
-        Path(folder, "reconstruction.json").write_text(json.dumps(document))
+def reconstruction(photo: str) -> Reconstruction:
+    """An empty scene of the photo with this digest."""
+    points = np.ones((64, 64, 3), np.float32)
+    camera = Intrinsics(64, 64, 31.5, 31.5, 64, 64)
+    colors, valid = np.zeros((64, 64, 3), np.uint8), np.ones((64, 64), bool)
+    scene = Scene(points, np.zeros_like(points), colors, valid, None, np.zeros((0, 3), np.float32))
+    return Reconstruction(colors, camera, scene, (), np.zeros((0, 3), np.int32), "embedded", "coco17", photo=photo)
 
 
 @pytest.fixture(autouse=True)
@@ -37,11 +35,13 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The photos that a stand-in of the pipeline was given."""
     photos: list[Path] = []
 
-    def reconstruct_photo(path: Path, config: Any, **_: Any) -> Found:
+    def reconstruct_photo(path: Path, config: Any, **_: Any) -> Reconstruction:
         photos.append(path)
         if path.stem == "empty":
             raise NoPersonError("nobody was found")
-        return Found(file_digest(path))
+        with suppress(InputError):
+            return reconstruction(photo_digest(path, read_photo(path).image))
+        return reconstruction(file_digest(path))
 
     module = ModuleType("physic_core.pipeline.run")
     module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
@@ -57,7 +57,8 @@ def photo(name: str) -> str:
 
 
 def run(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["run", "--preset", "mock", *arguments])
+    saving = ("--save", "numbers", "--no-report")
+    return CliRunner().invoke(main, ["run", "--preset", "mock", *saving, *arguments])
 
 
 def folder_of(done: Result) -> str:
@@ -123,8 +124,7 @@ def test_another_photos_result_is_refused_at_once_and_replaced_if_asked(asked: l
 def test_the_result_of_the_photos_pixels_is_the_photos_own(asked: list[Path]):
     pixels = np.full((70, 80, 3), 9, np.uint8)
     Image.fromarray(pixels).save("a.png")
-    Path("out").mkdir()
-    Found(image_digest(pixels)).save("out", overwrite=False)
+    reconstruction(image_digest(pixels)).save("out", preview=False)
     assert folder_of(run("a.png", "-o", "out")) == "out"
 
 

@@ -20,6 +20,7 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_mock.pixels import MockInpainter
 from physic_testing.worlds import World, build_world
@@ -139,15 +140,59 @@ def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callabl
     assert len(document["people"]) == 1
     assert note is None or note in document["notes"]
     assert f"note: {note}\n" in done.stdout or note is None
-    with np.load("new/out/reconstruction.npz", allow_pickle=False) as arrays:
-        np.testing.assert_array_equal(arrays["image"], world.image)
+    np.testing.assert_array_equal(Reconstruction.load("new/out").image, world.image)
+
+
+DEFAULT_FILES = ["combined.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "report.html"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        ((), DEFAULT_FILES),
+        (("--report",), DEFAULT_FILES),
+        (("--no-report",), DEFAULT_FILES[:-1]),
+        (("--save", "full"), sorted([*DEFAULT_FILES, "person_0.glb", "scene.glb"])),
+        (("--save", "numbers"), DEFAULT_FILES[2:]),
+        (("--save", "people", "--no-report"), ["people.npz", "reconstruction.json"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_what_a_run_keeps(world: World, arguments: tuple[str, ...], names: list[str]):
+    Image.fromarray(world.image).save("a.png")
+    assert run("a.png", *arguments).exit_code == 0
+    assert sorted(path.name for path in Path("new/out").iterdir()) == names
+    assert sorted(json.loads(Path("new/out/reconstruction.json").read_text())["files"]) == names
+
+
+def test_the_default_files_hold_what_all_files_hold(world: World):
+    Image.fromarray(world.image).save("a.png")
+    assert run("a.png", "--save", "full", "--no-report").exit_code == 0
+    full = Reconstruction.load("new/out")
+    assert run("a.png").exit_code == 0
+    assert not Path("new/out/scene.glb").exists()
+    compact = Reconstruction.load("new/out")
+    np.testing.assert_allclose(compact.scene.points, full.scene.points, rtol=2e-5, atol=1e-6)
+    np.testing.assert_allclose(compact.people[0].vertices, full.people[0].vertices, atol=4e-5)
+    np.testing.assert_array_equal(compact.image, full.image)
+    assert compact.summary().keys() == full.summary().keys()
+
+
+def test_the_page_is_opened_if_asked(world: World, monkeypatch: pytest.MonkeyPatch):
+    Image.fromarray(world.image).save("a.png")
+    monkeypatch.setenv("BROWSER", f"{sys.executable} -c \"open('opened', 'w').write('%s')\"")
+    assert run("a.png", "--open").exit_code == 0
+    assert Path("opened").read_text() == (Path.cwd() / "new/out/report.html").as_uri()
+    done = run("a.png", "--open", "--no-report")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "--open opens the page, which --no-report leaves out: give one of them" in done.stderr
 
 
 def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
     Image.fromarray(world.image).save("a.png")
     written = []
     for _ in range(2):
-        done = run("a.png", "--intrinsics", "178,179,80,59")
+        done = run("a.png", "--save", "full", "--no-report", "--intrinsics", "178,179,80,59")
         assert done.exit_code == 0, done.output
         written.append({path.name: path.read_bytes() for path in Path("new/out").iterdir()})
     names = ["combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"]

@@ -1,4 +1,4 @@
-"""Write what a batch keeps of one result: everything, the numbers, the people, or nothing; and its thumbnail."""
+"""Write what a run or a batch keeps of a result: everything, the numbers, the people, or nothing; and its thumbnail."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LEVELS", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
 
-LEVELS = ("full", "numbers", "people", "summary")
-"""full: JSON, arrays, GLB files, preview. numbers: JSON, arrays. people: JSON, arrays of the people. summary: none."""
+LEVELS = ("full", "compact", "numbers", "people", "summary")
+"""full: JSON, arrays, GLB files, preview. compact: the same, but of the GLB files only the combined one. numbers: JSON,
+arrays. people: JSON, arrays of the people. summary: none."""
 
 _HEIGHT = 180  # px of a thumbnail: photo with people, and side view
 
@@ -31,6 +32,7 @@ class Saving:
         glb: write the GLB files at every level but "summary" and "people".
         thumbnails: write a thumbnail for the contact sheet.
         report: write ``report.html`` at every level.
+        exact: write the arrays of level "full" as they are, uncompressed, not in their smaller form.
     """
 
     level: str = "numbers"
@@ -38,12 +40,13 @@ class Saving:
     glb: bool = False
     thumbnails: bool = True
     report: bool = False
+    exact: bool = False
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
             raise ConfigError(f"what to save is one of {', '.join(LEVELS)} (got '{self.level}')")
         if self.glb and not self.can_be_loaded:
-            raise ConfigError(f"--glb needs --save full or numbers (got {self.level})")
+            raise ConfigError(f"--glb needs --save full, compact or numbers (got {self.level})")
 
     def __str__(self) -> str:
         more = [name for name in ("preview", "glb") if getattr(self, name) and self.level != "full"]
@@ -52,7 +55,7 @@ class Saving:
     @property
     def can_be_loaded(self) -> bool:
         """Whether :func:`physic_core.load_reconstruction` reads what is saved."""
-        return self.level in ("full", "numbers")
+        return self.level in ("full", "compact", "numbers")
 
     @property
     def main_file(self) -> str:
@@ -62,7 +65,9 @@ class Saving:
         return "report.html" if self.report else "preview.png" if self.preview else ""
 
 
-def save_photo(result: Reconstruction, folder: Path, saving: Saving, title: str = "") -> None:
+def save_photo(
+    result: Reconstruction, folder: Path, saving: Saving, title: str = "", *, overwrite: bool = True
+) -> None:
     """Write the files of one result to its folder, each completely or not at all; earlier ones are replaced.
 
     Args:
@@ -70,18 +75,25 @@ def save_photo(result: Reconstruction, folder: Path, saving: Saving, title: str 
         folder: of its files.
         saving: which files.
         title: of the report, such as the name of the photo.
+        overwrite: whether to replace another photo's result, or changed files of a result.
 
     Raises:
-        OutputError: the disk is full, or the folder cannot be written.
+        OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
     """
     from physic_core.io.results import save_reconstruction
 
     if saving.can_be_loaded:
-        everything = saving.level == "full"
-        preview, glb = everything or saving.preview, everything or saving.glb
-        save_reconstruction(result, folder, preview=preview, glb=glb, compact=True, overwrite=True)
+        pictures = saving.level != "numbers"
+        save_reconstruction(
+            result,
+            folder,
+            preview=pictures or saving.preview,
+            glb="combined" if saving.level == "compact" and not saving.glb else pictures or saving.glb,
+            compact=not saving.exact,
+            overwrite=overwrite,
+        )
     elif saving.main_file:
-        _save_people(result, folder, saving)
+        _save_people(result, folder, saving, overwrite)
     if saving.report:
         from physic_core.io.report_file import REPORT_FILE, add_report, save_report
 
@@ -91,25 +103,37 @@ def save_photo(result: Reconstruction, folder: Path, saving: Saving, title: str 
             add_report(folder, result, title)
 
 
-def _save_people(result: Reconstruction, folder: Path, saving: Saving) -> None:
+def _save_people(result: Reconstruction, folder: Path, saving: Saving, overwrite: bool) -> None:
     from physic_core.files.atomic import atomic_write, check_writable
     from physic_core.files.npz import write_arrays
     from physic_core.io.arrays import npz_checksum, to_arrays
     from physic_core.io.compact import compact_arrays, is_of_people, specs_of
     from physic_core.io.document import encode_document, to_document
-    from physic_core.io.result_folder import DOCUMENT_FILE, PEOPLE_FILE, PREVIEW_FILE, digest_of, file_digest
+    from physic_core.io.result_folder import (
+        DOCUMENT_FILE,
+        PEOPLE_FILE,
+        PREVIEW_FILE,
+        check_overwrite_of_locked,
+        digest_of,
+        file_digest,
+        unchanged_result_files,
+    )
     from physic_core.visual.preview import preview_png
 
     pictures = {PREVIEW_FILE: preview_png(result)} if saving.preview else {}
     with atomic_write(check_writable(folder)) as temporary:
         if saving.level == "people":
+            names = [DOCUMENT_FILE, PEOPLE_FILE, *pictures]
+            check_overwrite_of_locked(folder, result.photo, overwrite=overwrite, names=names)
+            for name in unchanged_result_files(folder).difference(names):
+                temporary.remove(name)
             arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if is_of_people(n)}
             shared, of_person = specs_of(arrays, compact=True)
             specs = ([spec for spec in shared if spec.name in arrays], of_person)
             document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(PEOPLE_FILE)
             write_arrays(arrays_file, arrays)
             digests = {PEOPLE_FILE: file_digest(arrays_file), **{n: digest_of(c) for n, c in pictures.items()}}
-            document = to_document(result, [PEOPLE_FILE, *pictures], npz_checksum(arrays_file), digests, specs)
+            document = to_document(result, names, npz_checksum(arrays_file), digests, specs)
             document_file.write_bytes(encode_document(document))
         for name, content in pictures.items():
             temporary(name).write_bytes(content)

@@ -66,6 +66,13 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
     return click.option(option, callback=store, expose_value=False, **attributes)
 
 
+_LEVELS = ("full", "compact", "numbers", "people")
+
+_SAVE = (
+    "Files beside the page. compact: arrays in their smaller form, preview, combined.glb. full: all arrays as computed "
+    "and all GLB files. numbers: arrays alone. people: arrays of the people alone."
+)
+
 _OUT = (
     "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
 )
@@ -77,7 +84,9 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.argument("photo", type=_Path())
 @click.option("-o", "--out", type=_Path(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
-@click.option("--report", is_flag=True, help="Also write report.html, a page in 3D for a browser.")
+@click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)
+@click.option("--report/--no-report", default=True, help="Write report.html, a page in 3D for a browser, or not.")
+@click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
@@ -116,7 +125,9 @@ def run(
     photo: Path,
     out: Path | None,
     overwrite: bool,
+    level: str,
     report: bool,
+    open_page: bool,
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
@@ -127,6 +138,8 @@ def run(
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
+    if open_page and not report:
+        raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
 
     settings = {"preset": preset, "overrides": overrides, "flags": flags}
     timeout_s = _timeout_s(file, settings)
@@ -142,14 +155,22 @@ def run(
             from physic_core.cli.worker_run import RunArguments, reconstruct_in_worker
 
             result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s))
-        result.save(str(folder), overwrite=overwrite)
-        if report:
-            from physic_core.io.report_file import add_report
+        from physic_core.batch.saving import Saving, save_photo
 
-            add_report(folder, result, photo.name)
+        save_photo(result, folder, Saving(level, report=report, exact=level == "full"), photo.name, overwrite=overwrite)
     for line in messages:
         click.echo(line, err=True)
     click.echo(_summary(result, folder, report))
+    if open_page:
+        _open(folder / "report.html")
+
+
+def _open(page: Path) -> None:
+    """Open a page in the user's browser; say so if there is none."""
+    import webbrowser
+
+    if not webbrowser.open(page.absolute().as_uri()):
+        click.echo(f"no browser was found here: open {page} yourself", err=True)
 
 
 def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
@@ -354,9 +375,9 @@ def _summary(result: Reconstruction, folder: Path, report: bool) -> str:
     lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
     lines += [f"note: {text}" for text in result.notes]
     lines += [f"warning: {text}" for text in result.warnings]
-    first = "open report.html in a browser" if report else "look at preview.png first"
-    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}  ({first})")
     lines.append(f"grade: {result.grade or 'none'}  (checks: {summarize_checks(result.checks)})")
+    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
+    lines += [f"page: {folder / 'report.html'}"] * report
     return "\n".join(lines)
 
 

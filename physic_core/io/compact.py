@@ -1,9 +1,10 @@
 """A smaller form of the arrays in ``reconstruction.npz``, about a third of the bytes, for many photos.
 
 Scene points lie on the rays of the pixels: their depth alone is stored, with 15 bits of mantissa, which changes it by
-at most 0.0015 % (0.05 mm at 3 m). Normals have 8 bits per component (0.4 degrees at most). Vertices and joints of
-people are rounded to 1/16384 m (0.03 mm at most), and distances of vertices to float16 (0.03 mm at 0.1 m). Colours of
-the scene are stored as differences to the photo, which are 0 outside the removed people. Masks and keypoints are exact.
+at most 0.0015 % (0.05 mm at 3 m). Normals have 8 bits per component (0.4 degrees at most). Both are stored as
+differences to the pixel on the left, which compress better. Vertices and joints of people are rounded to 1/16384 m
+(0.03 mm at most), and distances of vertices to float16 (0.03 mm at 0.1 m). Colours of the scene are stored as
+differences to the photo, which are 0 outside the removed people. Masks and keypoints are exact.
 """
 
 from __future__ import annotations
@@ -40,13 +41,33 @@ _NORMAL_STEPS = 127
 _RAY_TOLERANCE = 2e-5  # of the depth; float32 arithmetic along a ray is within 1e-6
 
 _REPLACED = {
-    "scene_points": ArraySpec("scene_depth", "float32", ("H", "W"), "z of the scene's points on the pixels' rays, m"),
-    "scene_normals": ArraySpec("scene_normals", "int8", ("H", "W", 3), "127 x the unit normal; 0 where unreliable"),
+    "scene_points": ArraySpec(
+        "scene_depth_steps",
+        "uint8",
+        (3, "H", "W"),
+        "z of the scene's points on the pixels' rays, m: the upper 24 bits of its float32, minus those of the pixel on "
+        "the left, as bytes, the lowest first",
+    ),
+    "scene_normals": ArraySpec(
+        "scene_normals_steps",
+        "int8",
+        ("H", "W", 3),
+        "127 x the unit normal, 0 where unreliable, minus that of the pixel on the left, modulo 256",
+    ),
     "scene_colors": ArraySpec(
         "scene_colors_change", "uint8", ("H", "W", 3), "RGB of the photo without people minus `image`, modulo 256"
     ),
 }
-_UNCHANGED = next(spec for spec in SHARED_ARRAYS if spec.name == "scene_points")
+# Points off the rays, and the forms that were written before differences were stored.
+_OTHER_FORMS = {
+    "scene_depth_steps": (
+        next(spec for spec in SHARED_ARRAYS if spec.name == "scene_points"),
+        ArraySpec("scene_depth", "float32", ("H", "W"), "z of the scene's points on the pixels' rays, m"),
+    ),
+    "scene_normals_steps": (
+        ArraySpec("scene_normals", "int8", ("H", "W", 3), "127 x the unit normal; 0 where unreliable"),
+    ),
+}
 COMPACT_SHARED_ARRAYS: tuple[ArraySpec, ...] = tuple(_REPLACED.get(spec.name, spec) for spec in SHARED_ARRAYS)
 """Specifications of the arrays that exist once per file. Points off the rays are stored as ``scene_points``."""
 
@@ -70,9 +91,10 @@ def compact_arrays(arrays: Arrays) -> Arrays:
         on_rays = _points_on_rays(depth, arrays["intrinsics"])
         near = np.abs(on_rays - points) <= _RAY_TOLERANCE * np.abs(points[..., 2:]) + np.float32(1e-6)
         if near.all():
-            small["scene_depth"] = depth
+            small["scene_depth_steps"] = _depth_steps(depth)
         else:
             small["scene_points"] = _round_mantissa(points)
+        small["scene_normals_steps"] = _steps(small.pop("scene_normals"))
         small["scene_colors_change"] = small.pop("scene_colors") - arrays["image"]
     return small
 
@@ -98,6 +120,10 @@ def expand_arrays(arrays: Arrays) -> Arrays:
         return arrays
     found = expand_people(arrays)
     found["scene_colors"] = found.pop("scene_colors_change") + found["image"]
+    if "scene_depth_steps" in found:
+        found["scene_depth"] = _depth_of_steps(found.pop("scene_depth_steps"))
+    if "scene_normals_steps" in found:
+        found["scene_normals"] = _sums(found.pop("scene_normals_steps"))
     if "scene_depth" in found:
         found["scene_points"] = _points_on_rays(found.pop("scene_depth"), found["intrinsics"])
     normals = found["scene_normals"].astype(np.float32)
@@ -116,8 +142,9 @@ def specs_of(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, 
     names = set(arrays)
     of_people = {match.string[match.end() :] for name in names if (match := _OF_PERSON.match(name))}
     shared, of_person = (COMPACT_SHARED_ARRAYS, COMPACT_PERSON_ARRAYS) if compact else (SHARED_ARRAYS, PERSON_ARRAYS)
-    if compact and "scene_points" in names:
-        shared = tuple(_UNCHANGED if spec.name == "scene_depth" else spec for spec in shared)
+    if compact:
+        forms = [(spec, *_OTHER_FORMS.get(spec.name, ())) for spec in shared]
+        shared = tuple(next((form for form in each if form.name in names), each[0]) for each in forms)
     return (
         tuple(spec for spec in shared if not spec.optional or spec.name in names),
         tuple(spec for spec in of_person if not spec.optional or spec.name in of_people),
@@ -135,6 +162,28 @@ def _compact(name: str, array: NDArray[Any]) -> NDArray[Any]:
     if _form(name) == "grid":
         return (np.round(array * _STEPS_PER_METRE) / _STEPS_PER_METRE).astype(np.float32)
     return array.astype(np.float16) if _form(name) == "float16" else array
+
+
+def _steps(values: NDArray[Any]) -> NDArray[Any]:
+    """Return integers (H, W, ...) minus those on their left, modulo their size."""
+    steps = values.copy()
+    steps[:, 1:] -= values[:, :-1]
+    return steps
+
+
+def _sums(steps: NDArray[Any]) -> NDArray[Any]:
+    return np.cumsum(steps, axis=1, dtype=steps.dtype)
+
+
+def _depth_steps(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return the differences (H, W) of depths of ``_MANTISSA_BITS`` bits as bytes (3, H, W)."""
+    steps = _steps(depth.view(np.uint32) >> 8)
+    return np.stack([steps, steps >> 8, steps >> 16]).astype(np.uint8)
+
+
+def _depth_of_steps(steps: NDArray[np.uint8]) -> NDArray[np.float32]:
+    low, middle, high = steps.astype(np.uint32)
+    return (_sums(low | middle << 8 | high << 16) << 8).view(np.float32)
 
 
 def _round_mantissa(values: NDArray[np.float32]) -> NDArray[np.float32]:

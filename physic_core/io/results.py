@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -97,7 +97,7 @@ def save_reconstruction(
     folder: str | os.PathLike[str],
     *,
     preview: bool = True,
-    glb: bool = True,
+    glb: bool | Literal["combined"] = True,
     compact: bool = False,
     overwrite: bool = False,
 ) -> tuple[Path, ...]:
@@ -111,7 +111,7 @@ def save_reconstruction(
         reconstruction: what to save.
         folder: created if missing.
         preview: whether to write ``preview.png``.
-        glb: whether to write the GLB files.
+        glb: whether to write the GLB files; "combined" for ``combined.glb`` alone, which contains the others.
         compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
         overwrite: whether to replace another photo's result, or changed files of a result.
 
@@ -124,8 +124,9 @@ def save_reconstruction(
     """
     names = [DOCUMENT_FILE, ARRAYS_FILE]
     if glb:
-        people = (f"person_{index}.glb" for index in range(len(reconstruction.people)))
-        names += ["scene.glb", "combined.glb", *people]
+        names.append("combined.glb")
+    if glb is True:
+        names += ["scene.glb", *(f"person_{index}.glb" for index in range(len(reconstruction.people)))]
     names += [PREVIEW_FILE] if preview else []
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
@@ -206,12 +207,14 @@ def read_image(folder: Path) -> NDArray[np.uint8]:
     return read_while_written(folder, DOCUMENT_FILE, read)
 
 
-def _pictures(reconstruction: Reconstruction, *, preview: bool, glb: bool) -> tuple[dict[str, bytes], Exception | None]:
+def _pictures(
+    reconstruction: Reconstruction, *, preview: bool, glb: bool | str
+) -> tuple[dict[str, bytes], Exception | None]:
     """Return GLB files and preview by name, and the error if they cannot be made."""
     from physic_core.visual.glb import glb_files
 
     try:
-        made = dict(glb_files(reconstruction)) if glb else {}
+        made = dict(glb_files(reconstruction, parts=glb is True)) if glb else {}
         if preview:
             from physic_core.visual.preview import preview_png
 

@@ -37,8 +37,8 @@ _BODY_MATERIAL = {
 }
 
 
-def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of ``scene.glb``, ``person_0.glb``, ... and ``combined.glb``.
+def glb_files(reconstruction: Reconstruction, *, parts: bool = True) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of ``scene.glb``, ``person_0.glb``, ... if ``parts``, and of ``combined.glb``.
 
     The file of a person without a body is empty, since glTF does not support NaN.
     """
@@ -58,9 +58,10 @@ def glb_files(reconstruction: Reconstruction) -> Iterator[tuple[str, bytes]]:
         "camera": "OpenCV: x right, y down, z forward",
         "body_model": reconstruction.body_model,
     }
-    yield "scene.glb", _export(scene, texture, extras)
-    for name in (f"person_{index}" for index in range(len(reconstruction.people))):
-        yield f"{name}.glb", _export({name: people[name]} if name in people else {}, None, extras)
+    if parts:
+        yield "scene.glb", _export(scene, texture, extras)
+        for name in (f"person_{index}" for index in range(len(reconstruction.people))):
+            yield f"{name}.glb", _export({name: people[name]} if name in people else {}, None, extras)
     yield "combined.glb", _export(scene | people, texture, extras)
 
 

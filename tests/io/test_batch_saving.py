@@ -22,7 +22,8 @@ from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
-from physic_core.io.compact import compact_arrays, expand_arrays
+from physic_core.io.arrays import to_arrays
+from physic_core.io.compact import compact_arrays, expand_arrays, specs_of
 
 
 @pytest.fixture
@@ -62,13 +63,25 @@ def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstru
 
 
 def test_points_off_the_rays_keep_their_place(result: Reconstruction):
-    from physic_core.io.arrays import to_arrays
-
     moved = replace(result, scene=replace(result.scene, points=result.scene.points + np.float32(0.01)))
     arrays = compact_arrays(to_arrays(moved))
-    assert "scene_depth" not in arrays
+    assert "scene_depth_steps" not in arrays
     points = expand_arrays(arrays)["scene_points"]
     assert np.allclose(points, moved.scene.points, rtol=2e-5, atol=0)
+
+
+def test_depth_and_normals_of_earlier_versions_are_read(result: Reconstruction):
+    """They were stored as they are, without differences between pixels."""
+    arrays = compact_arrays(to_arrays(result))
+    expanded = expand_arrays(arrays)
+    plain = {name: array for name, array in arrays.items() if not name.endswith("_steps")}
+    plain["scene_depth"] = expanded["scene_points"][..., 2]
+    plain["scene_normals"] = np.round(127 * expanded["scene_normals"]).astype(np.int8)
+    shared, _ = specs_of(plain, compact=True)
+    assert {spec.name for spec in shared} == {name for name in plain if not name.startswith("person_")}
+    again = expand_arrays(plain)
+    assert np.array_equal(again["scene_points"], expanded["scene_points"])
+    assert np.allclose(again["scene_normals"], expanded["scene_normals"], atol=0.01)
 
 
 def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction, tmp_path: Path):
@@ -77,7 +90,7 @@ def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction
     with np.load(tmp_path / "reconstruction.npz") as arrays:
         names = {spec["name"] for spec in document["arrays"]["shared"]}
         assert {name for name in arrays if not name.startswith("person_")} == names
-        assert {"scene_depth", "scene_colors_change"} <= names
+        assert {"scene_depth_steps", "scene_normals_steps", "scene_colors_change"} <= names
         for spec in document["arrays"]["shared"]:
             if spec["dtype"] not in ("text", "floating"):
                 assert arrays[spec["name"]].dtype.name == spec["dtype"]
@@ -89,6 +102,7 @@ def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction
     [
         (Saving("numbers"), ["reconstruction.json", "reconstruction.npz"]),
         (Saving("numbers", preview=True), ["reconstruction.json", "reconstruction.npz", "preview.png"]),
+        (Saving("compact"), ["reconstruction.json", "reconstruction.npz", "preview.png", "combined.glb"]),
         (Saving("people"), ["reconstruction.json", "people.npz"]),
         (Saving("summary"), []),
         (Saving("summary", preview=True), ["preview.png"]),
@@ -105,6 +119,14 @@ def test_what_is_saved(result: Reconstruction, tmp_path: Path, saving: Saving, f
     save_photo(result, tmp_path / "photo", saving)
     assert {path.name for path in tmp_path.glob("photo/*")} == set(files)
     assert not saving.main_file or saving.main_file in files
+
+
+@pytest.mark.parametrize("level", ["numbers", "people"])
+def test_a_smaller_level_removes_the_files_of_a_larger_one(result: Reconstruction, tmp_path: Path, level: str):
+    save_photo(result, tmp_path / "photo", Saving("full", exact=True))
+    save_photo(result, tmp_path / "photo", Saving(level), overwrite=False)
+    save_photo(result, tmp_path / "alone", Saving(level))
+    assert {path.name for path in tmp_path.glob("photo/*")} == {path.name for path in tmp_path.glob("alone/*")}
 
 
 def test_people_are_arrays_that_numpy_reads_too(result: Reconstruction, tmp_path: Path):
