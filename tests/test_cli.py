@@ -26,7 +26,9 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
 from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import BackendNotFoundError, InputError
-from physic_core.types import CheckResult, Grade, StageRecord
+from physic_core.types import Reconstruction, StageRecord
+
+from .standins.results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)
@@ -48,33 +50,20 @@ def refusal(*arguments: str, code: int = 2) -> str:
 # ---- run -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Result_:
-    """As much of a reconstruction as the command looks at."""
-
-    people: tuple[Any, ...] = ()
-    warnings: tuple[str, ...] = ("no floor was found",)
-    notes: tuple[str, ...] = ("focal length is a default",)
-    stages: tuple[StageRecord, ...] = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
-    unposed: tuple[Any, ...] = ()
-    checks: tuple[CheckResult, ...] = ()
-    grade: Grade | None = None
-    saved: list[str] = field(default_factory=list)
-
-    def save(self, folder: str, *, overwrite: bool) -> None:
-        (Path(folder) / "reconstruction.json").write_text("{}")
-        self.saved.append(folder)
+def small_result() -> Reconstruction:
+    stages = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
+    return empty_reconstruction(warnings=("no floor was found",), notes=("focal length is a default",), stages=stages)
 
 
 @dataclass
 class Pipeline:
     """Stands in for the real one, and remembers what it was asked."""
 
-    result: Result_ = field(default_factory=Result_)
+    result: Reconstruction = field(default_factory=small_result)
     error: Exception | None = None
     calls: list[tuple[Any, Any]] = field(default_factory=list)
 
-    def reconstruct_photo(self, path: Any, plan: Any, *, progress: Any) -> Result_:
+    def reconstruct_photo(self, path: Any, plan: Any, *, progress: Any) -> Reconstruction:
         self.calls.append((path, plan.config))
         progress("people", 0, 2)
         if self.error is not None:
@@ -92,48 +81,91 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> Pipeline:
 
 
 def run(*arguments: str) -> tuple[str, ...]:
-    return ("run", "photo.jpg", "--preset", "mock", *arguments)
+    return ("run", "photo.jpg", "--preset", "mock", "--save", "numbers", "--no-report", *arguments)
+
+
+SUMMARY = (
+    "no person, the scene alone in 3.2 s, and 0.5 s to load models\n"
+    "note: focal length is a default\n"
+    "warning: no floor was found\n"
+    "grade: none  (checks: no checks were run)\n"
+    "results: photo-physic/\n"
+)
 
 
 def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
-    assert done.stdout == (
-        "no person, the scene alone in 3.2 s, and 0.5 s to load models\n"
-        "note: focal length is a default\n"
-        "warning: no floor was found\n"
-        "results: photo-physic/  (look at preview.png first)\n"
-        "grade: none  (checks: no checks were run)\n"
-    )
-    assert done.stderr == "[1/2] people\n[2/2] scene\n"
-    assert pipeline.result.saved == ["photo-physic"]
+    assert (done.stdout, done.stderr) == (SUMMARY, "[1/2] people\n[2/2] scene\n")
+    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
     assert pipeline.calls[0][0] == Path("photo.jpg")
 
 
-def test_run_says_where_each_person_stands_and_touches(pipeline):
-    numpy = pytest.importorskip("numpy")
+def test_run_ends_with_the_path_of_the_page(pipeline):
+    done = physic(*run("--report"))
+    assert done.stdout == f"{SUMMARY}page: photo-physic/report.html\n"
+    assert Path("photo-physic/report.html").is_file()
 
-    @dataclass
-    class One:
-        joints: Any
-        contact: Any
-        failed_checks: tuple[str, ...]
-        unknown_checks: tuple[str, ...]
-        grade: Grade
-        support: str
 
-    joints = numpy.full((55, 3), 2.5)
-    pipeline.result.people = (
-        One(
-            *(joints, numpy.array([True, False, True]), ("reprojection",), ("floating", "lean"), Grade.DOUBTFUL),
-            support="balanced: left foot on floor",
-        ),
+def test_a_quiet_run_prints_warnings_alone(pipeline):
+    done = physic(*run("-q"))
+    assert (done.exit_code, done.stdout, done.stderr) == (0, "", "warning: no floor was found\n")
+    assert refusal(*run("-q", "-v")).endswith("Error: --verbose prints more and --quiet less: give one of them")
+
+
+def test_json_is_one_object_on_stdout(pipeline):
+    done = physic(*run("--json"))
+    summary = json.loads(done.stdout)
+    assert done.stderr == "[1/2] people\n[2/2] scene\n"
+    assert (summary["folder"], summary["grade"], summary["people"]) == ("photo-physic", None, [])
+    assert summary["files"] == ["reconstruction.json", "reconstruction.npz"]
+    assert (summary["warnings"], summary["seconds"]) == (["no floor was found"], 3.25)
+    assert physic("show", "photo-physic", "--json").stdout == done.stdout
+
+
+def test_show_prints_what_the_run_printed(pipeline):
+    done = physic(*run())
+    assert physic("show", "photo-physic").stdout == done.stdout
+    assert "people: 1.2 s\nscene: 2.0 s\n" in physic("show", "photo-physic", "-v").stdout
+    assert refusal("show", "photos", code=3) == (
+        "cannot read photos/reconstruction.json: there is no such file; name the folder of a finished run"
     )
-    assert physic(*run()).stdout.splitlines()[:2] == [
-        "1 person in 3.2 s, and 0.5 s to load models",
-        "  person 0: doubtful: 2.5 m away, 2 of 3 vertices touch; balanced: left foot on floor; check: reprojection; "
-        "not measured: floating, lean",
-    ]
+
+
+@pytest.mark.parametrize(
+    ("photos", "code", "message"),
+    [
+        (
+            ["a.jpg", "b c.jpg"],
+            2,
+            "physic run takes one photo, and 2 are given; for many, type: physic batch a.jpg 'b c.jpg' -o results",
+        ),
+        (
+            ["photos"],
+            3,
+            "cannot read the photo photos: it is a folder; name one image file; for many, "
+            "type: physic batch photos -o results",
+        ),
+        (
+            ["photos/*.jpg"],
+            3,
+            "cannot read the photo photos/*.jpg: it is a pattern; name one image file; for many, "
+            "type: physic batch 'photos/*.jpg' -o results",
+        ),
+        (
+            ["https://example.org/a.jpg"],
+            3,
+            "cannot read the photo https://example.org/a.jpg: it is an address; download it, and name the file",
+        ),
+        ([""], 2, "the name of the photo is empty: name an image file"),
+    ],
+)
+def test_what_is_not_one_photo_names_the_command_to_type(pipeline, photos: list[str], code: int, message: str):
+    Path("photos").mkdir()
+    Path("photos/a.jpg").touch()
+    done = physic("run", *photos, "--preset", "mock")
+    assert (done.exit_code, done.stdout, pipeline.calls) == (code, "", [])
+    assert done.stderr.splitlines()[-1] == f"Error: {message}"
 
 
 def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
@@ -147,7 +179,7 @@ def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
     assert (config.photo.max_side, config.photo.focal_px) == (640, None)
     assert config.photo.intrinsics == (900.0, 910.0, 320.0, 240.0)
     assert config.source("run.device") == "--device"
-    assert pipeline.result.saved == [str(Path("out/deep"))]
+    assert Path("out/deep/reconstruction.json").is_file()
 
 
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):

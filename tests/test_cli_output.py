@@ -18,16 +18,8 @@ from physic_core.cli import main
 from physic_core.errors import InputError, NoPersonError
 from physic_core.io.photo import read_photo
 from physic_core.io.result_folder import file_digest, image_digest, photo_digest, photo_of_result
-from physic_core.types import Intrinsics, Scene
 
-
-def reconstruction(photo: str) -> Reconstruction:
-    """An empty scene of the photo with this digest."""
-    points = np.ones((64, 64, 3), np.float32)
-    camera = Intrinsics(64, 64, 31.5, 31.5, 64, 64)
-    colors, valid = np.zeros((64, 64, 3), np.uint8), np.ones((64, 64), bool)
-    scene = Scene(points, np.zeros_like(points), colors, valid, None, np.zeros((0, 3), np.float32))
-    return Reconstruction(colors, camera, scene, (), np.zeros((0, 3), np.int32), "embedded", "coco17", photo=photo)
+from .standins.results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)
@@ -40,8 +32,8 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         if path.stem == "empty":
             raise NoPersonError("nobody was found")
         with suppress(InputError):
-            return reconstruction(photo_digest(path, read_photo(path).image))
-        return reconstruction(file_digest(path))
+            return empty_reconstruction(photo=photo_digest(path, read_photo(path).image))
+        return empty_reconstruction(photo=file_digest(path))
 
     module = ModuleType("physic_core.pipeline.run")
     module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
@@ -124,7 +116,7 @@ def test_another_photos_result_is_refused_at_once_and_replaced_if_asked(asked: l
 def test_the_result_of_the_photos_pixels_is_the_photos_own(asked: list[Path]):
     pixels = np.full((70, 80, 3), 9, np.uint8)
     Image.fromarray(pixels).save("a.png")
-    reconstruction(image_digest(pixels)).save("out", preview=False)
+    empty_reconstruction(photo=image_digest(pixels)).save("out", preview=False)
     assert folder_of(run("a.png", "-o", "out")) == "out"
 
 

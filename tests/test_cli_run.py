@@ -55,7 +55,11 @@ def truncated(path: Path) -> None:
     ("make", "message"),
     [
         (lambda path: None, "cannot read the photo a.jpg: there is no such file; check the path"),
-        (lambda path: path.mkdir(), "cannot read the photo a.jpg: it is a folder; name one image file"),
+        (
+            lambda path: path.mkdir(),
+            "cannot read the photo a.jpg: it is a folder; name one image file; for many, "
+            "type: physic batch a.jpg -o results",
+        ),
         (
             lambda path: path.write_text("a letter"),
             "cannot read the photo a.jpg: it is not an image, or of an unknown kind; "
@@ -288,21 +292,24 @@ def test_a_run_gives_the_signals_back():
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
-def test_what_plugins_log_of_their_networks_is_told_once(world: World, monkeypatch: pytest.MonkeyPatch):
+def test_one_line_says_what_runs_the_networks(world: World, monkeypatch: pytest.MonkeyPatch):
     plain, root = MockInpainter.infer, logging.getLogger()
     before = root.level, list(root.handlers)
 
     def infer(self: MockInpainter, *asked: Any) -> Any:
-        for _ in range(2):
-            logging.getLogger("physic_mock.pixels").info("net.onnx runs on CPU")
+        log = logging.getLogger("physic_mock.pixels")
+        for name in ("one.onnx", "two.onnx", "two.onnx"):
+            log.info("%s runs on CPU", name, extra={"network_runtime": "CPU, onnxruntime 1.20"})
+        log.info("a network was tuned")
         logging.getLogger("somebody_else").info("net.onnx was read")
         return plain(self, *asked)
 
     monkeypatch.setattr(MockInpainter, "infer", infer)
     Image.fromarray(world.image).save("a.png")
-    done = run("a.png", "--no-cache")
-    assert done.exit_code == 0
-    assert done.stderr.splitlines()[-1] == "net.onnx runs on CPU"
-    assert done.stderr.count("net.onnx") == 1
-    assert "net.onnx" not in done.stdout
+    lines = ["one.onnx runs on CPU", "two.onnx runs on CPU", "a network was tuned"]
+    for arguments, expected in (((), ["networks: CPU, onnxruntime 1.20"]), (("-v",), lines), (("-q",), [])):
+        done = run("a.png", "--no-cache", "--save", "numbers", "--no-report", *arguments)
+        assert done.exit_code == 0
+        assert [line for line in done.stderr.splitlines() if line[0] != "["] == expected
+        assert "onnx" not in done.stdout
     assert (root.level, list(root.handlers)) == before

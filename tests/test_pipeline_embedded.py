@@ -92,5 +92,5 @@ def test_telea_takes_the_inpainters_place(tmp_path: Path) -> None:
     assert backends["inpainter"]["distribution"] == "physic-opencv"
     assert backends["segmenter"]["name"] == "embedded"
     assert len(document["people"]) == 2
-    assert {p.name for p in out.iterdir()} >= {"preview.png", "scene.glb", "person_1.glb", "combined.glb"}
-    assert f"results: {out}/  (look at preview.png first)" in done.output
+    assert {p.name for p in out.iterdir()} >= {"preview.png", "report.html", "combined.glb"}
+    assert done.stdout.endswith(f"results: {out}/\npage: {out}/report.html\n")

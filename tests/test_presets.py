@@ -325,10 +325,9 @@ def require_nothing_lost(score: Score) -> None:
 
 
 def require_files(folder: Path) -> None:
-    names = {"reconstruction.json", "reconstruction.npz", "scene.glb", "combined.glb", "person_0.glb", "preview.png"}
+    names = {"reconstruction.json", "reconstruction.npz", "combined.glb", "preview.png", "report.html"}
     assert {path.name for path in folder.iterdir()} == names
-    for name in ("scene.glb", "combined.glb", "person_0.glb"):
-        assert (folder / name).read_bytes()[:4] == b"glTF"
+    assert (folder / "combined.glb").read_bytes()[:4] == b"glTF"
 
 
 def write_papers_config(place: Place, flux: Path) -> None:

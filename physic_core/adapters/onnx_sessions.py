@@ -116,7 +116,8 @@ def open_session(
             f"run {path.name} with {', '.join(running)}: check that the driver and its libraries fit this "
             "onnxruntime, or use the CPU"
         )
-    _LOG.info("%s runs on %s (onnxruntime %s)", path.name, chosen.name, ort.__version__)
+    runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
+    _LOG.info("%s runs on %s", path.name, runtime, extra={"network_runtime": runtime})
     return OnnxSession(session, chosen)
 
 

@@ -6,12 +6,15 @@ A command is imported when it runs. ``physic --help`` imports only click and the
 from __future__ import annotations
 
 import os
+from io import StringIO
 from typing import Any
 
 import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.output import echo
+from physic_core.configuration.quoting import shorten
 from physic_core.errors import PhysicError
 
 __all__ = ["main"]
@@ -39,15 +42,18 @@ class _Main(ExtensibleGroup):
             with own_stdout():
                 return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
-            click.echo("Aborted!", err=True)
+            echo("Aborted!", err=True)
             ctx.exit(INTERRUPTED)
+        except click.ClickException as error:
+            shown = StringIO()
+            error.show(shown)
+            echo(shown.getvalue(), nl=False, err=True)
+            ctx.exit(error.exit_code)
         except PhysicError as error:
-            from physic_core.configuration.quoting import printable, shorten
             from physic_core.discovery.error_text import traceback_text
 
-            # Names of files and plugins in a message may contain escape sequences, which a terminal would obey.
             message = "\n".join(shorten(line, _MAX_LINE) for line in str(error).split("\n"))
-            click.echo(f"{traceback_text(error)}Error: {printable(message)}", err=True)
+            echo(f"{traceback_text(error)}Error: {message}", err=True)
             ctx.exit(exit_code(error))
         except (MemoryError, OSError, ImportError, RuntimeError) as error:
             from physic_core.cli.memory_errors import is_out_of_memory
@@ -56,7 +62,7 @@ class _Main(ExtensibleGroup):
                 raise
             from physic_core.discovery.error_text import traceback_text
 
-            click.echo(f"{traceback_text(error)}{_OUT_OF_MEMORY}", err=True)
+            echo(f"{traceback_text(error)}{_OUT_OF_MEMORY}", err=True)
             ctx.exit(OTHER)
 
 
@@ -64,7 +70,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     if wanted:
         from physic_core.discovery.plugins import core_version
 
-        click.echo(f"physic {core_version()}")
+        echo(f"physic {core_version()}")
         ctx.exit()
 
 
@@ -78,6 +84,7 @@ _COMMANDS = {
     "report": ("physic_core.cli.report:report", "Write a page of a result that opens in a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "schema": ("physic_core.cli.schema:schema", "Print where the JSON Schema of reconstruction.json is."),
+    "show": ("physic_core.cli.show:show", "Print the people, grade and warnings of a saved result."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }
 

@@ -2,9 +2,39 @@
 
 from __future__ import annotations
 
+import glob
+import os
+import re
+import shlex
+from pathlib import Path
+
 import click
 
-__all__ = ["refuse_nan", "require_interface", "with_current_folder"]
+__all__ = ["one_photo", "refuse_nan", "require_interface", "with_current_folder"]
+
+
+def one_photo(given: tuple[str, ...]) -> Path:
+    """Return the path of the one photo that a command takes.
+
+    Raises:
+        UsageError: there are several; the message has the command for many photos.
+        InputError: it is a folder, a pattern or an address of the network.
+    """
+    from physic_core.errors import InputError
+
+    batch = f"type: physic batch {' '.join(map(shlex.quote, given[:4]))}{' ...' * (len(given) > 4)} -o results"
+    if len(given) > 1:
+        raise click.UsageError(f"physic run takes one photo, and {len(given)} are given; for many, {batch}")
+    (text,) = given
+    if not text:
+        raise click.UsageError("the name of the photo is empty: name an image file")
+    if os.path.isdir(text):
+        raise InputError(f"cannot read the photo {text}: it is a folder; name one image file; for many, {batch}")
+    if not os.path.lexists(text) and re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", text):
+        raise InputError(f"cannot read the photo {text}: it is an address; download it, and name the file")
+    if not os.path.lexists(text) and glob.has_magic(text) and glob.glob(text, recursive=True):
+        raise InputError(f"cannot read the photo {text}: it is a pattern; name one image file; for many, {batch}")
+    return Path(text)
 
 
 def refuse_nan(ctx: click.Context, parameter: click.Parameter, value: float) -> float:
@@ -35,8 +65,6 @@ def require_interface(name: str | None) -> None:
 
 def with_current_folder(name: str) -> str:
     """Add the current folder to a backend name "module:Class" if the folder contains the module."""
-    from pathlib import Path
-
     from physic_core.discovery.local_modules import with_folder
 
     return with_folder(name, Path())

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_core.cli.arguments import refuse_nan
+from physic_core.cli.output import echo
+from physic_core.configuration.quoting import printable
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
@@ -86,7 +88,7 @@ def batch(
         items = [item for item in items if in_shard(item.id, part, count)]
     job = _job(out, **options)
     plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
-    click.echo(_describe(plan, len(items)), err=True)
+    echo(_describe(plan, len(items)), err=True)
     from physic_core.cli.run import sigterm_as_exception
 
     with sigterm_as_exception(), _show_progress(len(plan.todo), plan.failed) as on_row:
@@ -96,8 +98,8 @@ def batch(
         from physic_core.batch.contact_sheet import write_contact_sheet
 
         written.append(write_contact_sheet(Path(job.out)))
-    click.echo(_summary(Path(job.out), items))
-    click.echo("\n".join(f"wrote {path}" for path in written))
+    echo(_summary(Path(job.out), items))
+    echo("\n".join(f"wrote {path}" for path in written))
 
 
 def _job(
@@ -192,7 +194,7 @@ def _show_progress(total: int, failed_before: int) -> Iterator[Callable[[Mapping
         def line(row: Mapping[str, Any]) -> None:
             count[row["state"]] += 1
             reason = f": {row['error']}: {row['message']}" if row["error"] else ""
-            click.echo(f"[{count.total()}/{total}] {row['state']} {row['path']}{reason} ({status()})", err=True)
+            echo(f"[{count.total()}/{total}] {row['state']} {row['path']}{reason} ({status()})", err=True)
 
         yield line
         return
@@ -206,7 +208,8 @@ def _show_progress(total: int, failed_before: int) -> Iterator[Callable[[Mapping
         def advance(row: Mapping[str, Any]) -> None:
             count[row["state"]] += 1
             if row["error"]:
-                bar.console.print(f"{row['path']}: {row['error']}: {row['message']}", markup=False, highlight=False)
+                text = printable(f"{row['path']}: {row['error']}: {row['message']}")
+                bar.console.print(text, markup=False, highlight=False)
             bar.update(task, advance=1, description=status())
 
         yield advance

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from physic_core.cache.folders import correspondences_folder, models_folder
+from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -29,12 +30,12 @@ def info() -> None:
 
     folder = _folder()
     files = list_files(folder)
-    click.echo(f"{folder}: {_sum(files)}")
+    echo(f"{folder}: {_sum(files)}")
     for line in _by_backend(files):
-        click.echo(line)
+        echo(line)
     for place, suffix, what in _other_caches():
         if files := list_files(place, suffix):
-            click.echo(f"{place}: {_sum(files, what)}")
+            echo(f"{place}: {_sum(files, what)}")
 
 
 @cache.command()
@@ -45,11 +46,11 @@ def clear() -> None:
     folder = _folder()
     files = remove(folder)
     for line in _by_backend(files):
-        click.echo(line)
-    click.echo(f"removed {_sum(files)} from {folder}")
+        echo(line)
+    echo(f"removed {_sum(files)} from {folder}")
     for place, suffix, what in _other_caches():
         if files := remove(place, suffix):
-            click.echo(f"removed {_sum(files, what)} from {place}")
+            echo(f"removed {_sum(files, what)} from {place}")
 
 
 def _folder() -> Path:

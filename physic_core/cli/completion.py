@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import click
 
+from physic_core.cli.output import echo
+
 __all__ = ["CommandWords", "command_words", "completion", "completion_script"]
 
 
@@ -38,7 +40,7 @@ def completion(ctx: click.Context, shell: str) -> None:
     plugin that adds a command.
     """
     root = ctx.find_root()
-    click.echo(completion_script(shell, command_words(root.command, root)), nl=False)
+    echo(completion_script(shell, command_words(root.command, root)), nl=False)
 
 
 def command_words(command: click.Command, ctx: click.Context, path: str = "physic") -> list[CommandWords]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_core.cli.exit_codes import USAGE, WEIGHTS
+from physic_core.cli.output import echo, echo_json
 from physic_core.cli.toml import toml_value
 from physic_core.errors import OutputError
 
@@ -61,11 +61,11 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         from physic_core.body import load_body
 
         load_body(path)
-    click.echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
+    echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if files or device:
-        click.echo(format_missing((*files, *device), "; a run would stop"))
+        echo(format_missing((*files, *device), "; a run would stop"))
     for text in further:
-        click.echo(f"remark: {text}")
+        echo(f"remark: {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
@@ -78,9 +78,9 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with
     if with_defaults:
         from physic_core.discovery.plugins import discover
 
-        click.echo(full_toml(found, discover()), nl=False)
+        echo(full_toml(found, discover()), nl=False)
     else:
-        click.echo(resolved_toml(found), nl=False)
+        echo(resolved_toml(found), nl=False)
 
 
 @config.command()
@@ -93,7 +93,7 @@ def schema() -> None:
     from physic_core.configuration.schema import config_schema
     from physic_core.discovery.plugins import discover
 
-    click.echo(json.dumps(config_schema(discover()), indent=2))
+    echo_json(config_schema(discover()))
 
 
 @config.command()
@@ -115,7 +115,7 @@ def init(file: Path, preset: str) -> None:
         raise OutputError(f"{file} exists already: choose another name") from None
     except OSError as error:
         raise OutputError(f"{file} cannot be written: {error.strerror}") from error
-    click.echo(f"wrote {file}; try: physic run PHOTO --config {file}")
+    echo(f"wrote {file}; try: physic run PHOTO --config {file}")
 
 
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:

@@ -21,6 +21,7 @@ import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
+from physic_core.cli.output import echo, echo_json
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text
 from physic_core.discovery.plugin_code import plugin_code
 
@@ -89,12 +90,12 @@ def doctor(
     ):
         found.append(finding)
         if not as_json:
-            click.echo(str(finding))
+            echo(str(finding))
     if as_json:
-        click.echo(json.dumps([asdict(finding) for finding in found], indent=2))
+        echo_json([asdict(finding) for finding in found])
     else:
         count = {state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")}
-        click.echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
+        echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
     ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
 
 

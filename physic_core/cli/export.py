@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from physic_core.cli.output import echo
+
 __all__ = ["export"]
 
 
@@ -22,7 +24,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     for row in rows:
-        click.echo("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[4]]))
+        echo("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[4]]))
     ctx.exit()
 
 
@@ -72,7 +74,7 @@ def export(
         overwrite=overwrite,
     )
     for note in done.notes:
-        click.echo(f"note: {note}")
+        echo(f"note: {note}")
     for file in done.files:
         size = file.stat().st_size
-        click.echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
+        echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")

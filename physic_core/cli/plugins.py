@@ -8,40 +8,58 @@ import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.output import echo, echo_json
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
 
-__all__ = ["details", "plugins", "show"]
+__all__ = ["details", "list_", "plugins", "show"]
 
 
 _COMMANDS = {
     "doctor": ("physic_core.cli.doctor:doctor", "Load each installed backend and report what is missing or broken."),
+    "list": ("physic_core.cli.plugins:list_", "List installed backends, as `physic plugins` does."),
     "new": ("physic_core.cli.scaffold:new", "Create a plugin with one backend that passes the conformance kit."),
     "show": ("physic_core.cli.plugins:show", "Show the options, licence and source of a backend."),
 }
 
 
+_INTERFACE = click.option("--interface", metavar="NAME", help="Only backends of this interface.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+
+
 @click.group(cls=ExtensibleGroup, path="plugins", own=_COMMANDS, invoke_without_command=True)
-@click.option("--interface", metavar="NAME", help="Only backends of this interface.")
-@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+@_INTERFACE
+@_JSON
 @click.pass_context
 def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
     """List installed backends; show or test them; create a plugin."""
     if ctx.invoked_subcommand is None:
-        import json
+        _list(interface, as_json)
 
-        from physic_core.cli.listing import plugins_as_dicts, plugins_table
-        from physic_core.discovery.misregistered import find_plugins_in_other_groups
-        from physic_core.discovery.plugins import discover
 
-        require_interface(interface)
-        found = discover()
-        text = json.dumps(plugins_as_dicts(found, interface), indent=2) if as_json else plugins_table(found, interface)
-        click.echo(text)
-        if unread := find_plugins_in_other_groups():
-            names = ", ".join(str(plugin.origin) for plugin in unread)
-            click.echo(f"not read, wrong entry-point group: {names}; see `physic plugins doctor`", err=True)
+@click.command("list")
+@_INTERFACE
+@_JSON
+def list_(interface: str | None, as_json: bool) -> None:
+    """List installed backends, as `physic plugins` does."""
+    _list(interface, as_json)
+
+
+def _list(interface: str | None, as_json: bool) -> None:
+    from physic_core.cli.listing import plugins_as_dicts, plugins_table
+    from physic_core.discovery.misregistered import find_plugins_in_other_groups
+    from physic_core.discovery.plugins import discover
+
+    require_interface(interface)
+    found = discover()
+    if as_json:
+        echo_json(plugins_as_dicts(found, interface))
+    else:
+        echo(plugins_table(found, interface))
+    if unread := find_plugins_in_other_groups():
+        names = ", ".join(str(plugin.origin) for plugin in unread)
+        echo(f"not read, wrong entry-point group: {names}; see `physic plugins doctor`", err=True)
 
 
 @click.command()
@@ -50,7 +68,7 @@ def show(name: str) -> None:
     """Show the options, licence and source of the backends called NAME."""
     from physic_core.discovery.plugins import discover
 
-    click.echo(details(discover(), with_current_folder(name)))
+    echo(details(discover(), with_current_folder(name)))
 
 
 def details(registry: Registry, name: str) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from physic_core.cli.output import echo
+
 if TYPE_CHECKING:
     from physic_core.errors import PhysicError
 
@@ -33,7 +35,7 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
             _write(folder, out, title, each)
         except (InputError, OutputError) as error:
             if first is not None:
-                click.echo(f"Error: {first}", err=True)
+                echo(f"Error: {first}", err=True)
             first = error
     if first is not None:
         raise first
@@ -45,9 +47,9 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
     if out is not None:
         from physic_core.io.results import load_reconstruction
 
-        click.echo(f"wrote {save_report(load_reconstruction(folder), out, title or folder.resolve().name)}")
+        echo(f"wrote {save_report(load_reconstruction(folder), out, title or folder.resolve().name)}")
     elif is_result(folder):
-        click.echo(f"wrote {add_report(folder, title=title)}")
+        echo(f"wrote {add_report(folder, title=title)}")
     else:
         _write_index(folder, each)
 
@@ -63,7 +65,7 @@ def _write_index(folder: Path, each: bool) -> None:
         try:
             path = add_report(result)
         except InputError as error:  # the page says it, and the others get theirs
-            click.echo(f"[{number}/{len(found)}] {error}", err=True)
+            echo(f"[{number}/{len(found)}] {error}", err=True)
         else:
-            click.echo(f"[{number}/{len(found)}] {path}", err=True)
-    click.echo(f"wrote {write_index(folder, found)}")
+            echo(f"[{number}/{len(found)}] {path}", err=True)
+    echo(f"wrote {write_index(folder, found)}")

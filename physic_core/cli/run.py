@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import logging
-import math
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -17,11 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import one_photo
+from physic_core.cli.output import echo
+from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
+from physic_core.cli.show import print_summary
+
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.types import Reconstruction
 
-__all__ = ["checked_plan", "collect_plugin_messages", "run", "show_progress", "sigterm_as_exception"]
+__all__ = ["checked_plan", "run", "sigterm_as_exception"]
 
 
 class _Numbers(click.ParamType[Any]):
@@ -81,7 +82,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 
 
 @click.command()
-@click.argument("photo", type=_Path())
+@click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
 @click.option("-o", "--out", type=_Path(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)
@@ -118,11 +119,14 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @_setting("--require-people", "photo.require_people", is_flag=True, help="Fail if nobody is in the photo.")
 @_setting("--device", "run.device", metavar="NAME", help="cpu, cuda or cuda:N.")
 @_setting("--low-memory", "run.low_memory", is_flag=True, help="Close each backend right after its last use.")
+@click.option("-v", "--verbose", is_flag=True, help="Also each network, the time of each stage, and all messages.")
+@click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object; all else goes to stderr.")
 @_setting("--no-cache", "run.cache", is_flag=True, help="Do not read or write the cache of backends' outputs.")
 @click.pass_context
 def run(
     ctx: click.Context,
-    photo: Path,
+    photos: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
     level: str,
@@ -131,6 +135,9 @@ def run(
     file: Path | None,
     preset: str | None,
     overrides: tuple[str, ...],
+    verbose: bool,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Reconstruct people, scene and contact from PHOTO."""
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
@@ -140,6 +147,9 @@ def run(
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     if open_page and not report:
         raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
+    if verbose and quiet:
+        raise click.UsageError("--verbose prints more and --quiet less: give one of them")
+    photo = one_photo(photos)
 
     settings = {"preset": preset, "overrides": overrides, "flags": flags}
     timeout_s = _timeout_s(file, settings)
@@ -149,18 +159,22 @@ def run(
         if timeout_s is None:
             from physic_core.pipeline.run import reconstruct_photo
 
-            with collect_plugin_messages() as messages, show_progress() as progress:
+            with collect_plugin_messages() as messages, show_progress(quiet) as progress:
                 result = reconstruct_photo(photo, plan, progress=progress)
         else:
             from physic_core.cli.worker_run import RunArguments, reconstruct_in_worker
 
-            result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s))
+            result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s, quiet))
         from physic_core.batch.saving import Saving, save_photo
 
         save_photo(result, folder, Saving(level, report=report, exact=level == "full"), photo.name, overwrite=overwrite)
-    for line in messages:
-        click.echo(line, err=True)
-    click.echo(_summary(result, folder, report))
+    if quiet:
+        for text in result.warnings:
+            echo(f"warning: {text}", err=True)
+    else:
+        print_messages(messages, verbose)
+    if as_json or not quiet:
+        print_summary(folder, verbose=verbose, as_json=as_json)
     if open_page:
         _open(folder / "report.html")
 
@@ -170,7 +184,7 @@ def _open(page: Path) -> None:
     import webbrowser
 
     if not webbrowser.open(page.absolute().as_uri()):
-        click.echo(f"no browser was found here: open {page} yourself", err=True)
+        echo(f"no browser was found here: open {page} yourself", err=True)
 
 
 def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
@@ -287,7 +301,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
         except OSError:
             pass  # the check of the folder reports the error
         if folder != first:
-            click.echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
+            echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
         return folder, [folder] * made
     raise AssertionError
 
@@ -297,89 +311,3 @@ def _remove(folders: list[Path]) -> None:
     for folder in reversed(folders):
         with suppress(OSError):  # it is not empty, or was never created
             folder.rmdir()
-
-
-@contextmanager
-def collect_plugin_messages() -> Iterator[list[str]]:
-    """Yield a list that collects the distinct INFO log messages of packages named ``physic_*``."""
-    messages: list[str] = []
-
-    class Listener(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if record.name.startswith("physic_") and record.levelno == logging.INFO:
-                if record.getMessage() not in messages:
-                    messages.append(record.getMessage())
-            elif record.levelno >= logging.WARNING and len(root.handlers) == 1 and logging.lastResort:
-                logging.lastResort.handle(record)  # the default output of records without a handler
-
-    root, listener = logging.getLogger(), Listener(logging.INFO)
-    level = root.level
-    root.addHandler(listener)
-    root.setLevel(min(level, logging.INFO))
-    try:
-        yield messages
-    finally:
-        root.removeHandler(listener)
-        root.setLevel(level)
-
-
-@contextmanager
-def show_progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a progress callback: a bar on a terminal, otherwise one line for each stage; on stderr."""
-    if not sys.stderr.isatty():
-        yield lambda name, done, total: click.echo(f"[{done + 1}/{total}] {name}", err=True)
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-
-        def show(name: str, done: int, total: int) -> None:
-            bar.update(task, description=name, completed=done, total=total)
-
-        yield show
-
-
-def _summary(result: Reconstruction, folder: Path, report: bool) -> str:
-    from physic_core.types import summarize_checks
-
-    people = len(result.people)
-    seconds = sum(s.seconds for s in result.stages)
-    loading = sum(s.load_seconds for s in result.stages)
-    found = {0: "no person, the scene alone", 1: "1 person"}.get(people, f"{people} people")
-    lines = [f"{found} in {seconds:.1f} s, and {loading:.1f} s to load models"]
-    backends = [s for s in result.stages if s.provenance is not None]
-    cached = sum(s.cached for s in backends)
-    if cached:
-        lines.append(f"{cached} of {len(backends)} outputs of backends come from the cache; --no-cache runs them all")
-    for i, person in enumerate(result.people):
-        touching = int(person.contact.sum())
-        failed = f"; check: {', '.join(person.failed_checks)}" if person.failed_checks else ""
-        unknown = f"; not measured: {', '.join(person.unknown_checks)}" if person.unknown_checks else ""
-        distance = float(person.joints[0, 2])
-        if math.isfinite(distance):
-            place = f"{distance:.1f} m away, {touching} of {len(person.contact)} vertices touch"
-        else:
-            place = "no body"
-        grade = f"{person.grade}: " if person.grade else ""
-        support = f"; {person.support}" if person.support else ""
-        lines.append(f"  person {i}: {grade}{place}{support}{failed}{unknown}")
-    lines += [f"  no body: {one.reason}, {_box(one.box)}, score {one.score:.2f}" for one in result.unposed]
-    lines += [f"note: {text}" for text in result.notes]
-    lines += [f"warning: {text}" for text in result.warnings]
-    lines.append(f"grade: {result.grade or 'none'}  (checks: {summarize_checks(result.checks)})")
-    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
-    lines += [f"page: {folder / 'report.html'}"] * report
-    return "\n".join(lines)
-
-
-def _box(box: tuple[float, float, float, float]) -> str:
-    return f"box {', '.join(f'{edge:.0f}' for edge in box)}"

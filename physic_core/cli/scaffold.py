@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from physic_core.cli.arguments import require_interface
+from physic_core.cli.output import echo
 
 __all__ = ["new"]
 
@@ -32,5 +33,5 @@ def new(name: str, interface: str, folder: Path | None) -> None:
     names = PluginNames(backend, interface)
     target = folder or Path(names.distribution)
     for file in write_plugin(target, names, core_version(), INTERFACES[interface].api):
-        click.echo(f"wrote {file}")
-    click.echo(f"next: pip install -e {target} && physic plugins check {names.backend}")
+        echo(f"wrote {file}")
+    echo(f"next: pip install -e {target} && physic plugins check {names.backend}")

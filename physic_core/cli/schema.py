@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from physic_core.cli.output import echo
+
 __all__ = ["schema"]
 
 
@@ -16,4 +18,4 @@ def schema(content: bool) -> None:
     """
     from physic_core.io.schema_file import schema_file
 
-    click.echo(schema_file().read_text(encoding="utf-8") if content else str(schema_file()), nl=not content)
+    echo(schema_file().read_text(encoding="utf-8") if content else str(schema_file()), nl=not content)

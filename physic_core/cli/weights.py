@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, WEIGHTS
 from physic_core.cli.listing import format_table
+from physic_core.cli.output import echo, echo_json
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def list_(missing: bool, as_json: bool) -> None:
     sets = [one for one in library.sets if not (missing and _state(one) == "here")]
     if as_json:
         broken = [{"distribution": origin.distribution, "cause": why} for origin, why in library.broken]
-        click.echo(json.dumps({"sets": [_as_dict(one) for one in sets], "broken": broken}, indent=2))
+        echo_json({"sets": [_as_dict(one) for one in sets], "broken": broken})
         return
     rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
     for one in sets:
@@ -57,7 +57,7 @@ def list_(missing: bool, as_json: bool) -> None:
         )
     for origin, why in library.broken:
         rows.append(("-", origin.distribution, "-", "-", "-", "BROKEN", " ".join(why.split())))
-    click.echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
+    echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
 @weights.command()
@@ -66,7 +66,10 @@ def list_(missing: bool, as_json: bool) -> None:
 def show(name: str, as_json: bool) -> None:
     """Show the weight set NAME: licence, files, sources, and their paths or the searched folders."""
     one = _library().get(name)
-    click.echo(json.dumps(_as_dict(one), indent=2) if as_json else _details(one))
+    if as_json:
+        echo_json(_as_dict(one))
+    else:
+        echo(_details(one))
 
 
 @weights.command()
@@ -102,15 +105,13 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
                 fetched = fetch_set(one.weights, accept=accept, to=to, progress=progress)
         except PhysicError as error:
             failed = True
-            click.echo(f"{name}: {error}", err=True)
+            echo(f"{name}: {error}", err=True)
         except KeyboardInterrupt:
-            click.echo(f"{name}: interrupted; the partial download is kept, and the next one resumes", err=True)
+            echo(f"{name}: interrupted; the partial download is kept, and the next one resumes", err=True)
             ctx.exit(INTERRUPTED)
         else:
             where = to / name if to is not None else _location(one)
-            click.echo(
-                f"{name}: {', '.join(fetched)} downloaded to {where}" if fetched else f"{name}: already in {where}"
-            )
+            echo(f"{name}: {', '.join(fetched)} downloaded to {where}" if fetched else f"{name}: already in {where}")
     ctx.exit(WEIGHTS if failed else 0)
 
 
@@ -151,14 +152,14 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
             if not as_json:
                 _echo_row(rows[-1])
     if as_json:
-        click.echo(json.dumps(rows, indent=2))
+        echo_json(rows)
     else:
         for row in rows:
             if row["state"] == "missing":
                 _echo_row(row)
         count = {state: sum(row["state"] == state for row in rows) for state in ("ok", "DIFFERS", "missing")}
         files = "1 file" if len(rows) == 1 else f"{len(rows)} files"
-        click.echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
+        echo(f"{files}: {count['ok']} ok, {count['DIFFERS']} differ, {count['missing']} missing")
     ctx.exit(WEIGHTS if any(row["state"] != "ok" for row in rows) else 0)
 
 
@@ -174,7 +175,7 @@ def where(name: str, file: str | None) -> None:
     manifests = discover().manifests
     one = read_library(manifests).get(name)
     manifest = next(m for m in manifests if m.origin == one.origin)
-    click.echo(find(manifest.path, one.weights.name, file))
+    echo(find(manifest.path, one.weights.name, file))
 
 
 def _library() -> WeightLibrary:
@@ -186,7 +187,7 @@ def _library() -> WeightLibrary:
 
 def _echo_row(row: dict[str, str]) -> None:
     end = f": {row['note']}" if row["note"] else ""
-    click.echo(f"{row['state']:<8} {row['weights']} {row['file']}{end}")
+    echo(f"{row['state']:<8} {row['weights']} {row['file']}{end}")
 
 
 def _state(one: ListedWeights) -> str:
@@ -261,7 +262,7 @@ def _progress(name: str) -> Iterator[Progress]:
             if file not in started:
                 started.add(file)
                 resumed = f", resumed at {_size(done)}" if done else ""
-                click.echo(f"{name}: {file} ({_size(total)}){resumed}", err=True)
+                echo(f"{name}: {file} ({_size(total)}){resumed}", err=True)
 
         yield print_line
         return

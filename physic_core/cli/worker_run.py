@@ -26,14 +26,16 @@ class RunArguments:
         file: of the configuration; None for none.
         settings: preset, overrides and flags, as of :func:`physic_core.configuration.resolve.load_checked_config`.
         timeout_s: of ``[run]``, s.
+        quiet: whether to show no progress.
     """
 
     file: Path | None
     settings: Mapping[str, Any]
     timeout_s: float
+    quiet: bool = False
 
 
-def reconstruct_in_worker(photo: Path, arguments: RunArguments) -> tuple[Reconstruction, list[str]]:
+def reconstruct_in_worker(photo: Path, arguments: RunArguments) -> tuple[Reconstruction, list[tuple[str, str]]]:
     """Reconstruct a photo, and return the result and the messages of plugins.
 
     Raises:
@@ -63,7 +65,8 @@ def _open_worker(arguments: RunArguments) -> Callable[[Path], Any]:
 
 def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     """Return ("", (result, messages)), or the class and the message of an error."""
-    from physic_core.cli.run import checked_plan, collect_plugin_messages, show_progress
+    from physic_core.cli.run import checked_plan
+    from physic_core.cli.run_messages import collect_plugin_messages, show_progress
     from physic_core.discovery.error_text import traceback_text
     from physic_core.discovery.plugin_code import own_stdout
     from physic_core.pipeline.run import reconstruct_photo
@@ -72,7 +75,7 @@ def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     try:
         with own_stdout(), limited_calls(arguments.timeout_s), timed_call(CONSTRUCTION):
             plan = checked_plan(arguments.file, arguments.settings)
-        with own_stdout(), collect_plugin_messages() as messages, show_progress() as progress:
+        with own_stdout(), collect_plugin_messages() as messages, show_progress(arguments.quiet) as progress:
             result = reconstruct_photo(photo, plan, progress=progress)
     except PhysicError as error:
         sys.stderr.write(traceback_text(error))

@@ -1,0 +1,38 @@
+"""What all commands print with: text of others must not control the terminal."""
+
+from __future__ import annotations
+
+import logging
+
+import click
+
+from physic_core.configuration.quoting import printable
+
+__all__ = ["EchoHandler", "echo", "echo_json"]
+
+
+def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
+    """Print a text with control characters escaped, which a terminal would obey.
+
+    Args:
+        text: may contain names of files, messages of plugins, and other text that is not ours.
+        nl: whether to print a newline after it.
+        err: whether to print to stderr.
+    """
+    click.echo(printable(str(text)), nl=nl, err=err)
+
+
+def echo_json(value: object) -> None:
+    """Print a value as JSON."""
+    import json
+
+    # DEL is the one control character that JSON leaves as it is.
+    echo(json.dumps(value, indent=2).replace("\x7f", "\\u007f"))
+
+
+class EchoHandler(logging.Handler):
+    """Prints log records that no other handler takes, to stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record."""
+        echo(self.format(record), err=True)

@@ -1,0 +1,142 @@
+"""Summary of a saved result, as ``physic run`` and ``physic show`` print it."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from physic_core.cli.listing import format_table
+from physic_core.files.strict_json import from_json
+from physic_core.io.check_records import parse_checks
+from physic_core.io.contact_records import parse_contacts, parse_support
+from physic_core.io.document import parse_stages
+from physic_core.io.result_folder import REPORT_FILE
+from physic_core.types import CheckResult, summarize_checks
+
+__all__ = ["summary_record", "summary_text"]
+
+_HEAD = ("person", "grade", "distance", "contact", "why")
+_MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
+
+
+def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the summary of a result as one object for JSON; lengths are metres.
+
+    Args:
+        document: ``reconstruction.json`` of the result.
+        folder: of the result.
+    """
+    stages = parse_stages(document["stages"])
+    return {
+        "folder": str(folder),
+        "files": document["files"],
+        "grade": document.get("grade"),
+        "people": [
+            {
+                "person": person["index"],
+                "grade": person.get("grade"),
+                "distance_m": _distance(person),
+                "contact_vertices": person["contact_vertices"],
+                "vertices": person["vertices"],
+                "contacts": person.get("contacts") or [],
+                "support": person.get("support"),
+                "failed_checks": person["failed_checks"],
+                "unknown_checks": person.get("unknown_checks", []),
+            }
+            for person in document["people"]
+        ],
+        "unposed": document.get("unposed", []),
+        "intrinsics": document["intrinsics"],
+        "checks": document.get("checks", []),
+        "notes": document["notes"],
+        "warnings": document["warnings"],
+        "seconds": sum(stage.seconds for stage in stages),
+        "load_seconds": sum(stage.load_seconds for stage in stages),
+    }
+
+
+def summary_text(document: Mapping[str, Any], folder: Path, *, width: int | None = None, verbose: bool = False) -> str:
+    """Return the summary of a result as text: a table of its people, its grade, and where its page is.
+
+    Args:
+        document: ``reconstruction.json`` of the result.
+        folder: of the result.
+        width: of the terminal, characters; None for lines of any length.
+        verbose: whether to list the time of each stage, and each check that is not ok.
+    """
+    stages, people = parse_stages(document["stages"]), document["people"]
+    checks = parse_checks(document.get("checks", ()), document["schema_version"])
+    found = {0: "no person, the scene alone", 1: "1 person"}.get(len(people), f"{len(people)} people")
+    seconds, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
+    lines = [f"{found} in {seconds:.1f} s, and {loading:.1f} s to load models"]
+    backends = [stage for stage in stages if stage.provenance is not None]
+    if cached := sum(stage.cached for stage in backends):
+        lines.append(f"{cached} of {len(backends)} outputs of backends come from the cache; --no-cache runs them all")
+    if people:
+        lines.append(_table([_row(person, checks) for person in people], width))
+    lines += [_no_body(one) for one in document.get("unposed", ())]
+    lines += [f"note: {text}" for text in document["notes"]]
+    lines += [f"warning: {text}" for text in document["warnings"]]
+    if verbose:
+        lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
+        lines += [f"{_about(check)}{check}" for check in checks if not check.ok]
+    lines.append(f"grade: {document.get('grade') or 'none'}  (checks: {summarize_checks(checks)})")
+    lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
+    if REPORT_FILE in document["files"]:
+        lines.append(f"page: {folder / REPORT_FILE}")
+    return "\n".join(lines)
+
+
+def _row(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> tuple[str, ...]:
+    distance = _distance(person)
+    place = "-" if distance is None else f"{distance:.1f} m"
+    return str(person["index"]), person.get("grade") or "-", place, _contact(person), _reason(person, checks)
+
+
+def _contact(person: Mapping[str, Any]) -> str:
+    """Return the share of the vertices in contact, and with what: "12 %: floor, person 1"."""
+    if _distance(person) is None:
+        return "-"
+    partners = [one.partner for one in parse_contacts(person) if one.partner.kind != "self"]
+    names = dict.fromkeys(p.title if p.person is None else f"person {p.person}" for p in partners)
+    share = f"{100 * person['contact_vertices'] / max(1, person['vertices']):.0f} %"
+    return ": ".join(filter(None, (share, ", ".join(names))))
+
+
+def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
+    """Return what decides a person's grade: failed checks, else those without a value, else the support."""
+    own = [check for check in checks if check.person == person["index"] and not check.ok]
+    if failed := [str(check) for check in own if check.failed]:
+        return "; ".join(failed)
+    if own and person.get("grade") != "good":
+        return f"not measured: {', '.join(check.title for check in own)}"
+    support = parse_support(person)
+    return "-" if support is None else str(support)
+
+
+def _distance(person: Mapping[str, Any]) -> float | None:
+    """Return the depth of a person's pelvis, metres; None without a body."""
+    pelvis = from_json(person["pelvis"])
+    return pelvis[2] if pelvis is not None and math.isfinite(pelvis[2]) else None
+
+
+def _no_body(one: Mapping[str, Any]) -> str:
+    box = ", ".join(f"{edge:.0f}" for edge in from_json(one["box"]))
+    return f"no body: {one['reason']}, box {box}, score {from_json(one['score']):.2f}"
+
+
+def _about(check: CheckResult) -> str:
+    return "" if check.person is None else f"person {check.person}: "
+
+
+def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:
+    """Format the rows; the last column is wrapped to the width of the terminal."""
+    used = sum(max(len(row[i]) for row in (_HEAD, *rows)) + 2 for i in range(len(_HEAD) - 1))
+    wrapped: list[tuple[str, ...]] = [_HEAD]
+    for *cells, last in rows:
+        first, *more = textwrap.wrap(last, max(_MIN_WIDTH, width - used)) if width is not None else [last]
+        wrapped += [(*cells, first), *(("",) * len(cells) + (line,) for line in more)]
+    return format_table(wrapped)

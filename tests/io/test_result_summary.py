@@ -1,0 +1,91 @@
+"""The table of people that ``physic run`` and ``physic show`` print."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core import Reconstruction, save_reconstruction
+from physic_core.cli.result_summary import summary_record, summary_text
+from physic_core.io.results import read_document
+from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Support, UnposedPerson
+
+
+def check(name: str, state: CheckState, value: float | None, label: str) -> CheckResult:
+    return CheckResult(name, state, value, 0.035, "at most", "share", "", 1, label=label)
+
+
+@pytest.fixture
+def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, Any]:
+    made = make()
+    floor, own = ContactPartner("floor", "floor"), ContactPartner("self", person=0, part="head")
+    feet = tuple(BodyContact(f"{side}_foot", floor, 0.9, 200) for side in ("left", "right"))
+    support = Support("balanced", feet, -0.05, (0.0, 0.0, 3.0))
+    first, second = made.people
+    vertices = len(first.vertices)
+    people = (
+        replace(
+            first,
+            grade=Grade.GOOD,
+            support=support,
+            contacts=(*feet, BodyContact("right_hand", own, 0.8, 9)),
+            contact=np.arange(vertices) < vertices / 4,
+            joints=np.full_like(first.joints, 3.04),
+        ),
+        replace(
+            second,
+            grade=Grade.DOUBTFUL,
+            contact=np.zeros(vertices, bool),
+            contacts=(),
+            joints=np.full_like(first.joints, 12.5),
+            failed_checks=("limb_keypoints", "lean"),
+        ),
+        replace(second, grade=Grade.BAD, joints=np.full_like(first.joints, np.nan)),
+    )
+    failed = CheckState.FAILED
+    checks = (
+        check("limb_keypoints", failed, 0.045, "Limbs off their keypoints"),
+        check("lean", failed, 0.5, "Lean angle"),
+        replace(check("support", CheckState.UNKNOWN, None, "Supported"), person=2),
+    )
+    unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
+    result = replace(made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=())
+    save_reconstruction(result, tmp_path, preview=False, glb=False)
+    return read_document(tmp_path)
+
+
+def test_a_person_is_a_row(document: dict[str, Any]):
+    assert summary_text(document, Path("out")).splitlines()[1:6] == [
+        "person  grade     distance  contact      why",
+        "0       good      3.0 m     25 %: floor  balanced: left foot on floor, right foot on floor",
+        "1       doubtful  12.5 m    0 %          Limbs off their keypoints: 4.5 % (limit 3.5 %); "
+        "Lean angle: 50 % (limit 3.5 %)",
+        "2       bad       -         -            not measured: Supported",
+        "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
+    ]
+
+
+def test_the_last_column_is_wrapped_to_the_terminal(document: dict[str, Any]):
+    lines = summary_text(document, Path("out"), width=80).splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    assert [line[:41] for line in lines[3:6]] == [
+        f"{'':<41}",
+        "1       doubtful  12.5 m    0 %          ",
+        f"{'':<41}",
+    ]
+    assert " ".join(line[41:] for line in lines[4:6]) == (
+        "Limbs off their keypoints: 4.5 % (limit 3.5 %); Lean angle: 50 % (limit 3.5 %)"
+    )
+
+
+def test_the_summary_for_programs_has_names_and_numbers(document: dict[str, Any]):
+    summary = summary_record(document, Path("out"))
+    assert [one["distance_m"] for one in summary["people"]] == [pytest.approx(3.04), pytest.approx(12.5), None]
+    assert summary["people"][1]["failed_checks"] == ["limb_keypoints", "lean"]
+    assert summary["people"][0]["contacts"][0]["part"] == "left_foot"
+    assert [check["name"] for check in summary["checks"]] == ["limb_keypoints", "lean", "support"]
