@@ -7,12 +7,13 @@
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
-# make docs                     the documentation as a site, in docs/_build/html/index.html
+# make docs                     the documentation as a site, in docs/_build/html/index.html; compares its pictures with results
+# make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
 # make lint | clean             the first part alone | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
 
 PYTHON ?= python3
-PHOTO ?= examples/basketball.png
+PHOTO ?= examples/couple.jpg
 JOBS ?= 2
 MINUTES ?= 60
 VENV := .venv
@@ -21,7 +22,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz test-lowest test-newest audit sbom docs lint clean
+.PHONY: demo quick test test-ray kernels fuzz test-lowest test-newest audit sbom docs pictures lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -80,6 +81,10 @@ sbom: $(VENV)/test.stamp
 docs: $(VENV)/test.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d docs/_build/doctrees . docs/_build/html
 	$(BIN)/python docs/site/check_links.py docs/_build/html
+	$(BIN)/python tools/docs_pictures.py --check
+
+pictures: $(VENV)/test.stamp
+	$(BIN)/python tools/docs_pictures.py
 
 lint: $(VENV)/test.stamp
 	$(BIN)/ruff check

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 import physic_core
 from physic_core import cli
@@ -85,7 +86,8 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
     from physic_testing.worlds import build_world
 
     (tmp_path / "examples").mkdir()
-    Image.fromarray(build_world().image).save(tmp_path / "examples" / "basketball.png")
+    for photo in ("couple.jpg", "basketball.png"):
+        Image.fromarray(build_world().image).save(tmp_path / "examples" / photo, "PNG")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
     exec(compile(text.replace('"extends": "embedded"', '"extends": "mock"'), "page", "exec"), {})
@@ -94,6 +96,23 @@ def test_every_script_of_the_pages_runs(text: str, tmp_path: Path, monkeypatch: 
 def test_the_continuous_integration_runs_the_test_command_of_the_readme():
     assert ["make", "test"] in commands("make")
     assert (ROOT / ".ci" / "run").read_text().rstrip().splitlines()[-2:] == ["make test", "exec make kernels"]
+
+
+def test_the_workflow_runs_the_commands_of_the_readme_on_x86_and_arm():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    (job,) = workflow["jobs"].values()
+    commands_run = [step["run"].split() for step in job["steps"] if "run" in step]
+    assert commands_run == [["make", "demo"], ["make", "test"], ["make", "docs"]]
+    assert all(command in commands("make") for command in commands_run)
+    assert job["strategy"]["matrix"]["machine"] == ["ubuntu-24.04", "ubuntu-24.04-arm"]
+    assert job["strategy"]["matrix"]["python"][0] == project_python()
+    used = [step["uses"] for step in job["steps"] if "uses" in step]
+    assert all(re.fullmatch(r"actions/[\w-]+@v\d+", action) for action in used)
+
+
+def project_python() -> str:
+    """Return the oldest version of Python that the distributions accept."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"].removeprefix(">=")
 
 
 def test_the_import_order_of_the_architecture_is_the_contract():

@@ -128,7 +128,7 @@ def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: 
 
 
 def test_the_command_says_it_too_and_leaves_no_folder(heavy: Path, repository: Path, tmp_path: Path):
-    photo = repository / "examples" / "basketball.png"
+    photo = repository / "examples" / "couple.jpg"
     done = physic("run", str(photo), "--config", "my.toml", "-o", "out")
     assert (done.exit_code, done.stdout) == (4, "")
     assert done.stderr.startswith("Error: 2 things are missing, and nothing was computed:\n  metric_depth 'heavy'")

@@ -170,7 +170,7 @@ def test_all_that_a_preset_lacks_is_listed_with_how_to_get_it(
 def test_a_run_refuses_at_once_with_the_same_list(
     preset: str, bare: dict[str, str], tmp_path: Path, repository: Path
 ) -> None:
-    photo = str(repository / "examples" / "basketball.png")
+    photo = str(repository / "examples" / "couple.jpg")
     checked = physic(bare, tmp_path, "config", "check", "--preset", preset)
     done = physic(bare, tmp_path, "run", photo, "--preset", preset, "-o", "out")
     assert (done.returncode, done.stdout) == (4, "")

@@ -104,7 +104,7 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path):
     assert check_links.external_links(found) == ["https://example.org/s.js", "https://example.org/x"]
 
 
-@pytest.mark.parametrize("picture", sorted(ROOT.glob("docs/pictures/*")), ids=lambda p: p.name)
+@pytest.mark.parametrize("picture", sorted(ROOT.glob("docs/pictures/*.*")), ids=lambda p: p.name)
 def test_a_picture_is_small_and_shown(picture: Path):
     assert picture.stat().st_size < 250_000
     assert any(f"pictures/{picture.name}" in page.read_text() for page in ROOT.glob("docs/*.md"))

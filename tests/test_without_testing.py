@@ -23,7 +23,7 @@ def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_photo_is_reconstructed(repository: Path, tmp_path: Path):
-    photo = repository / "examples" / "basketball.png"
+    photo = repository / "examples" / "couple.jpg"
     faster = ("relative_pointmap.options.short_side=154", "engine.joint.optimiser.steps=2", "photo.max_side=320")
     sets = [word for one in faster for word in ("--set", one)]
     done = run("run", str(photo), "-o", str(tmp_path / "out"), *sets, "--no-cache", plugins="physic-embedded")

@@ -1,21 +1,33 @@
-"""Draw the pictures of the documentation: ``python tools/docs_pictures.py`` writes docs/pictures/*.png.
+"""Make every picture of the documentation that shows a result, and the numbers in them, again.
 
-The pages "How it works" and "Gallery" show what the default preset makes of examples/basketball.png, and what the mocks
-make of synthetic worlds.
+    python tools/docs_pictures.py            # or: make pictures
+    python tools/docs_pictures.py couple     # the pictures of one result
+    python tools/docs_pictures.py --check    # draw nothing; exit with 1 where a picture shows other numbers
+
+Results are those of the photos of examples/ in the default preset, and of worlds in the preset ``mock``. It writes
+``docs/pictures``, the numbers beside them, the lines of the pages that state them, ``examples/couple.html`` and the
+outputs of the notebooks. It needs Chromium for the picture of the page.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
+os.environ["PHYSIC_CACHE"] = "off"  # pictures are of the code at hand, whatever an earlier one has kept
+
 import cv2
+import docs_numbers
 import numpy as np
+import run_notebooks
 from PIL import Image
 
-from physic_core import Pipeline, Reconstruction
+from physic_core import Pipeline, Reconstruction, report_html
 from physic_core.pipeline import estimate
 from physic_core.visual.orthographic_views import side_view, top_view
 from physic_core.visual.panels import colored_depth, overlay_panel, render_contact_views
@@ -24,22 +36,39 @@ from physic_core.visual.preview_geometry import build_preview_geometry, person_c
 from physic_testing import build_world
 
 ROOT = Path(__file__).resolve().parents[1]
-WORLDS = {
-    "sit_on_sofa": "world-sofa",
-    "hug": "world-hug",
-    "climb_step": "world-step",
-    "outdoor_steps": "world-outdoors",
+PICTURES = ROOT / "docs" / "pictures"
+PAGE = ROOT / "examples" / "couple.html"
+
+DEMO = "couple"
+PHOTOS = {
+    DEMO: "couple.jpg",
+    "yoga": "yoga.jpg",
+    "street": "street.jpg",
+    "slope": "slope.jpg",
+    "three-people": "three-people.jpg",
+    "basketball": "basketball.png",
 }
-COLORS = 160
-"""Colours of a picture; more are not visible in renderings, and make the files three times as large."""
+"""Files in examples/, by the names of their results."""
+WORLDS = {
+    "world-sofa": "sit_on_sofa",
+    "world-hug": "hug",
+    "world-step": "climb_step",
+    "world-outdoors": "outdoor_steps",
+}
+WIDTH, QUALITY = 1400, 78
+"""Of a preview, px, and JPEG's scale; colours of contact keep their full resolution."""
+WINDOW = (1280, 760)
+"""Of the browser, px."""
 
 
-def write(folder: Path, name: str, picture: Any, width: int = 640) -> None:
+def draw(name: str, picture: Any, width: int = 640) -> str:
+    """Write a picture at this width, and return the name of its file."""
     image = picture if isinstance(picture, Image.Image) else Image.fromarray(np.asarray(picture, np.uint8))
-    height = round(image.height * width / image.width)
-    small = image.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
-    small.quantize(COLORS, dither=Image.Dither.NONE).save(folder / f"{name}.png", optimize=True)
-    print(f"{name}.png", (folder / f"{name}.png").stat().st_size // 1024, "KB")
+    small = image.convert("RGB").resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
+    file = PICTURES / f"{name}.jpg"
+    small.save(file, quality=QUALITY, subsampling=0, optimize=True, progressive=True)
+    print(file.name, file.stat().st_size // 1024, "KB", flush=True)
+    return file.name
 
 
 def detections(estimates: Any) -> Any:
@@ -70,7 +99,8 @@ def contact(result: Reconstruction, index: int) -> Any:
     return render_contact_views(result, index, 800, 480)
 
 
-def method(folder: Path) -> None:
+def reconstruct(name: str) -> tuple[Reconstruction, Any]:
+    """Return a result by its name, and what the backends gave for it. Times are left out: they are of one machine."""
     caught: list[Any] = []
 
     def keep(*args: Any, **settings: Any) -> Any:
@@ -78,37 +108,104 @@ def method(folder: Path) -> None:
         return caught[-1]
 
     real = estimate.run_backends
-
-    with mock.patch.object(estimate, "run_backends", keep), Pipeline() as pipeline:
-        result = pipeline(ROOT / "examples" / "basketball.png")
+    photo = ROOT / "examples" / PHOTOS[name] if name in PHOTOS else build_world(WORLDS[name]).image
+    preset = None if name in PHOTOS else "mock"
+    with mock.patch.object(estimate, "run_backends", keep), Pipeline(preset) as pipeline:
+        result = pipeline(photo)
     (estimates,) = caught
-    write(folder, "method-1-people", detections(estimates))
-    write(folder, "method-2-inpainted", estimates.inpainted)
-    write(folder, "method-3-pointmap", depth(estimates.scene.points, estimates.scene.valid))
-    write(folder, "method-4-scene", view(result, top_view))
-    write(folder, "method-7-overlay", overlay_panel(result, build_preview_geometry(result), 640, 480))
-    write(folder, "method-8-contact", contact(result, 0))
-    write(folder, "gallery-basketball", preview_image(result), 1200)
+    return replace(result, stages=tuple(replace(s, seconds=0.0, load_seconds=0.0) for s in result.stages)), estimates
 
 
-def stages(folder: Path) -> None:
-    """A person who sits, before and after the joint optimisation."""
-    image = build_world("sit_on_sofa").image
-    for name, steps in {"method-5-placed": 1, "method-6-joint": None}.items():
-        joint = {} if steps is None else {"engine": {"joint": {"optimiser": {"steps": steps}}}}
-        with Pipeline({"extends": "mock", **joint}) as pipeline:
-            write(folder, name, view(pipeline(image), side_view))
+def draw_result(name: str) -> None:
+    """Draw all pictures of a result, and write their numbers."""
+    result, estimates = reconstruct(name)
+    source = f"examples/{PHOTOS[name]}" if name in PHOTOS else f"world {WORLDS[name]}"
+    drawn = [draw(name, preview_image(result), WIDTH)]
+    if name == DEMO:
+        drawn += [*draw_method(result, estimates), draw_page(result)]
+    if name == "world-sofa":
+        drawn += draw_stages()
+    docs_numbers.write_numbers(name, source, drawn, result)
 
 
-def gallery(folder: Path) -> None:
-    with Pipeline("mock") as pipeline:
-        for world, name in WORLDS.items():
-            write(folder, f"gallery-{name}", preview_image(pipeline(build_world(world).image)), 1200)
+def draw_method(result: Reconstruction, estimates: Any) -> list[str]:
+    """Draw the pictures of the page "How it works"."""
+    overlay = overlay_panel(result, build_preview_geometry(result), 640, 480)
+    return [
+        draw("method-1-people", detections(estimates)),
+        draw("method-2-inpainted", estimates.inpainted),
+        draw("method-3-pointmap", depth(estimates.scene.points, estimates.scene.valid)),
+        draw("method-4-scene", view(result, top_view)),
+        draw("method-7-overlay", overlay),
+        draw("method-8-contact", contact(result, 0)),
+    ]
+
+
+def draw_stages() -> list[str]:
+    """Draw a person who sits, before and after the joint optimisation."""
+    image, drawn = build_world("sit_on_sofa").image, []
+    for name, joint in {"method-5-placed": {"optimiser": {"steps": 1}}, "method-6-joint": {}}.items():
+        with Pipeline({"extends": "mock", "engine": {"joint": joint}}) as pipeline:
+            drawn.append(draw(name, view(pipeline(image), side_view)))
+    return drawn
+
+
+def draw_page(result: Reconstruction) -> str:
+    """Write the sample of ``report.html``, and a picture of it in a browser."""
+    sys.path.append(str(ROOT / "tests"))
+    from chromium import Chromium, find_chromium
+
+    binary = find_chromium()
+    if binary is None:
+        raise SystemExit("Chromium is not installed, which draws the picture of the page: apt install chromium")
+    PAGE.write_text(report_html(result, title=PHOTOS[DEMO]), encoding="utf-8")
+    print(PAGE.name, PAGE.stat().st_size // 1024, "KB")
+    browser = Chromium(binary)
+    try:
+        page = browser.open(PAGE.as_uri(), *WINDOW)
+        page.wait("document.documentElement.dataset.ready")
+        return draw("report", page.picture(), WINDOW[0])
+    finally:
+        browser.close()
+
+
+def check(names: list[str]) -> list[str]:
+    """Reconstruct again, and return in which numbers pictures, pages and notebooks are wrong."""
+    saved, wrong = docs_numbers.read_numbers(), []
+    for name in names:
+        if name in saved:
+            found = docs_numbers.differences(saved[name], docs_numbers.numbers_of(reconstruct(name)[0]))
+        else:
+            found = ["there are no numbers of it"]
+        wrong += [f"{name}: {line}" for line in found]
+        print(name, "differs" if found else "agrees", flush=True)
+    return wrong
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    names = [*PHOTOS, *WORLDS]
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"results: {', '.join(names)}; default: all, and the notebooks"
+    )
+    parser.add_argument("--check", action="store_true", help="compare, and write nothing")
+    given = parser.parse_args()
+    if unknown := sorted({*given.names} - {*names}):
+        parser.error(f"no result is called {', '.join(unknown)}: choose of {', '.join(names)}")
+    wrong: list[str] = []
+    if given.check:
+        wrong = check(given.names or names)
+    else:
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        for name in given.names or names:
+            draw_result(name)
+        docs_numbers.write_lines()
+    if not given.names:
+        wrong += run_notebooks.run_all(check=given.check)
+    if wrong:
+        print("\n".join([*wrong, f"These pictures are old: `{docs_numbers.COMMAND}` renews them."]), file=sys.stderr)
+    return int(bool(wrong))
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "pictures"
-    target.mkdir(parents=True, exist_ok=True)
-    method(target)
-    stages(target)
-    gallery(target)
+    sys.exit(main())

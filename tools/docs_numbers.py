@@ -1,0 +1,164 @@
+"""The numbers that pictures of the documentation show: written beside the pictures, into the pages, and compared.
+
+``docs/pictures/numbers/NAME.json`` has those of one result, and lists the pictures that were drawn from it. A page has
+them as a line of text below ``<!-- numbers of NAME -->``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from physic_core import Reconstruction
+
+ROOT = Path(__file__).resolve().parents[1]
+NUMBERS = ROOT / "docs" / "pictures" / "numbers"
+COST = ROOT / "benchmarks" / "run_cost.json"
+"""What ``benchmarks/run_cost.py`` measured."""
+COMMAND = "make pictures"
+"""What renews pictures, numbers and lines; messages name it."""
+
+FOCAL_SHARE, DISTANCE_SHARE, CONTACT_PERCENT = 0.02, 0.05, 2.0
+"""How far two machines may be apart: the libraries' kernels round differently, and contact has a threshold."""
+TEXT_SHARE, TEXT_DIFFERENCE = 0.05, 0.05
+"""The same for numbers in printed text, whose meaning is not known: either bound suffices."""
+
+
+def numbers_of(result: Reconstruction) -> dict[str, Any]:
+    """Return grade and focal length in px of a result, and of each person grade, distance in m and share of contact."""
+    return {
+        "grade": str(result.grade),
+        "failed_checks": _failed(result, None),
+        "focal_px": round(result.intrinsics.fx),
+        "people": [
+            {
+                "grade": str(person.grade),
+                "failed_checks": _failed(result, i),
+                "distance_m": round(float(person.joints[0, 2]), 1) if len(person.joints) else None,
+                "contact_percent": round(100 * float(np.mean(person.contact)), 1),
+            }
+            for i, person in enumerate(result.people)
+        ],
+    }
+
+
+def _failed(result: Reconstruction, person: int | None) -> list[str]:
+    return [check.title for check in result.checks if check.failed and check.person == person]
+
+
+def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[str]:
+    """Say in which numbers a picture is wrong: one line each, none if all agree."""
+    pairs = {key: (shown[key], measured[key], 0.0) for key in ("grade", "failed_checks")}
+    pairs["focal length, px"] = (shown["focal_px"], measured["focal_px"], FOCAL_SHARE * measured["focal_px"])
+    old, new = shown["people"], measured["people"]
+    pairs["number of people"] = (len(old), len(new), 0.0)
+    for i, (one, other) in enumerate(zip(old, new, strict=False)):
+        pairs |= {f"{key} of person {i}": (one[key], other[key], 0.0) for key in ("grade", "failed_checks")}
+        margin = DISTANCE_SHARE * (other["distance_m"] or 0.0)
+        pairs[f"distance of person {i}, m"] = (one["distance_m"], other["distance_m"], margin)
+        contact = one["contact_percent"], other["contact_percent"]
+        pairs[f"contact of person {i}, % of the vertices"] = (*contact, CONTACT_PERCENT)
+    return [
+        f"{what}: {a} is shown, {b} is measured" for what, (a, b, margin) in pairs.items() if not near(a, b, margin)
+    ]
+
+
+def near(shown: Any, measured: Any, margin: float) -> bool:
+    """Compare two numbers within a margin, and anything else exactly."""
+    numeric = isinstance(shown, (int, float)) and isinstance(measured, (int, float))
+    return abs(shown - measured) <= margin + 1e-9 if numeric else bool(shown == measured)
+
+
+def text_differences(shown: str, measured: str) -> list[str]:
+    """Compare printed text line by line: numbers within a tolerance, the words between them exactly."""
+    old, new = shown.splitlines(), measured.splitlines()
+    if len(old) != len(new):
+        return [f"{len(old)} lines are shown, {len(new)} are printed"]
+    return [f"{a!r} is shown, {b!r} is printed" for a, b in zip(old, new, strict=True) if not _same_line(a, b)]
+
+
+def _same_line(shown: str, measured: str) -> bool:
+    number = re.compile(r"-?\d+(?:\.\d+)?")
+    words = [re.sub(r"\s+", " ", number.sub("#", line)) for line in (shown, measured)]
+    pairs = zip(number.findall(shown), number.findall(measured), strict=False)
+    close = (math.isclose(float(a), float(b), rel_tol=TEXT_SHARE, abs_tol=TEXT_DIFFERENCE) for a, b in pairs)
+    return words[0] == words[1] and all(close)
+
+
+def caption(numbers: Mapping[str, Any]) -> str:
+    """Return the line of a page: grade, focal length, and each person with the checks that fail."""
+    sentences = [
+        f"Grade: **{numbers['grade']}**{_failing(numbers)}",
+        f"Focal length {numbers['focal_px']} px",
+    ]
+    for i, person in enumerate(numbers["people"]):
+        distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
+        contact = f"{person['contact_percent']} % of the vertices in contact"
+        sentences.append(f"Person {i}: {person['grade']}, {distance}, {contact}{_failing(person)}")
+    return ". ".join(sentences) + "."
+
+
+def _failing(numbers: Mapping[str, Any]) -> str:
+    return f"; failed: {', '.join(numbers['failed_checks'])}" if numbers["failed_checks"] else ""
+
+
+def read_numbers() -> dict[str, dict[str, Any]]:
+    """Return what ``docs/pictures/numbers`` holds, by name."""
+    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(NUMBERS.glob("*.json"))}
+
+
+def write_numbers(name: str, source: str, pictures: Iterable[str], result: Reconstruction) -> None:
+    """Write the numbers of a result, with the photo or world that it is of and the pictures that show it."""
+    content = {"of": source, "pictures": sorted(pictures), **numbers_of(result)}
+    NUMBERS.mkdir(parents=True, exist_ok=True)
+    (NUMBERS / f"{name}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def marked_lines(text: str) -> dict[str, str]:
+    """Return the lines of a page below its marks, by name."""
+    return dict(re.findall(r"^<!-- numbers of ([\w-]+) -->\n(.*)$", text, re.M))
+
+
+def with_line(text: str, name: str, line: str) -> str:
+    """Return a page with another line below the marks of this name."""
+    mark = re.escape(f"<!-- numbers of {name} -->\n")
+    return re.sub(rf"^({mark}).*$", lambda found: found[1] + line, text, flags=re.M)
+
+
+def pages_with_marks() -> list[Path]:
+    """Return the pages that show numbers."""
+    pages = [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]
+    return [page for page in pages if marked_lines(page.read_text(encoding="utf-8"))]
+
+
+def cost_line(cost: Mapping[str, Any]) -> str:
+    """Return the line that states what a photo costs."""
+    rows = [
+        f"`{photo}`: {one['cpu_s']:.0f} s of CPU time, {one['memory_gb']:.1f} GB of memory, "
+        f"{one['written_mb']:.0f} MB of files"
+        for photo, one in cost["photos"].items()
+    ]
+    return f"{'; '.join(rows)} (medians of {cost['rounds']} runs at commit {cost['commit']} on {cost['machine']})."
+
+
+def lines() -> dict[str, str]:
+    """Return the lines that pages state, by the names in their marks."""
+    captions = {name: caption(numbers) for name, numbers in read_numbers().items()}
+    return captions | {"a-run": cost_line(json.loads(COST.read_text(encoding="utf-8")))}
+
+
+def write_lines() -> None:
+    """Renew the lines of all pages from the numbers beside the pictures."""
+    for page in pages_with_marks():
+        text = page.read_text(encoding="utf-8")
+        for name, line in lines().items():
+            text = with_line(text, name, line)
+        page.write_text(text, encoding="utf-8")
