@@ -68,7 +68,8 @@ def truncated(path: Path) -> None:
         (lambda path: path.touch(), "cannot read the photo a.jpg: the file is empty (0 bytes); copy it again"),
         (
             truncated,
-            "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came",
+            "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came, "
+            "or save it again from a program that shows it completely",
         ),
         (
             lambda path: Image.new("RGB", (8, 8)).save(path),

@@ -264,8 +264,8 @@ class RunSettings(_Table):
         gt=0,
         le=1e6,
         allow_inf_nan=False,
-        description="longest time to construct all backends, and to load or call one, s; in `physic run`, `batch` and "
-        "`serve`, which can end a process that hangs, and not in Python",
+        description="longest time to construct all backends, to read the photo, and to load or call a backend, s; in "
+        "`physic run`, `batch` and `serve`, which can end a process that hangs, and not in Python",
     )
     low_memory: bool = Field(default=False, description="close each backend right after its last use")
     cache: bool = Field(default=True, description="cache the outputs of backends, and reuse those of earlier runs")

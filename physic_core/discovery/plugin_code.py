@@ -35,7 +35,8 @@ def plugin_code() -> Iterator[None]:
 
     Restored are the current folder, file descriptors 0-2, warning filters, locale, recursion limit, handlers of
     signals, error handling of NumPy, states of the random number generators of Python, NumPy and torch, and torch's
-    default type and device, gradient mode and threads. Inside :func:`own_stdout`, ``print`` writes to stderr.
+    default type and device, gradient mode, precision of products, search for anomalies and threads. Pillow's switches
+    are set by the reader of photos, whenever it decodes. Inside :func:`own_stdout`, ``print`` writes to stderr.
 
     Raises:
         PluginExit: the plugin raised a BaseException that is no Exception.
@@ -234,6 +235,8 @@ def _torch() -> Any:
         torch.is_grad_enabled(),
         torch.get_num_threads(),
         torch.are_deterministic_algorithms_enabled(),
+        torch.get_float32_matmul_precision(),
+        torch.is_anomaly_enabled(),
         torch.get_rng_state().numpy().tobytes(),
     )
 
@@ -245,8 +248,10 @@ def _restore_torch(state: Any) -> None:
         torch.set_default_dtype(torch.float32)
         torch.set_default_device(None)
         torch.set_grad_enabled(True)
+        torch.set_float32_matmul_precision("highest")
+        torch.autograd.set_detect_anomaly(False)
         return
-    dtype, device, gradients, threads, deterministic, random_numbers = state
+    dtype, device, gradients, threads, deterministic, precision, anomaly, random_numbers = state
     torch.set_default_dtype(dtype)
     if torch.get_default_device() != device:
         torch.set_default_device(None)
@@ -256,6 +261,8 @@ def _restore_torch(state: Any) -> None:
     if torch.get_num_threads() != threads:
         torch.set_num_threads(threads)
     torch.use_deterministic_algorithms(deterministic)
+    torch.set_float32_matmul_precision(precision)
+    torch.autograd.set_detect_anomaly(anomaly)
     torch.set_rng_state(torch.frombuffer(bytearray(random_numbers), dtype=torch.uint8))
 
 

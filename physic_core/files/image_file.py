@@ -5,17 +5,19 @@ from __future__ import annotations
 import io
 import os
 import stat
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from PIL import Image
+from PIL import Image, ImageFile, PngImagePlugin
 
 from physic_core.errors import InputError
 from physic_core.files.image_memory import check_parts, decoding_bytes
+from physic_core.files.jpeg_data import check_jpeg_data
 from physic_core.files.native_messages import log_native_messages
 
 if TYPE_CHECKING:
@@ -109,7 +111,10 @@ class ImageSource:
 
     def damaged(self) -> InputError:
         """Return the error for a file whose data are damaged."""
-        return InputError(f"cannot read the {self}: its data are damaged or cut off; copy it again from where it came")
+        return InputError(
+            f"cannot read the {self}: its data are damaged or cut off; copy it again from where it came, "
+            "or save it again from a program that shows it completely"
+        )
 
     def too_large(self) -> InputError:
         """Return the error for an image of more than ``MAX_PIXELS``."""
@@ -155,12 +160,15 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
 
 
 def decode(image: Image.Image, source: ImageSource) -> None:
-    """Decode an image of :func:`open_image` in place.
+    """Decode an image of :func:`open_image`, or any of Pillow, in place.
 
     Raises:
-        InputError: its data are damaged, or memory is not sufficient.
+        InputError: its data are damaged or missing, or memory is not sufficient.
     """
     with wrap_decoding_errors(source, image.format or ""):
+        # Pillow fills what a JPEG lacks with invented pixels. An image that was decoded before has no tiles.
+        if image.format in ("JPEG", "MPO") and getattr(image, "tile", None):
+            check_jpeg_data(image.fp)  # type: ignore[attr-defined]
         image.load()
 
 
@@ -168,13 +176,15 @@ def decode(image: Image.Image, source: ImageSource) -> None:
 def wrap_decoding_errors(source: ImageSource, kind: str = "") -> Iterator[None]:
     """Convert errors of Pillow and its decoders to InputError; their warnings and messages are not shown.
 
+    Meanwhile, Pillow's global switches have the values that reading relies on, whatever a plugin has set.
+
     Args:
         source: for messages.
         kind: of the file. Only TIFF files are read by a library that prints messages.
     """
     quiet: AbstractContextManager[None] = log_native_messages() if kind == "TIFF" else nullcontext()
     try:
-        with quiet, warnings.catch_warnings():
+        with quiet, warnings.catch_warnings(), _strict_pillow():
             warnings.simplefilter("ignore")
             yield
     except InputError:
@@ -187,6 +197,33 @@ def wrap_decoding_errors(source: ImageSource, kind: str = "") -> Iterator[None]:
         ) from error
     except Exception as error:  # decoders raise whatever damaged data lead to
         raise source.damaged() from error
+
+
+_SWITCHES: dict[tuple[Any, str], Any] = {
+    (Image, "MAX_IMAGE_PIXELS"): MAX_PIXELS,
+    (ImageFile, "LOAD_TRUNCATED_IMAGES"): False,  # True: the checksums of a PNG are not compared
+    (PngImagePlugin, "MAX_TEXT_CHUNK"): 1 << 20,
+    (PngImagePlugin, "MAX_TEXT_MEMORY"): 64 << 20,
+}
+_SWITCHING = threading.Lock()
+_kept: list[list[Any]] = []  # values of the program, once for each thread that decodes now
+
+
+@contextmanager
+def _strict_pillow() -> Iterator[None]:
+    """Set Pillow's global switches; the last thread that leaves sets them as they were before the first."""
+    with _SWITCHING:
+        _kept.append(_kept[0] if _kept else [getattr(module, name) for module, name in _SWITCHES])
+        for (module, name), value in _SWITCHES.items():
+            setattr(module, name, value)
+    try:
+        yield
+    finally:
+        with _SWITCHING:
+            values = _kept.pop()
+            if not _kept:
+                for (module, name), value in zip(_SWITCHES, values, strict=True):
+                    setattr(module, name, value)
 
 
 def _kind(start: bytes) -> str | None:

@@ -20,6 +20,9 @@ _MAX_PARTS = 10_000
 _MAX_NUMBERS = 2_000_000
 """Maximum number of values of the tags of a TIFF file. Pillow takes up to 400 bytes for each."""
 
+_LOST_BLOCK = 4096
+"""Zeros that a lossy WebP has at a lost block, bytes. One colour in 12 megapixels gives up to 1,140."""
+
 _TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8}
 """TIFF type -> bytes of a value."""
 _TIFF_TEXTS = (1, 2, 6, 7)  # types whose values Pillow keeps as bytes
@@ -61,14 +64,14 @@ def decoding_bytes(image: Image.Image, file: BinaryIO) -> int:
 
 
 def check_parts(kind: str, file: BinaryIO) -> None:
-    """Raise ValueError if the header of a file has so many parts that reading them takes much memory or time.
+    """Raise ValueError if a file has so many parts that reading them takes much memory or time, or lacks some.
 
     Args:
-        kind: "JPEG", "PNG" or "TIFF"; others have no such parts.
+        kind: "JPEG", "PNG", "TIFF" or "WEBP"; others are not checked.
         file: its content.
 
     Raises:
-        ValueError: the header has too many parts.
+        ValueError: the header has too many parts, or a WebP has lost a block.
         Exception: the header is damaged.
     """
     check = _PARTS.get(kind)
@@ -145,6 +148,18 @@ def _check_png(file: BinaryIO) -> None:
         file.seek(struct.unpack(">I", head[:4])[0] + 4, 1)
 
 
+def _check_webp(file: BinaryIO) -> None:
+    """Find a lost block of a disk or a download in the picture; its codes have no checksum, and any bytes decode."""
+    file.seek(12)
+    while len(head := file.read(8)) == 8:
+        size = int.from_bytes(head[4:], "little")
+        if head[:4] == b"VP8 ":
+            if bytes(_LOST_BLOCK) in file.read(size):
+                raise ValueError(f"{_LOST_BLOCK} bytes of zeros in the picture")
+            return
+        file.seek(size + size % 2, 1)
+
+
 def _check_tiff(file: BinaryIO) -> None:
     """Count the values of the tags of the first image."""
     file.seek(0)
@@ -176,4 +191,9 @@ def _check_tiff(file: BinaryIO) -> None:
         raise ValueError(f"tags with {numbers} values")
 
 
-_PARTS: dict[str, Callable[[BinaryIO], None]] = {"JPEG": _check_jpeg, "PNG": _check_png, "TIFF": _check_tiff}
+_PARTS: dict[str, Callable[[BinaryIO], None]] = {
+    "JPEG": _check_jpeg,
+    "PNG": _check_png,
+    "TIFF": _check_tiff,
+    "WEBP": _check_webp,
+}

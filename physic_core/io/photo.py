@@ -15,6 +15,7 @@ from PIL import Image
 
 from physic_core.errors import InputError
 from physic_core.files.image_file import MAX_PIXELS, ImageSource, decode, open_image, wrap_decoding_errors
+from physic_core.files.jpeg_data import MAX_JPEG_BYTES
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.result_folder import image_digest
 from physic_core.types.short_repr import ShortRepr
@@ -129,7 +130,8 @@ def _read_image(image: Image.Image) -> Photo:
     source = ImageSource(photo_name(image) or "given as a PIL image")
     if image.size[0] * image.size[1] > MAX_PIXELS:
         raise source.too_large()
-    with wrap_decoding_errors(source, image.format or ""):
+    decode(image, source)
+    with wrap_decoding_errors(source):
         copy = image.copy()  # decoding at a smaller size would change the user's image
     return _read(copy, source)
 
@@ -240,9 +242,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     except InputError:
         if image.format != "JPEG":
             raise
-        kept = image.mode, image.size, image.info
-        image.close()  # frees memory
-        image = _decode_without_end_marker(source, *kept)
+        image = _decode_without_end_marker(image, source)
         notes.append("the file's last bytes are missing; its picture is complete")
     orientation, tags, exif_note = _exif(image)
     left = factor // max(1, round(max(stored) / max(image.size)))  # what the decoder has not reduced itself
@@ -261,32 +261,21 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     return Photo(rgb, intrinsics, tuple(notes), upright if factor > 1 else None)
 
 
-def _decode_without_end_marker(
-    source: ImageSource, mode: str, size: tuple[int, int], info: dict[Any, Any]
-) -> Image.Image:
-    """Decode a JPEG without end marker, at a reduced size.
-
-    libjpeg invents missing pixels. So the data are completed in three ways: with the end marker, with other bytes
-    before it, and with restart markers. If all pixels are present, the three results are equal.
+def _decode_without_end_marker(image: Image.Image, source: ImageSource) -> Image.Image:
+    """Decode a JPEG of which only the end marker is missing, at the size of ``image``.
 
     Raises:
         InputError: pixels are missing too.
     """
+    mode, size = image.mode, image.size
+    image.close()  # frees memory
     with source.open() as file:
-        data = file.read().rstrip(b"\xff")  # in the picture itself 0 follows each of these
-    more = bytes(range(1, 255))
-    marks = b"".join(b"\xff" + bytes([0xD0 + i % 8]) + more for i in range(16))
-    digests = set()
-    for tail in (marks, more, b""):
-        with wrap_decoding_errors(source):
-            image = Image.open(io.BytesIO(data + tail + b"\xff\xd9"), formats=["JPEG"])
-            image.draft(mode, size)
-            image.load()
-            digests.add(image_digest(np.asarray(image)))
-        if len(digests) > 1:
-            raise source.damaged()
-    image.info = info
-    return image
+        data = file.read(MAX_JPEG_BYTES).rstrip(b"\xff")  # in the picture itself 0 follows each of these
+    with wrap_decoding_errors(source):
+        completed = Image.open(io.BytesIO(data + b"\xff\xd9"), formats=["JPEG"])
+        completed.draft(mode, size)
+    decode(completed, source)
+    return completed
 
 
 def _frame_notes(image: Image.Image) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.pipeline.time_limit import CONSTRUCTION, limited_calls, timed_call
+from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
 from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
 
 if TYPE_CHECKING:
@@ -191,7 +191,8 @@ class Pipeline:
         """Reconstruct a photo; with ``close``, close the backends before the engine runs, which frees their memory."""
         camera, plan, name = given.camera(), _with_photo_settings(self._plan, settings), photo_name(source)
         with self._exclusive(), _naming(name):
-            photo = read_source(source)
+            with timed_call(READING):
+                photo = read_source(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:

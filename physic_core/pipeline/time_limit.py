@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["CONSTRUCTION", "limited_calls", "report_calls_to", "timed_call"]
+__all__ = ["CONSTRUCTION", "READING", "limited_calls", "report_calls_to", "timed_call"]
 
 CONSTRUCTION = "import and construction of the backends"
 """Title of what happens before a backend is loaded."""
+
+READING = "reading the photo"
 
 _observer: ContextVar[Callable[[str, float], None] | None] = ContextVar("observer", default=None)
 _limit: ContextVar[float | None] = ContextVar("limit", default=None)

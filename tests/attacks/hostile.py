@@ -52,6 +52,8 @@ CHANGES: dict[str, Callable[[], Any]] = {
     "torch gradients": lambda: torch.set_grad_enabled(False),
     "torch threads": lambda: torch.set_num_threads(torch.get_num_threads() + 1),
     "torch determinism": lambda: torch.use_deterministic_algorithms(True),
+    "torch precision": lambda: torch.set_float32_matmul_precision("medium"),
+    "torch anomalies": lambda: torch.autograd.set_detect_anomaly(True),
 }
 
 
@@ -73,6 +75,8 @@ def state() -> list[Any]:
         torch.is_grad_enabled(),
         torch.get_num_threads(),
         torch.are_deterministic_algorithms_enabled(),
+        torch.get_float32_matmul_precision(),
+        torch.is_anomaly_enabled(),
         torch.get_rng_state().tolist(),
     ]
 

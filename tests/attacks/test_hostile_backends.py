@@ -177,7 +177,7 @@ def physic(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=folder, check=False)
 
 
-def test_construction_loading_and_each_call_are_limited() -> None:
+def test_reading_construction_loading_and_each_call_are_limited() -> None:
     calls: list[tuple[str, float]] = []
 
     def run() -> None:
@@ -192,6 +192,7 @@ def test_construction_loading_and_each_call_are_limited() -> None:
     loaded = [title.split()[0] for title in began if title.endswith(" cannot be loaded")]
     assert sorted(loaded) == sorted(INTERFACES)
     assert {title.split()[0] for title in began if ", stage '" in title} == set(INTERFACES)
+    assert "reading the photo" in began
     assert calls[1::2] == [("", 0.0)] * len(began)
 
 

@@ -21,6 +21,10 @@ from physic_core.io.photo import Photo, check_image, limit_size, read_photo
 from physic_core.types import Intrinsics
 
 WIDTH, HEIGHT = 96, 72
+DAMAGED = (
+    "its data are damaged or cut off; copy it again from where it came, or save it again from a program that shows it "
+    "completely"
+)
 
 
 def corners(width=WIDTH, height=HEIGHT) -> np.ndarray:
@@ -94,9 +98,7 @@ def test_a_truncated_photo(tmp_path, suffix):
     Image.fromarray(noise).save(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 6 // 10])
-    assert message_of(path) == (
-        f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
-    )
+    assert message_of(path) == f"cannot read the photo {path}: {DAMAGED}"
 
 
 def jpeg(path, *, width=200, height=120, **options) -> bytes:
@@ -143,9 +145,7 @@ def test_a_jpeg_that_lacks_pixels_is_refused(tmp_path, options):
     head = whole.rindex(b"\xff\xda") + 20
     for end in {*range(head, len(whole) - 8, 97), *range(len(whole) - 40, len(whole) - 8)}:
         path.write_bytes(whole[:end])
-        assert message_of(path) == (
-            f"cannot read the photo {path}: its data are damaged or cut off; copy it again from where it came"
-        )
+        assert message_of(path) == f"cannot read the photo {path}: {DAMAGED}"
 
 
 HEIC = b"\x00\x00\x00\x18ftypheic\x00\x00\x00\x00mif1heic" + bytes(64)
@@ -168,7 +168,7 @@ def test_heic_with_its_package_is_given_to_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pi_heif", module)
     path = tmp_path / "IMG_0001.HEIC"
     path.write_bytes(HEIC)
-    assert message_of(path).endswith("its data are damaged or cut off; copy it again from where it came")
+    assert message_of(path).endswith(DAMAGED)
     assert calls == [True]
 
 

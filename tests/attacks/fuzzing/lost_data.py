@@ -1,0 +1,85 @@
+"""Real photos as files of each kind, and what disks, downloads and copies do to them."""
+
+from __future__ import annotations
+
+import io
+import random
+import struct
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from physic_core.io.photo import read_photo
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
+BLOCK = 4096
+
+KINDS: dict[str, tuple[str, dict]] = {
+    "baseline": ("JPEG", {"quality": 90}),
+    "optimised": ("JPEG", {"quality": 90, "optimize": True}),
+    "progressive": ("JPEG", {"quality": 90, "progressive": True}),
+    "restarts": ("JPEG", {"quality": 90, "restart_marker_rows": 1}),
+    "grey": ("JPEG", {"quality": 90}),
+    "png": ("PNG", {}),
+    "webp": ("WEBP", {"quality": 90}),
+}
+"""Name -> format and options."""
+
+
+@cache
+def encoded(kind: str) -> bytes:
+    file = io.BytesIO()
+    image = Image.open(PHOTO).convert("L" if kind == "grey" else "RGB")
+    image.save(file, KINDS[kind][0], **KINDS[kind][1])
+    return file.getvalue()
+
+
+@cache
+def pixels(kind: str) -> np.ndarray:
+    """What the undamaged file is read as, (H, W, 3) uint8."""
+    return read_photo(encoded(kind)).image
+
+
+def wrong_share(kind: str, image: np.ndarray) -> float:
+    """The share of pixels that differ from the undamaged file by more than 40 levels in a channel."""
+    difference = np.abs(image.astype(np.int16) - pixels(kind))
+    return float((difference.max(-1) > 40).mean())
+
+
+def zeros(data: bytes, at: int) -> bytes:
+    """A block that a disk has lost, or that a download has not filled."""
+    return data[:at] + bytes(BLOCK) + data[at + BLOCK :]
+
+
+def gap(data: bytes, at: int) -> bytes:
+    """A block that is missing."""
+    return data[:at] + data[at + BLOCK :]
+
+
+def cut(data: bytes, at: int) -> bytes:
+    """The end is missing, and something has put the end marker back and corrected the sizes."""
+    match data[:4]:
+        case b"\x89PNG":
+            return data[:at] + data[-12:]
+        case b"RIFF":
+            at -= at % 2
+            return data[:4] + struct.pack("<I", at - 8) + data[8:16] + struct.pack("<I", at - 20) + data[20:at]
+        case _:
+            return data[:at] + b"\xff\xd9"
+
+
+DAMAGES: dict[str, Callable[[bytes, int], bytes]] = {"zeros": zeros, "gap": gap, "cut": cut}
+
+
+def picture_start(data: bytes) -> int:
+    """Where the codes of the picture begin, about."""
+    return data.rindex(b"\xff\xda", 0, 2000) + 20 if data.startswith(b"\xff\xd8") else 200
+
+
+def damaged(kind: str, rng: random.Random) -> bytes:
+    data = encoded(kind)
+    at = rng.randrange(picture_start(data), len(data) - BLOCK - 20)
+    return DAMAGES[rng.choice(list(DAMAGES))](data, at)

@@ -1,0 +1,160 @@
+"""A photo whose file has lost data is refused, and never reconstructed from pixels that a decoder has invented."""
+
+from __future__ import annotations
+
+import io
+import struct
+import threading
+
+import numpy as np
+import pytest
+from PIL import Image, ImageFile, PngImagePlugin
+
+from fuzzing.lost_data import KINDS, PHOTO, cut, encoded, picture_start, pixels, zeros
+from physic_core.errors import InputError
+from physic_core.files.jpeg_data import MAX_SCANS
+from physic_core.io.people_prompt import read_masks
+from physic_core.io.photo import read_photo, read_source
+
+JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
+
+
+def message_of(photo: bytes | Image.Image) -> str:
+    with pytest.raises(InputError) as caught:
+        read_source(photo)
+    return str(caught.value)
+
+
+def damaged(name: str) -> str:
+    return (
+        f"cannot read the photo {name}: its data are damaged or cut off; copy it again from where it came, or save it "
+        "again from a program that shows it completely"
+    )
+
+
+def of_bytes(data: bytes) -> str:
+    return damaged(f"of {len(data):,} bytes")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_block_of_zeros_is_found(kind: str):
+    whole = encoded(kind)
+    begin = picture_start(whole)
+    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+        data = zeros(whole, begin + int(share * (len(whole) - begin - 5000)))
+        assert message_of(data) == of_bytes(data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
+def test_a_cut_with_the_end_put_back_is_found(kind: str, share: float):
+    data = cut(encoded(kind), int(share * len(encoded(kind))))
+    assert message_of(data) == of_bytes(data)
+
+
+def test_a_small_file_that_claims_a_large_picture_is_refused():
+    file = io.BytesIO()
+    Image.new("RGB", (64, 64), (200, 30, 30)).save(file, "JPEG")
+    data = bytearray(file.getvalue())
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = struct.pack(">HH", 4900, 4900)
+    assert message_of(bytes(data)) == of_bytes(data)
+
+
+def test_a_damaged_pillow_image_is_refused():
+    data = cut(encoded("baseline"), 20_000)
+    with Image.open(io.BytesIO(data)) as image:
+        assert message_of(image) == damaged("given as a PIL image")
+
+
+def test_damaged_masks_are_refused(tmp_path):
+    numbers = np.random.default_rng(0).integers(0, 3, (300, 400), np.uint8)
+    file = io.BytesIO()
+    Image.fromarray(numbers).save(file, "PNG")
+    (tmp_path / "masks.png").write_bytes(file.getvalue())
+    assert len(read_masks(tmp_path / "masks.png")) == 2
+    (tmp_path / "masks.png").write_bytes(cut(file.getvalue(), 10_000))
+    with pytest.raises(InputError, match="its data are damaged or cut off"):
+        read_masks(tmp_path / "masks.png")
+
+
+HARMLESS = {
+    "bytes between segments": lambda data: data[:20] + b"\x00\x00\x00" + data[20:],
+    "an unknown version of JFIF": lambda data: data.replace(b"JFIF\x00\x01\x01", b"JFIF\x00\x03\x01"),
+    "bytes after the picture": lambda data: data + bytes(5000) + b"\xff\xda" * 2 * MAX_SCANS,
+    "padding before the end": lambda data: data[:-2] + bytes(32) + data[-2:],
+    "zeros in the metadata": lambda data: data[:2] + b"\xff\xe5\x20\x02" + bytes(0x2000) + data[2:],
+}
+
+
+@pytest.mark.parametrize("change", HARMLESS)
+@pytest.mark.parametrize("kind", JPEGS)
+def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
+    data = HARMLESS[change](encoded(kind))
+    assert data != encoded(kind)
+    np.testing.assert_array_equal(read_photo(data).image, pixels(kind))
+
+
+@pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
+@pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}, {"quality": 5}], ids=str)
+@pytest.mark.parametrize("kind", ["JPEG", "WEBP"])
+def test_one_colour_is_no_damage(mode: str, options: dict, kind: str):
+    """Large plain areas give long runs of zeros."""
+    file = io.BytesIO()
+    Image.new("RGB", (1600, 1200), "white").convert(mode if kind == "JPEG" else "RGB").save(file, kind, **options)
+    assert np.ptp(read_photo(file.getvalue()).image) == 0
+
+
+def scans(count: int) -> bytes:
+    """A JPEG of three equal components, one in each scan, in ``count`` scans. It is the grey JPEG of one component."""
+    file = io.BytesIO()
+    with Image.open(PHOTO) as image:
+        image.convert("L").resize((96, 64)).save(file, "JPEG")
+    data = file.getvalue()
+    frame, scan = data.index(b"\xff\xc0"), data.index(b"\xff\xda")
+    sizes = data[frame + 4 : frame + 9]
+    components = b"".join(bytes((i, 0x11, 0)) for i in (1, 2, 3))
+    codes = data[scan + 10 : -2]
+    one = [b"\xff\xda\x00\x08\x01" + bytes((i, 0, 0, 63, 0)) + codes for i in (1, 2, 3)]
+    header = data[:frame] + b"\xff\xc0\x00\x11" + sizes + b"\x03" + components + data[frame + 13 : scan]
+    return header + b"".join(one[i % 3] for i in range(count)) + b"\xff\xd9"
+
+
+def test_the_number_of_scans_is_bounded():
+    np.testing.assert_array_equal(read_photo(scans(MAX_SCANS)).image, read_photo(scans(3)).image)
+    data = scans(MAX_SCANS + 1)
+    assert message_of(data) == of_bytes(data)
+
+
+SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXELS", 10),
+            (Image, "MAX_IMAGE_PIXELS", None), (PngImagePlugin, "MAX_TEXT_CHUNK", 1)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("module", "name", "value"), SWITCHES, ids=lambda part: str(part)[:40])
+@pytest.mark.parametrize("kind", KINDS)
+def test_switches_of_pillow_change_nothing(kind: str, module, name: str, value, monkeypatch: pytest.MonkeyPatch):
+    expected, data = pixels(kind), cut(encoded(kind), len(encoded(kind)) // 2)
+    monkeypatch.setattr(module, name, value)
+    np.testing.assert_array_equal(read_photo(encoded(kind)).image, expected)
+    assert message_of(data) == of_bytes(data)
+    data = encoded(kind)[: len(encoded(kind)) // 2]
+    assert message_of(data) == of_bytes(data)
+    assert getattr(module, name) == value
+
+
+def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ImageFile, "LOAD_TRUNCATED_IMAGES", True)
+    data = cut(encoded("png"), len(encoded("png")) // 2)
+    found: list[str] = []
+
+    def read() -> None:
+        for _ in range(10):
+            found.append(message_of(data))
+
+    threads = [threading.Thread(target=read) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [of_bytes(data)] * 40
+    assert ImageFile.LOAD_TRUNCATED_IMAGES is True
