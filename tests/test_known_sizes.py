@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,14 +18,17 @@ from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
 from physic_core.configuration.model import PhotoSettings
-from physic_core.engine.known_sizes import body_point, stature_factor
+from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, body_point, stature_factor
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError
-from physic_core.pipeline.known_sizes import bodies_of_stature, contradicting_statures, statures_of_people
+from physic_core.pipeline.known_sizes import bodies_of_stature, check_people_in_scene, statures_of_people
 from physic_core.types import Bodies, People
 from physic_testing.worlds import World, build_world
 
 SIZE = (160, 120)
+NO_LENGTHS = KnownDistances(
+    torch.zeros(0), torch.zeros(0, 2).long(), torch.zeros(0, 2, 3), torch.zeros(0, 2, 3), torch.zeros(0).long()
+)
 MODEL = load_body("embedded")
 
 
@@ -95,25 +101,85 @@ def test_two_points_of_a_person_are_as_far_apart_as_given(stand: World) -> None:
     assert list(given_and_result(result).values()) == [(1.2, pytest.approx(1.2, rel=0.02))]
 
 
-def test_contradicting_sizes_are_reported_with_both_numbers(stand: World) -> None:
-    known = KnownSizes(stature=(2.2,), camera_height=1.1)
-    (message,) = contradictions(run(stand, known))
-    assert message.startswith("the stature 2.20 m of person 0 contradicts the given size of the scene, in which the ")
-    assert message.endswith("check both, or leave one out")
-    wide = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
-    (message,) = contradictions(run(stand, KnownSizes(camera_height=1.1, lengths=(wide,))))
+WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
+
+
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        (
+            KnownSizes(stature=(2.2,), camera_height=1.1),
+            r"the stature 2\.20 m of person 0 contradicts the camera height 1\.1 m, by which the photo shows a person "
+            r"of 1\.\d\d m: correct one of them, or leave it out",
+        ),
+        (
+            KnownSizes(camera_height=4.0),
+            r"the photo contradicts the camera height 4 m: in a scene of that size it shows person 0 as [345]\.\d\d m "
+            r"tall; beside people of usual stature it shows the camera height 1\.\d+ m\. Correct the size, or leave "
+            r"it out",
+        ),
+        (
+            KnownSizes(camera_height=1.1, lengths=(replace(WIDE, metres=4.0),)),
+            r"the given sizes contradict one another or the photo: in the result the camera height is \d\.\d\d m and "
+            r"was given as 1\.10 m, the length from \(10, 100\) to \(150, 100\) is \d\.\d\d m and was given as 4\.00 m"
+            r"; correct the wrong one, or leave it out",
+        ),
+    ],
+)
+def test_a_contradiction_beyond_three_standard_errors_is_refused(stand: World, known: KnownSizes, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        run(stand, known)
+    assert re.fullmatch(message, str(error.value))
+
+
+def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(stand: World) -> None:
+    free = run(stand, KnownSizes())
+    a, b = (free.scene.points[100, x] for x in (10, 150))
+    assert free.scene.floor is not None
+    height, length = float(free.scene.floor.offset), float(np.linalg.norm(a - b))
+    result = run(stand, KnownSizes(camera_height=height, lengths=(replace(WIDE, metres=1.2 * length),)))
+    (message,) = contradictions(result)
     assert message.startswith("the given sizes contradict one another or the photo: in the result the camera height is")
-    assert "and was given as 1.10 m, the length from (10, 100) to (150, 100) is" in message
+    assert result.scene.floor is not None
 
 
-def test_people_of_impossible_stature_are_reported() -> None:
-    unknown, ratio = np.array([np.nan, np.nan, 1.8]), torch.tensor([1.5, math.nan, 1.05])
-    estimated = torch.tensor([1.7, 1.7, 1.8])
-    assert contradicting_statures(unknown, estimated, ratio) == [
+def test_a_contradiction_on_the_command_line_has_exit_code_2_and_is_a_failed_row_of_a_batch(
+    tmp_path: Path, stand: World
+) -> None:
+    from PIL import Image
+
+    Image.fromarray(stand.image).save(tmp_path / "stand.png")
+    quick = ["--preset", "mock", "--set", "run.cache=false", "--set", "engine.joint.optimiser.steps=20"]
+    quick += ["--set", "photo.camera_height=4"]
+    one = CliRunner().invoke(main, ["run", str(tmp_path / "stand.png"), "-o", str(tmp_path / "one"), *quick])
+    assert "the photo contradicts the camera height 4 m" in one.output
+    assert one.exit_code == 2
+    many = CliRunner().invoke(
+        main, ["batch", str(tmp_path / "stand.png"), "-o", str(tmp_path / "many"), "--table", "csv", *quick]
+    )
+    assert many.exit_code == 0, many.output
+    (row,) = csv.DictReader((tmp_path / "many" / "summary.csv").read_text().splitlines())
+    assert (row["state"], row["error"]) == ("failed", "ConfigError")
+    assert "the photo contradicts the camera height 4 m" in row["message"]
+
+
+def test_people_in_a_scene_of_known_scale() -> None:
+    known = KnownGeometry(torch.tensor([math.nan] * 3), 1.5, NO_LENGTHS)
+    given, estimated = np.array([np.nan, np.nan, 1.8]), torch.tensor([1.7, 1.7, 1.8])
+    warning = (
         "in a scene of the given size the photo shows person 0 as 2.55 m tall: check the size, and in the preview "
         "whether the floor lies under the person's feet"
-    ]
-    assert contradicting_statures(None, estimated, torch.ones(3)) == []
+    )
+    assert check_people_in_scene(known, given, estimated, torch.tensor([1.5, math.nan, 1.05])) == [warning]
+    assert check_people_in_scene(known, None, estimated, torch.ones(3)) == []
+    # One of three may be a poster or a wrong detection; most may not.
+    assert len(check_people_in_scene(known, None, estimated, torch.tensor([1.6, 1.0, 1.0]))) == 1
+    with pytest.raises(
+        ConfigError, match=r"shows person 0 as 2\.72 m tall, person 1 as 2\.72 m tall; beside .* 0\.937 m"
+    ):
+        check_people_in_scene(known, None, estimated, torch.tensor([1.6, 1.6, 1.0]))
+    with pytest.raises(ConfigError, match=r"shows person 0 as 0\.34 m tall; .* the camera height 7\.5 m"):
+        check_people_in_scene(known, given, estimated, torch.tensor([0.2, math.nan, 1.0]))
 
 
 def test_a_length_outside_the_photo_is_not_used_and_reported(stand: World) -> None:

@@ -20,6 +20,7 @@ from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
 __all__ = [
+    "CONTRADICTION",
     "STATURES_M",
     "BodyPoint",
     "KnownDistances",
@@ -35,8 +36,10 @@ _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scen
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
 _STATURE_SPREAD = 0.06  # log standard deviation of adults' statures about the estimate
-_FACTOR_SPREAD = 0.05  # log standard deviation of one person's size by a scene of known scale
+_FACTOR_SPREAD = 0.05  # log standard deviation of one size in the photo by another
 _CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
+CONTRADICTION = 3 * _FACTOR_SPREAD
+"""Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
 STATURES_M = (0.5, 2.2)
 """Limits of the stature of people whose size follows from the scene."""
 

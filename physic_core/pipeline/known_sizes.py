@@ -10,9 +10,9 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.known_sizes import STATURES_M, body_point
+from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, body_point
 from physic_core.engine.scene.stature import betas_with_stature
-from physic_core.errors import InputError
+from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 
@@ -23,19 +23,20 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.known_sizes import KnownGeometry
     from physic_core.engine.scene.build import SceneState
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
 
 __all__ = [
     "bodies_of_stature",
-    "contradicting_statures",
+    "check_people_in_scene",
     "contradictions",
+    "floor_contradiction",
     "resize_bodies",
     "statures_of_people",
 ]
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
-_SAME_STATURE = 0.15  # difference of logarithms of a given stature and the one that a scene of known scale gives
 
 
 def statures_of_people(known: KnownSizes, people: People, *, chosen: bool = False) -> FloatArray:
@@ -115,30 +116,68 @@ def resize_bodies(
     return taller, transl + before * ratio[:, None] - after, ratio
 
 
-def contradicting_statures(statures: FloatArray | None, estimated: Tensor, ratio: Tensor) -> list[str]:
-    """Warn of people whose known or possible stature contradicts the known scale of the scene.
+def check_people_in_scene(
+    known: KnownGeometry, statures: FloatArray | None, estimated: Tensor, ratio: Tensor
+) -> list[str]:
+    """Compare people with a scene of known scale, before anything is optimised.
 
     Args:
+        known: its camera height or lengths gave the scale.
         statures: (N,) metres, known ones, NaN where unknown; None if none is known.
         estimated: (N,) metres, of the bodies; the known ones where known.
         ratio: (N,) factor by which the scene would enlarge these bodies, NaN where unknown.
+
+    Returns:
+        Warnings of people of unknown stature who would be impossibly tall or small.
+
+    Raises:
+        ConfigError: the photo contradicts a known stature, or most people of unknown stature would be impossibly
+            tall or small, by more than three standard errors.
     """
-    known = [math.nan] * len(ratio) if statures is None else statures.tolist()
-    warnings = []
-    for i, (given, own, factor) in enumerate(zip(known, estimated.tolist(), ratio.tolist(), strict=True)):
-        if not math.isfinite(own * factor):
-            continue
-        if math.isfinite(given) and abs(math.log(factor)) > _SAME_STATURE:
-            warnings.append(
-                f"the stature {given:.2f} m of person {i} contradicts the given size of the scene, in which the photo "
-                f"shows a person of {given * factor:.2f} m: check both, or leave one out"
+    sizes, (least, most) = _scene_sizes(known), STATURES_M
+    given = [math.nan] * len(ratio) if statures is None else statures.tolist()
+    impossible, surely, measured = [], [], 0
+    for i, (stature, shown) in enumerate(zip(given, (estimated * ratio).tolist(), strict=True)):
+        if abs(math.log(shown / stature)) > CONTRADICTION:
+            raise ConfigError(
+                f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the photo shows a person of "
+                f"{shown:.2f} m: correct one of them, or leave it out"
             )
-        elif not math.isfinite(given) and not STATURES_M[0] <= own * factor <= STATURES_M[1]:
-            warnings.append(
-                f"in a scene of the given size the photo shows person {i} as {own * factor:.2f} m tall: check the "
-                "size, and in the preview whether the floor lies under the person's feet"
-            )
-    return warnings
+        if math.isfinite(shown) and not math.isfinite(stature):
+            measured += 1
+            excess = max(math.log(shown / most), math.log(least / shown))
+            impossible += [f"person {i} as {shown:.2f} m tall"] if excess > 0 else []
+            surely += [i] if excess > CONTRADICTION else []
+    if 2 * len(surely) > measured:
+        raise ConfigError(
+            f"the photo contradicts {sizes}: in a scene of that size it shows {', '.join(impossible)}; beside people "
+            f"of usual stature it shows {_scene_sizes(known, 1 / float(ratio[surely].median()))}. Correct the size, or "
+            "leave it out"
+        )
+    return [
+        f"in a scene of the given size the photo shows {person}: check the size, and in the preview whether the floor "
+        "lies under the person's feet"
+        for person in impossible
+    ]
+
+
+def floor_contradiction(known: KnownGeometry, shown_m: float) -> ConfigError:
+    """Return the error for a camera height by which the photo's floor does not lie under its people.
+
+    Args:
+        shown_m: height of the camera over the floor by the photo alone, metres.
+    """
+    return ConfigError(
+        f"the photo contradicts the camera height {known.camera_height:g} m: at that height nobody stands on the "
+        f"floor, which the photo shows {shown_m:.2f} m below the camera. Correct the height, or leave it out"
+    )
+
+
+def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
+    """Name the camera height and the lengths on the scene, times a factor."""
+    lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
+    height = [] if known.camera_height is None else [f"the camera height {known.camera_height * factor:.3g} m"]
+    return " and ".join(height + [f"the known length of {metres * factor:.3g} m" for metres in lengths])
 
 
 def contradictions(
@@ -151,6 +190,9 @@ def contradictions(
 
     Returns:
         Warnings, and diagnostics: for each size its name, "given" and "result" in metres.
+
+    Raises:
+        ConfigError: a size differs from the given one by more than three standard errors.
     """
     if problem.known is None:
         return [], {}
@@ -181,12 +223,13 @@ def contradictions(
     for index, extent in zip(problem.known.distances.index.tolist(), _lengths(problem, result), strict=True):
         length = known.lengths[index]
         sizes.append((f"the length from {_pixels(length.start)} to {_pixels(length.end)}", length.metres, extent))
-    if any(not abs(math.log(max(value, 1e-9) / given)) <= _AGREES for _, given, value in sizes):
-        each = ", ".join(f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes)
-        warnings.append(
-            f"the given sizes contradict one another or the photo: in the result {each}; check them, or leave out the "
-            "least certain one"
-        )
+    apart = max((abs(math.log(max(value, 1e-9) / given)) for _, given, value in sizes), default=0.0)
+    each = ", ".join(f"{name} is {value:.2f} m and was given as {given:.2f} m" for name, given, value in sizes)
+    message = f"the given sizes contradict one another or the photo: in the result {each}"
+    if apart > CONTRADICTION:
+        raise ConfigError(f"{message}; correct the wrong one, or leave it out")
+    if apart > _AGREES:
+        warnings.append(f"{message}; check them, or leave out the least certain one")
     measured: list[dict[str, float | str]] = [
         {"name": name, "given": given, "result": value} for name, given, value in sizes
     ]

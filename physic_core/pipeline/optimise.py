@@ -38,7 +38,7 @@ from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
-from physic_core.pipeline.known_sizes import contradicting_statures, contradictions, resize_bodies
+from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction, resize_bodies
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
 
 if TYPE_CHECKING:
@@ -82,7 +82,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         bodies = _pose_bodies(estimates, estimates.bodies.parameters, model, settings.placement)
         if factor is not None:
             ratio = factor * _size_by_scene(estimates, estimated, bodies, settings.placement)
-            stages.warn(*contradicting_statures(estimates.statures, model.stature(bodies.betas), ratio))
+            assert known is not None
+            stages.warn(*check_people_in_scene(known, estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
         feet = None
         labelled = estimates.people.surfaces is not None and scene.floor_normal is not None
@@ -91,6 +92,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         detections = _detections(estimates, photo, bodies, feet)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
+            if known is not None and known.camera_height is not None:
+                raise floor_contradiction(known, estimated.floor_offset)
             scene = without_floor(scene, not_theirs)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
