@@ -81,10 +81,10 @@ def test_a_lock_ends_with_its_process(tmp_path: Path):
 
 def test_where_nothing_can_be_locked_writes_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(locks, "try_lock", lambda file: None)
-    (tmp_path / ".b.0123abcd.part").write_text("perhaps of another process")
+    (tmp_path / ".b.0123abcd.physic-part").write_text("perhaps of another process")
     with atomic_write(tmp_path) as temporary:
         temporary("a").write_text("a")
-    assert {path.name for path in tmp_path.iterdir()} == {"a", ".b.0123abcd.part"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a", ".b.0123abcd.physic-part"}
 
 
 def test_a_writer_that_never_ends_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -29,15 +29,17 @@ def prepare_job(
     *,
     cache: bool = False,
     registry: Registry | None = None,
+    write: bool = True,
 ) -> BatchJob:
     """Return the job of a batch after checks of its configuration, weights and output folder; no network is loaded.
 
     Args:
         config: as of :class:`physic_core.Pipeline`.
-        out: output folder; created if files are written.
+        out: output folder.
         saving: the files of each photo.
         cache: whether to use the cache of backends' outputs.
         registry: of the backends; the installed ones if None.
+        write: whether the output folder is created, and checked to be writable.
 
     Raises:
         ConfigError: the configuration is invalid.
@@ -47,4 +49,4 @@ def prepare_job(
     registry = discover() if registry is None else registry
     settings = batch_config(as_config(config), registry, cache=cache)
     require_available(resolve(settings, registry))
-    return BatchJob(settings, str(check_writable(Path(out)).resolve()), saving)
+    return BatchJob(settings, str((check_writable(Path(out)) if write else Path(out)).resolve()), saving)

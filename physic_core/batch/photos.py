@@ -8,6 +8,7 @@ import hashlib
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,23 +18,27 @@ from urllib.parse import quote
 from physic_core.batch.extra import import_pyarrow
 from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import ConfigError, InputError
+from physic_core.files.image_file import SUFFIXES
+from physic_core.io.result_folder import DOCUMENT_FILE
 
 __all__ = [
     "PhotoItem",
+    "PhotoList",
     "default_id",
     "file_stamp",
     "find_photos",
     "in_shard",
+    "list_photos",
     "parse_shard",
     "photo_folder",
     "stamped",
     "table_item",
 ]
 
-PHOTO_SUFFIXES = (".avif", ".heic", ".heif", ".jpeg", ".jpg", ".mpo", ".png", ".tif", ".tiff", ".webp")
-"""Suffixes of the files of a folder that are photos; a file that is named itself may have any."""
-
+_PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix in suffixes)
 TABLE_SUFFIXES = (".csv", ".parquet")
+_JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
+_OF_RESULTS, _LINK = "in folders of results", "link to a folder"
 _COLUMNS = ("path", "camera", "stature", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
@@ -70,29 +75,57 @@ def file_stamp(path: str) -> tuple[int, int] | None:
     return status.st_size, status.st_mtime_ns
 
 
+@dataclass(frozen=True)
+class PhotoList:
+    """The photos of a batch.
+
+    Attributes:
+        photos: in the order of the inputs.
+        skipped: number of files that are none of them, by reason, such as {".txt": 3, "hidden": 1}.
+    """
+
+    photos: list[PhotoItem]
+    skipped: Mapping[str, int]
+
+    def describe_skipped(self) -> str:
+        """Return such as "skipped 4 files: 3 .txt, 1 hidden"; "" if there are none."""
+        count = sum(self.skipped.values())
+        reasons = sorted(self.skipped.items(), key=lambda reason: (-reason[1], reason[0]))
+        text = ", ".join(f"{number:,} {printable(reason)}" for reason, number in reasons)
+        return f"skipped {count:,} file{'s' * (count != 1)}: {text}" if count else ""
+
+
 def find_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> list[PhotoItem]:
+    """Return the photos of :func:`list_photos`."""
+    return list_photos(inputs, out).photos
+
+
+def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None) -> PhotoList:
     """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path; those below the output
-    folder ``out``, such as thumbnails of an earlier run, are left out.
+    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path. Files of folders and
+    patterns that are in the folder of a result are skipped, and folders of earlier batches, and all files below
+    ``out``. So are files of folders that are hidden, or have a suffix that no photo has, and links to folders.
 
     Raises:
-        InputError: an input does not exist, a table is invalid, two photos have one id, or there are no photos.
+        InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
+            there are no photos.
     """
-    inputs, left_out = list(inputs), 0
+    inputs, skipped = list(inputs), Counter[str]()
     found: dict[str, PhotoItem] = {}
-    for item in (item for text in inputs for item in _items(text)):
+    for item in (item for text in inputs for item in _items(text, skipped)):
         if out is not None and Path(item.path).is_relative_to(os.path.abspath(out)):
-            left_out += 1
+            skipped["in the output folder"] += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
             raise InputError(_same_id(same, item))
+    listed = PhotoList(list(found.values()), skipped)
     if not found:
-        reason = f"; {left_out:,} in the output folder are left out: choose another one" if left_out else ""
+        reason = f": {listed.describe_skipped()}" if skipped else ""
         raise InputError(f"no photos in {_show(', '.join(inputs))}{reason}")
-    return list(found.values())
+    return listed
 
 
 def _same_id(first: PhotoItem, second: PhotoItem) -> str:
@@ -136,26 +169,71 @@ def in_shard(item_id: str, shard: int, count: int) -> bool:
     return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % count == shard - 1
 
 
-def _items(text: str) -> Iterator[PhotoItem]:
+def _items(text: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
     path = Path(text)
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(text):
-        files = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
-        yield from map(_item, sorted(file for file in files if _is_photo(file)))
+        yield from map(_item, sorted(_photos_below(text, skipped)))
     elif path.suffix.lower() in TABLE_SUFFIXES and os.path.exists(text):
         if not os.path.isfile(text):  # reading a pipe would block
             raise InputError(f"cannot read {_show(text)}: it is not a regular file; name a CSV or Parquet table")
         yield from _table_items(path)
     elif os.path.exists(text):
         yield _item(path)
-    elif matches := sorted(glob.glob(text, recursive=True)):
-        yield from (_item(file) for file in map(Path, matches) if not file.is_dir())
     else:
-        raise InputError(f"no photos at {_show(text)}: name files, folders, patterns, or a CSV or Parquet table")
+        yield from map(_item, _photos_matching(text, skipped))
 
 
-def _is_photo(file: Path) -> bool:
-    return file.suffix.lower() in PHOTO_SUFFIXES and not file.name.startswith(".")
+def _photos_below(top: str, skipped: Counter[str]) -> Iterator[Path]:
+    """Yield the photos of a folder and its sub-folders, and count the other files by reason."""
+    of_batch: set[str] = set()
+    for folder, folders, names in os.walk(top, onerror=_raise):
+        if folder in of_batch or any(map(_JOURNAL.fullmatch, names)):
+            of_batch.update(os.path.join(folder, name) for name in folders)
+            skipped[_OF_RESULTS] += len(names)
+            continue
+        links = [_LINK for name in folders if os.path.islink(os.path.join(folder, name))]
+        skipped.update(links)
+        for name in names:
+            reason = _OF_RESULTS if DOCUMENT_FILE in names else _reason(name)
+            skipped.update([reason] * bool(reason))
+            if not reason:
+                yield Path(folder, name)
+
+
+def _photos_matching(pattern: str, skipped: Counter[str]) -> Iterator[Path]:
+    """Yield the files of a pattern in the order of their paths, without files of results."""
+    matches = sorted(glob.glob(pattern, recursive=True))
+    folder = os.path.dirname(pattern)
+    while folder:  # glob leaves out what it cannot read
+        for found in filter(os.path.isdir, glob.glob(folder, recursive=True)):
+            try:
+                os.scandir(found).close()
+            except OSError as error:
+                _raise(error)
+        folder = os.path.dirname(folder) if glob.has_magic(folder) else ""
+    if not matches:
+        raise InputError(f"no photos at {_show(pattern)}: name files, folders, patterns, or a CSV or Parquet table")
+    for path in map(Path, matches):
+        if os.path.lexists(path.parent / DOCUMENT_FILE):
+            skipped[_OF_RESULTS] += 1
+        elif not path.is_dir():
+            yield path
+
+
+def _raise(error: OSError) -> None:
+    raise InputError(
+        f"cannot read the folder {_show(str(error.filename))}: {error.strerror}; "
+        "allow it, or name the other folders or files"
+    ) from error
+
+
+def _reason(name: str) -> str:
+    """Return why a file of a folder is no photo; "" for a photo."""
+    suffix = os.path.splitext(name)[1].lower()
+    if name.startswith("."):
+        return "hidden"
+    return "" if suffix in _PHOTO_SUFFIXES else suffix or "without a suffix"
 
 
 def _item(file: Path) -> PhotoItem:

@@ -18,6 +18,7 @@ __all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "de
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a text begins that a spreadsheet computes
 _ROWS = 10_000  # of one group of a Parquet file
 
 
@@ -55,7 +56,9 @@ def arrow_schema(columns: Iterable[str]) -> Any:
 def write_table(out: Path, kind: str) -> Path:
     """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
 
-    Columns are those of the journal, then the numbers of the results, which are empty for failed photos.
+    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. In a CSV
+    file, a text that a spreadsheet would take for a formula has an apostrophe before it, and so has one that begins
+    with an apostrophe: without the first apostrophe, each text is the original.
 
     Raises:
         ConfigError: pyarrow is not installed.
@@ -71,7 +74,7 @@ def write_table(out: Path, kind: str) -> Path:
             with path.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.DictWriter(file, [*COLUMNS, *numbers], restval="")
                 writer.writeheader()
-                writer.writerows(map(_as_utf8, last_rows(out)))
+                writer.writerows(map(_without_formulas, map(_as_utf8, last_rows(out))))
     return out / name
 
 
@@ -79,6 +82,13 @@ def _as_utf8(row: dict[str, Any]) -> dict[str, Any]:
     """Write bytes of a file's name that are not UTF-8 as in the journal: ``\\udcff``."""
     return {
         name: value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
+        for name, value in row.items()
+    }
+
+
+def _without_formulas(row: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: f"'{value}" if isinstance(value, str) and value.startswith((*_FORMULA, "'")) else value
         for name, value in row.items()
     }
 

@@ -72,7 +72,7 @@ def clear_folder(folder: Path, suffix: str = RESULT_SUFFIX) -> list[CacheFile]:
 
 
 def _incomplete_files(folder: Path, suffix: str) -> list[CacheFile]:
-    return _files(folder, f".*{suffix}.*.part")
+    return _files(folder, f".*{suffix}.*.physic-part")
 
 
 def _files(folder: Path, pattern: str) -> list[CacheFile]:

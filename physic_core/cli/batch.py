@@ -44,6 +44,8 @@ _LEVELS = ("full", "numbers", "people", "summary")
     help="Seconds of one photo; 0: none.",
 )
 @click.option("--retry", type=click.Choice(("failed",)), help="Also try the photos that failed before.")
+@click.option("--limit", metavar="N", type=click.IntRange(1), help="Do at most N photos now.")
+@click.option("--dry-run", is_flag=True, help="Print the photos that would be done, one a line, and write nothing.")
 @click.option("--verify", is_flag=True, help="Compare files of earlier results by SHA-256, not by size alone.")
 @click.option("--shard", metavar="I/N", help="Do only the I-th of N parts, such as 3/16.")
 @click.option("--cache", is_flag=True, help="Use the cache of backends' outputs, which is off in batches.")
@@ -62,6 +64,8 @@ def batch(
     timeout: float,
     retry: str | None,
     verify: bool,
+    limit: int | None,
+    dry_run: bool,
     shard: str | None,
     executor: str,
     address: str | None,
@@ -72,7 +76,7 @@ def batch(
 
     The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
     """
-    from physic_core.batch.photos import find_photos, in_shard, parse_shard
+    from physic_core.batch.photos import in_shard, list_photos, parse_shard
     from physic_core.batch.run import plan_batch, run_batch
     from physic_core.batch.table import check_table_kind, default_table_kind, write_table
 
@@ -83,16 +87,23 @@ def batch(
         part, count = parse_shard(shard)
         name, logs = f"journal-{part}-of-{count}.jsonl", logs / f"{part}-of-{count}"
     run = _executor(executor, workers, timeout or None, logs, address, executor_set)
-    items = find_photos(photos, out)
+    listed = list_photos(photos, out)
+    items = listed.photos
     if shard is not None:
         items = [item for item in items if in_shard(item.id, part, count)]
-    job = _job(out, **options)
+    job = _job(out, write=not dry_run, **options)
     plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
-    echo(_describe(plan, len(items)), err=True)
+    todo = plan.todo[:limit]
+    now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
+    echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
+    if dry_run:
+        for item in todo:
+            echo(item.path)
+        return
     from physic_core.cli.run import sigterm_as_exception
 
-    with sigterm_as_exception(), _show_progress(len(plan.todo), plan.failed) as on_row:
-        run_batch(plan.todo, job, run, Path(job.out) / name, on_row)
+    with sigterm_as_exception(), _show_progress(len(todo), plan.failed) as on_row:
+        run_batch(todo, job, run, Path(job.out) / name, on_row)
     written = [write_table(Path(job.out), table)]
     if job.saving.thumbnails:
         from physic_core.batch.contact_sheet import write_contact_sheet
@@ -105,6 +116,7 @@ def batch(
 def _job(
     out: Path,
     *,
+    write: bool,
     level: str,
     preview: bool,
     glb: bool,
@@ -128,7 +140,7 @@ def _job(
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
-    return prepare_job(config, out, saving, cache=cache, registry=registry)
+    return prepare_job(config, out, saving, cache=cache, registry=registry, write=write)
 
 
 def _executor(

@@ -45,7 +45,7 @@ _WAIT_S = 120.0
 _READ_AGAIN_S = 10.0
 _PAUSE_S = 0.002
 _MAX_COMMIT_BYTES = 1 << 20
-_PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.part", re.DOTALL)
+_PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)  # as no other program calls its files
 _OLD_S = 3600.0  # of a temporary file where nothing can be locked
 
 
@@ -196,7 +196,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
     try:
         new = [part for part in (folder, *folder.parents) if not os.path.lexists(part)]
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".{secrets.token_hex(4)}.part"
+        probe = folder / f".{secrets.token_hex(4)}.physic-part"
         try:
             probe.write_bytes(b"")
         finally:
@@ -221,7 +221,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def _part_name(name: str, token: str) -> str:
-    return f".{name}.{token}.part"
+    return f".{name}.{token}.physic-part"
 
 
 def _identity(path: Path) -> list[int]:
@@ -258,7 +258,9 @@ def _is_name(name: str) -> bool:
 
 
 def _is_part_of(part: object, name: str) -> bool:
-    return isinstance(part, str) and re.fullmatch(re.escape(f".{name}.") + r"[0-9a-f]{8}\.part", part) is not None
+    return (
+        isinstance(part, str) and re.fullmatch(re.escape(f".{name}.") + r"[0-9a-f]{8}\.physic-part", part) is not None
+    )
 
 
 def _finish(folder: Path, durable: bool) -> None:

@@ -23,13 +23,36 @@ from physic_core.files.native_messages import log_native_messages
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
 
-__all__ = ["MAX_DECODING_BYTES", "MAX_PIXELS", "ImageSource", "decode", "open_image", "wrap_decoding_errors"]
+__all__ = [
+    "MAX_DECODING_BYTES",
+    "MAX_PIXELS",
+    "SUFFIXES",
+    "ImageSource",
+    "decode",
+    "open_image",
+    "wrap_decoding_errors",
+]
 
 MAX_PIXELS = 150_000_000
 """Maximum number of pixels of an image."""
 
 MAX_DECODING_BYTES = 1_300_000_000
 """Most memory that decoding may take, by the header of the file."""
+
+SUFFIXES = {
+    "JPEG": (".jpg", ".jpeg", ".jpe", ".jfif"),
+    "MPO": (".mpo",),
+    "PNG": (".png", ".apng"),
+    "WEBP": (".webp",),
+    "AVIF": (".avif", ".avifs"),
+    "HEIF": (".heic", ".heics", ".heif", ".heifs", ".hif"),
+    "TIFF": (".tif", ".tiff"),
+    "GIF": (".gif",),
+    "BMP": (".bmp",),
+    "JPEG2000": (".jp2", ".j2k", ".j2c", ".jpc", ".jpf", ".jpx"),
+    "PPM": (".ppm", ".pgm", ".pbm", ".pnm"),
+}
+"""Suffixes of the files of each format that is read; a file is read by its content, whatever its name."""
 
 _BRANDS = {
     "AVIF": (b"avif", b"avis"),

@@ -68,7 +68,7 @@ def wait_for_moment(process: subprocess.Popen[bytes], out: Path, seconds: float)
 
 def is_written(out: Path, since: float) -> bool:
     with suppress(OSError):
-        return any(path.name.endswith(".part") and path.lstat().st_mtime >= since for path in out.rglob(".*"))
+        return any(path.name.endswith(".physic-part") and path.lstat().st_mtime >= since for path in out.rglob(".*"))
     return False
 
 

@@ -192,19 +192,19 @@ def test_a_row_of_the_journal_is_there_or_not(how: str, tmp_path: Path):
     with Journal(tmp_path / "old" / "journal.jsonl") as journal:
         journal.append(rows[0])
     for folder in interruptions(append, tmp_path / "old", tmp_path, how):
-        found = read_rows(folder)
+        found = read_rows(folder, rows[0])
         assert found in ({"a": rows[0]}, {"a": rows[0], "b": rows[1]})
         with Journal(folder / "journal.jsonl") as journal:
             journal.append(rows[2])
-        assert read_rows(folder) == {**found, "c": rows[2]}
+        assert read_rows(folder, rows[0]) == {**found, "c": rows[2]}
 
 
 @pytest.mark.parametrize(
     "commit",
     [
-        '{"rename": {"../x": ".../x.00000000.part"}, "delete": {"../mine": [4, 0]}}',
+        '{"rename": {"../x": ".../x.00000000.physic-part"}, "delete": {"../mine": [4, 0]}}',
         '{"rename": {"mine": "../mine"}, "delete": {"/etc/x": [0, 0]}}',
-        '{"rename": {"mine": ".other.00000000.part"}, "delete": {"mine": [4, 0]}}',
+        '{"rename": {"mine": ".other.00000000.physic-part"}, "delete": {"mine": [4, 0]}}',
         '{"rename": [], "delete": 3}',
         "[" * 100_000,
         "",
@@ -233,9 +233,10 @@ def test_a_changed_file_is_not_deleted(tmp_path: Path):
 
 
 def test_old_temporary_files_of_a_user_stay(tmp_path: Path):
-    (tmp_path / ".mine.part").write_text("mine")
-    (tmp_path / "a.0123abcd.part").write_text("mine")
-    (tmp_path / ".a.0123abcd.part").write_text("left behind")
+    own = {".mine.part", ".x.deadbeef.part", ".mine.physic-part", "a.0123abcd.physic-part"}
+    for name in own:
+        (tmp_path / name).write_text("mine")
+    (tmp_path / ".a.0123abcd.physic-part").write_text("left behind")
     with atomic_write(tmp_path) as temporary:
         temporary("a").write_text("a")
-    assert set(files(tmp_path)) == {"a", ".mine.part", "a.0123abcd.part"}
+    assert set(files(tmp_path)) == {"a", *own}

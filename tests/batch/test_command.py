@@ -47,6 +47,24 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert Path("out/journal.jsonl").read_text() == journal
 
 
+def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("photos").mkdir()
+    for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
+        Path("photos", name).write_text("no photo")
+    options = ("photos", "-o", "out", "--preset", "mock", "--table", "csv")
+    done = physic(*options, "--dry-run")
+    assert done.stdout.splitlines() == [f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")]
+    assert done.stderr == "skipped 1 file: 1 .txt\n3 photos: 3 to do, 0 done before\n"
+    assert not Path("out").exists()
+    assert physic(*options, "--limit", "1", "--workers", "1").exit_code == 0
+    rest = physic(*options, "--limit", "1", "--dry-run")
+    assert rest.stdout == f"{tmp_path}/photos/b.jpg\n"
+    assert rest.stderr.splitlines()[1] == (
+        "3 photos: 2 to do, 0 done before; 1 failed before (--retry failed tries them again); 1 of them now (--limit)"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [

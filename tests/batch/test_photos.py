@@ -4,14 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
-from physic_core.batch.photos import PhotoItem, default_id, find_photos, in_shard, parse_shard, photo_folder
+from physic_core.batch.photos import (
+    PhotoItem,
+    default_id,
+    find_photos,
+    in_shard,
+    list_photos,
+    parse_shard,
+    photo_folder,
+)
 from physic_core.errors import ConfigError, InputError
+from physic_core.files.image_file import SUFFIXES
+from physic_core.io.photo import read_photo
 
 
 @pytest.fixture
@@ -110,7 +124,72 @@ def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
     (tmp_path / "a.jpg").touch()
     with pytest.raises(InputError) as error:
         find_photos([str(tmp_path)], tmp_path)
-    assert str(error.value) == f"no photos in {tmp_path}; 1 in the output folder are left out: choose another one"
+    assert str(error.value) == f"no photos in {tmp_path}: skipped 1 file: 1 in the output folder"
+
+
+def test_every_format_that_is_read_is_listed(tmp_path: Path):
+    Image.init()
+    known = {suffix for suffixes in SUFFIXES.values() for suffix in suffixes}
+    pillows = {suffix for suffix, kind in Image.registered_extensions().items() if kind in SUFFIXES}
+    assert pillows - known == {".pfm"}  # floating point
+    pixels = np.random.default_rng(0).integers(0, 255, (80, 80, 3), dtype=np.uint8)
+    for kind, suffixes in SUFFIXES.items():
+        for suffix in suffixes if kind != "HEIF" else ():
+            Image.fromarray(pixels).save(tmp_path / f"photo{suffix.upper()}", kind)
+    found = find_photos([str(tmp_path)])
+    assert {Path(item.path).suffix.lower() for item in found} == known - set(SUFFIXES["HEIF"])
+    for item in found:
+        assert read_photo(item.path).image.shape == (80, 80, 3)
+
+
+def test_what_is_skipped_is_counted_by_reason(folder: Path):
+    (folder / "Thumbs.db").touch()
+    (folder / "more.txt").touch()
+    (folder / "README").touch()
+    (folder / "link").symlink_to(folder / "deep", target_is_directory=True)
+    for name in ("b-physic/reconstruction.json", "b-physic/preview.png", "old/journal-1-of-2.jsonl"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).touch()
+    (folder / "old" / "thumbnails" / "3f").mkdir(parents=True)
+    (folder / "old" / "thumbnails" / "3f" / "b.jpg").touch()
+    listed = list_photos(["photos"])
+    assert names(listed.photos) == ["a.PNG", "b.jpg", "c.webp"]
+    assert listed.describe_skipped() == (
+        "skipped 10 files: 4 in folders of results, 2 .txt, 1 .db, 1 hidden, 1 link to a folder, 1 without a suffix"
+    )
+    assert list_photos(["photos/*/*.png", "photos/b.jpg"]).skipped == {"in folders of results": 1}
+    assert names(find_photos(["photos/b-physic/preview.png"])) == ["preview.png"]
+    with pytest.raises(InputError) as error:
+        find_photos(["photos/old"])
+    assert str(error.value) == "no photos in photos/old: skipped 2 files: 2 in folders of results"
+
+
+UNREADABLE = """
+import os, sys
+from physic_core.batch.photos import find_photos
+from physic_core.errors import InputError
+if os.geteuid() == 0:
+    os.seteuid(65534)  # root may read everything
+try:
+    print(find_photos([sys.argv[1]]))
+except InputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="permissions")
+@pytest.mark.parametrize("asked", ["photos", "photos/**/*.jpg", "photos/*/a.jpg", "photos/locked"])
+def test_a_folder_that_cannot_be_read_is_an_error(tmp_path: Path, asked: str):
+    (tmp_path / "photos" / "locked").mkdir(parents=True)
+    (tmp_path / "photos" / "a.jpg").touch()
+    (tmp_path / "photos" / "locked" / "a.jpg").touch()
+    (tmp_path / "photos" / "locked").chmod(0)
+    tmp_path.chmod(0o755)  # that of pytest is open to its owner alone
+    command = [sys.executable, "-c", UNREADABLE, asked]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == (
+        "cannot read the folder photos/locked: Permission denied; allow it, or name the other folders or files\n"
+    )
 
 
 def test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids(tmp_path: Path):

@@ -82,7 +82,7 @@ def test_maps_between_bodies_are_told_and_removed_too(folder: Path):
     fill(folder)
     for name in ("smpl-embedded-00", "mhr-embedded-01"):
         (folder / f"{name}.map.npz").write_bytes(bytes(250_000))
-    (folder / ".smpl-embedded-00.map.npz.x.part").touch()  # of a writer that was ended
+    (folder / ".smpl-embedded-00.map.npz.x.physic-part").touch()  # of a writer that was ended
     assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}{folder}: 2 maps between bodies, 0.5 MB\n"
     assert physic("clear").output == (
         f"{TABLE}removed 4 answers, 1.4 MB from {folder}\nremoved 2 maps between bodies, 0.5 MB from {folder}\n"

@@ -54,15 +54,18 @@ def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, lef
 
 
 def test_what_a_dead_writer_left_goes_and_what_is_being_written_stays(folder: Path):
-    put(folder, ".9.answer.npz.0a.part", 10, 4000)
-    put(folder, ".8.answer.npz.0b.part", 10, 4)
-    put(folder, ".scene.glb.0c.part", 10, 4000)
+    put(folder, ".9.answer.npz.0a.physic-part", 10, 4000)
+    put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
+    put(folder, ".scene.glb.0c.physic-part", 10, 4000)
     shelf.trim_folder(folder, 1000)
-    assert [name for name in names(folder) if name.startswith(".")] == [".8.answer.npz.0b.part", ".scene.glb.0c.part"]
+    assert [name for name in names(folder) if name.startswith(".")] == [
+        ".8.answer.npz.0b.physic-part",
+        ".scene.glb.0c.physic-part",
+    ]
 
 
 def test_clearing_removes_the_kept_and_nothing_else(folder: Path):
-    put(folder, ".8.answer.npz.0b.part", 10, 4)
+    put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
     assert [file.path.name for file in shelf.clear_folder(folder)] == [f"{i}.answer.npz" for i in range(4)]
     assert names(folder) == ["notes.txt", "reconstruction.npz"]
 

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from physic_core import Reconstruction, load_people, load_reconstruction, save_r
 from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
@@ -208,6 +209,29 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
     ]
     assert list(rows[0])[: len(COLUMNS)] == list(COLUMNS)
     assert rows[0]["folder"] == photo_folder("one")
+
+
+def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
+    ids = ["=cmd|'calc'!A0", "@SUM(1)", "-o", "+1", "\tx", "\rx", "'quoted", "plain", "a=b"]
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        for name in ids:
+            journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
+    with write_table(tmp_path, "csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert not [text for row in rows for text in row.values() if text.startswith(("=", "+", "-", "@", "\t", "\r"))]
+    assert [row["id"].removeprefix("'") for row in rows] == ids
+    assert [row["id"][0] == "'" for row in rows] == [True] * 7 + [False] * 2
+    assert {row["message"] for row in rows} == {"'=1+1"}
+    if find_spec("pyarrow"):
+        assert parquet_column(write_table(tmp_path, "parquet"), "id") == ids
+
+
+def parquet_column(path: Path, name: str) -> list[Any]:
+    import pyarrow.parquet
+
+    values: list[Any] = pyarrow.parquet.read_table(path)[name].to_pylist()
+    return values
 
 
 def test_the_parquet_table_equals_the_csv(batch: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -38,7 +39,7 @@ def reconstruct(path: str, settings: Mapping[str, Any], seconds: float) -> Resul
     if name.startswith("hang"):
         time.sleep(600)
     if name.startswith("full"):
-        raise OutputError("cannot write results: No space left on device")
+        raise OutputError("cannot write results: No space left on device") from OSError(errno.ENOSPC, "")
     if name.startswith("nobody"):
         raise NoPersonError("no person was found")
     if name.startswith("broken"):
