@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
 from physic_core.batch.result_files import file_sizes, result_digest
-from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg, thumbnail_path
+from physic_core.batch.saving import Saving, save_photo, write_thumbnail
 from physic_core.batch.settings import config_digest, settings_digest
 from physic_core.discovery.plugins import core_version
 from physic_core.errors import OutputError
@@ -115,12 +115,7 @@ class PhotoProcessor:
         out, folder = Path(self.job.out), photo_folder(item.id)
         save_photo(result, out / folder, self.job.saving, Path(item.path).name)
         if self.job.saving.thumbnails:
-            from physic_core.files.atomic import atomic_write, check_writable
-
-            path = out / thumbnail_path(folder)
-            content = thumbnail_jpeg(result)
-            with atomic_write(check_writable(path.parent)) as temporary:
-                temporary(path.name).write_bytes(content)
+            write_thumbnail(result, out, folder)
 
 
 def failed_row(

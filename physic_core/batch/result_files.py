@@ -20,7 +20,7 @@ from physic_core.io.result_folder import (
 )
 from physic_core.io.results import read_document
 
-__all__ = ["file_sizes", "is_complete", "result_digest"]
+__all__ = ["file_sizes", "is_complete", "names_thumbnail", "result_digest"]
 
 _THUMBNAIL = "thumbnail"
 
@@ -76,6 +76,11 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
         return not different  # the caller compares the digest of the one main file
     names = different if sizes and not verify else {*sizes, *_names(out / folder)}
     return not names or _have_their_digests(out / folder, names)
+
+
+def names_thumbnail(row: Mapping[str, Any]) -> bool:
+    """Whether a row of the journal states that a thumbnail was written."""
+    return f"{_THUMBNAIL}=" in str(row.get("files", ""))
 
 
 def _names(folder: Path) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.contact_sheet import MAX_PHOTOS, contact_sheet, result_link, write_contact_sheet
+from physic_core.batch.contact_sheet import MAX_PHOTOS, contact_sheet, pages_command, result_link, write_contact_sheet
 from physic_core.errors import InputError, OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
@@ -49,20 +49,21 @@ def write_index(folder: Path, results: Sequence[Path]) -> Path:
         return write_contact_sheet(folder)
     cards = [_card(folder, result) for result in results[:MAX_PHOTOS]]
     with atomic_write(check_writable(folder)) as temporary:
-        page = contact_sheet(cards, max(0, len(results) - MAX_PHOTOS))
+        command = pages_command(folder, [card["title"] for card in cards])
+        page = contact_sheet(cards, max(0, len(results) - MAX_PHOTOS), command)
         temporary(_SHEET).write_text(page, encoding="utf-8")
     return path
 
 
 def _card(folder: Path, result: Path) -> dict[str, Any]:
     name = result.relative_to(folder).as_posix()
-    card: dict[str, Any] = {"name": name, "path": str(result), "link": result_link(folder, name), "thumbnail": ""}
+    card: dict[str, Any] = {"name": name, "title": name, "link": result_link(folder, name), "thumbnail": ""}
     card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
     try:
         document = read_document(result)
         thumbnail = _thumbnail(result)
     except PhysicError as error:
-        return card | {"state": "failed", "error": "InputError", "message": str(error)}
+        return card | {"state": "failed", "error": "InputError", "message": str(error).replace(f"{folder}{os.sep}", "")}
     numbers = {"grade": str(document.get("grade") or ""), "checks": _failed(document)}
     return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": thumbnail}
 

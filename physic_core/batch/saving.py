@@ -13,7 +13,7 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["LEVELS", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path"]
+__all__ = ["LEVELS", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path", "write_thumbnail"]
 
 LEVELS = ("full", "compact", "numbers", "people", "summary")
 """full: JSON, arrays, GLB files, preview. compact: the same, but of the GLB files only the combined one. numbers: JSON,
@@ -142,6 +142,25 @@ def _save_people(result: Reconstruction, folder: Path, saving: Saving, overwrite
 def thumbnail_path(folder: str) -> str:
     """Return the path of a thumbnail in the output folder for a photo's folder "photos/3f/NAME"."""
     return f"thumbnails/{folder.removeprefix('photos/')}.jpg"
+
+
+def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> bytes:
+    """Write the thumbnail of a photo and return its content.
+
+    Args:
+        result: of the photo.
+        out: folder of the batch.
+        folder: of the photo, relative to ``out``.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    from physic_core.files.atomic import atomic_write, check_writable
+
+    path, content = out / thumbnail_path(folder), thumbnail_jpeg(result)
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_bytes(content)
+    return content
 
 
 def thumbnail_jpeg(result: Reconstruction) -> bytes:

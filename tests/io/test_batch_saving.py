@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import re
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from physic_core import Reconstruction, load_people, load_reconstruction, save_reconstruction
 from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
@@ -262,8 +264,39 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
     ]
     assert cards[0]["thumbnail"].startswith("/9j/")
     assert len(cards[0]["thumbnail"]) < 40_000
-    assert cards[1]["message"].endswith("</script><b>&")
+    assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
+    assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
     assert (batch / cards[0]["link"] / "people.npz").is_file()
+
+
+def test_the_contact_sheet_names_no_folder_of_the_machine(tmp_path: Path):
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        for name in ("a.jpg", "deep/b.jpg"):
+            path = f"/home/someone/photos/{name}"
+            message = f"{path}: it ended; see {tmp_path}/logs/worker-0.txt"
+            journal.append(failed_row(job, PhotoItem(name, path), "WorkerDied", message, 0.0))
+    page = write_contact_sheet(tmp_path).read_text()
+    assert "/home/someone" not in page
+    assert str(tmp_path) not in page
+    assert '"title": "deep/b.jpg"' in page
+    assert '"message": "it ended; see logs/worker-0.txt"' in page
+
+
+@pytest.mark.parametrize("damage", ["deleted", "cut"])
+def test_a_lost_thumbnail_is_made_again_from_the_result(result: Reconstruction, tmp_path: Path, damage: str):
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg")))
+    (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")
+    content = thumbnail.read_bytes()
+    thumbnail.unlink()
+    if damage == "cut":
+        thumbnail.write_bytes(content[:100])
+    write_contact_sheet(tmp_path)
+    with Image.open(thumbnail) as again, Image.open(io.BytesIO(content)) as before:
+        again.load()
+        assert again.size == before.size
 
 
 def test_the_contact_sheet_says_what_it_leaves_out(batch: Path):

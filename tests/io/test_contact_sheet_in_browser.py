@@ -1,0 +1,82 @@
+"""The contact sheet of a batch in a real browser: totals, filters, order and links."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from physic_core.batch.contact_sheet import contact_sheet
+
+GRADES = ("good", "bad", "doubtful", "good", "")
+
+
+def card(number: int, grade: str) -> dict[str, Any]:
+    done = {"state": "done", "error": "", "message": "", "grade": grade, "people": 1, "checks": []}
+    return {
+        "name": f"id-{number}",
+        "title": f"photo {number}.jpg",
+        "link": f"photos/3f/{number}%20#/report.html",
+        "thumbnail": "R0lGODlhAQABAAAAACwAAAAAAQABAAA=",
+        **(done if grade else done | {"state": "failed", "error": "InputError", "message": "damaged", "people": None}),
+    }
+
+
+@pytest.fixture(scope="module")
+def page(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    path: Path = tmp_path_factory.mktemp("sheet") / "contact-sheet.html"
+    cards = [card(number, grade) for number, grade in enumerate(GRADES)]
+    cards[1]["checks"] = ["limb_keypoints"]
+    path.write_text(contact_sheet(cards, 3, "physic report out --each"), encoding="utf-8")
+    page = chromium.open(path.as_uri(), 960, 480)
+    page.wait("document.getElementById('count').textContent")
+    yield page
+    page.close()
+
+
+def select(page: Any, field: str, value: str) -> None:
+    element = f"document.getElementById({json.dumps(field)})"
+    page.evaluate(f"{element}.value = {json.dumps(value)}; {element}.dispatchEvent(new Event('input')); 1")
+
+
+def titles(page: Any) -> list[str]:
+    shown = "[...document.querySelectorAll('article')].filter(a => !a.hidden)"
+    found: list[str] = page.evaluate(f"{shown}.map(a => a.querySelector('.line span').textContent.slice(6, 7))")
+    return found
+
+
+def text(page: Any, selector: str) -> str:
+    found: str = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
+    return found
+
+
+def test_totals_and_notes_stand_above_the_photos(page: Any):
+    assert text(page, "#totals").split("\n") == ["2 good", "1 doubtful", "1 bad", "1 failed"]
+    assert text(page, "#count") == "5 photos"
+    assert "3 more photos are in the summary table only." in text(page, "header")
+    assert "To write them: physic report out --each" in text(page, "header")
+    assert "Failed: Limbs off their keypoints" in page.evaluate("document.querySelector('main').textContent")
+
+
+def test_the_order_is_that_of_grade_or_name(page: Any):
+    for order, expected in (("worst", "41203"), ("best", "03214"), ("name", "01234"), ("", "01234")):
+        select(page, "order", order)
+        assert titles(page) == list(expected)
+
+
+def test_filters_leave_what_fits_or_say_that_nothing_does(page: Any):
+    select(page, "grade", "good")
+    assert (titles(page), text(page, "#count")) == (["0", "3"], "2 of 5 photos")
+    select(page, "check", "+")
+    assert (titles(page), text(page, "#none"), text(page, "#count")) == ([], "No photo matches.", "0 of 5 photos")
+    select(page, "check", "")
+    select(page, "grade", "")
+    assert page.evaluate("document.getElementById('none').hidden")
+
+
+def test_thumbnail_and_title_link_to_the_page_of_the_result(page: Any):
+    links = page.evaluate("[...document.querySelectorAll('article a')].slice(0, 2).map(a => a.getAttribute('href'))")
+    assert links == ["photos/3f/0%2520%23/report.html"] * 2
+    assert page.evaluate("document.querySelector('article a img') !== null")
