@@ -70,7 +70,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path: Path, monkeypat
     [
         (("nowhere",), 3, "no photos at nowhere: name files, folders, patterns, or a CSV or Parquet table"),
         ((".", "--shard", "5/4"), 2, "a shard is written 3/16, with a first number from 1 to the second (got '5/4')"),
-        ((".", "--save", "people", "--glb"), 2, "--glb needs --save full or numbers (got people)"),
+        ((".", "--save", "people", "--glb"), 2, "--glb needs --save full, compact or numbers (got people)"),
         ((".", "--preset", "mock", "--set", "inpainter.backend=tella"), 2, "--set: 1 error"),
         ((".", "--device", "tpu"), 2, "--device: 1 error"),
     ],
