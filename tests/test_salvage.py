@@ -152,7 +152,7 @@ def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
     assert {name: sorted(file.geometry) for name, file in files.items()} == {
         "person_0.glb": [],
         "person_1.glb": ["person_1"],
-        "combined.glb": ["person_1", "scene"],
+        "combined.glb": ["floor", "person_1", "scene"],
     }
     row = summary_text(document, tmp_path).splitlines()[2]
     assert row.split(None, 4)[:4] == ["0", "bad", "-", "-"]

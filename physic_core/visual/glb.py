@@ -1,129 +1,308 @@
-"""Export a reconstruction to GLB files in metres, y up.
+"""GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
-Points are transformed by :func:`physic_core.geometry.upright.gltf_from_camera`; each file has this matrix in its
-``extras``. The scene is textured with the photo without people. It is unlit, since a photo contains its own lighting.
-People are matte and lit by the viewer; contact vertices have the colour of what they touch.
+The scene is textured with the photo without people, and unlit, since a photo contains its own light. People are matte;
+vertices in contact have the colour of what they touch.
 """
 
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import roma
+import torch
 
-from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.visual.contact_colors import contact_colors
+from physic_core.errors import InputError
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.meshes import floor_square, vertex_normals
+from physic_core.visual.export.request import ExportedFiles, ExportRequest, camera_pose, export_frame
+from physic_core.visual.export.rig import Rig, rigs
+from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
+from physic_core.visual.palette import FLOOR_RGB, contact_colors, contact_legend, linear_from_srgb
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Person, Reconstruction, UInt8Array
+    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
 
-__all__ = ["glb_files"]
+__all__ = ["export_glb", "glb_files", "influences"]
 
-_SCENE_MATERIAL = {
-    "name": "photo",
-    "doubleSided": True,
-    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0},
-    "extensions": {"KHR_materials_unlit": {}},
-}
-_BODY_MATERIAL = {
-    "name": "mannequin",
-    "doubleSided": False,
-    "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
-}
+_WEIGHT_LOSS = 1e-3
+"""Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""
+
+_SCENE, _BODY, _FLOOR = 0, 1, 2
+_MATERIALS = (
+    {
+        "name": "photo",
+        "doubleSided": True,
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0},
+        "extensions": {"KHR_materials_unlit": {}},
+    },
+    {"name": "mannequin", "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}},
+    {
+        "name": "floor",
+        "doubleSided": True,
+        "alphaMode": "BLEND",
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [*linear_from_srgb(np.array(FLOOR_RGB, np.uint8)).round(4).tolist(), 0.35],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        },
+    },
+)
 
 
-def glb_files(reconstruction: Reconstruction, *, parts: bool = True) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of ``scene.glb``, ``person_0.glb``, ... if ``parts``, and of ``combined.glb``.
+@dataclass(frozen=True)
+class _Background:
+    """Mesh of the scene and its texture.
 
-    The file of a person without a body is empty, since glTF does not support NaN.
+    Attributes:
+        surface: in the camera frame.
+        uv: (V, 2) of each vertex, counted from the top.
+        jpeg: the photo without people.
     """
-    matrix = gltf_from_camera(reconstruction.scene.floor)
-    surface = mesh_scene(reconstruction.scene, depth_limit(reconstruction))
-    texture = _jpeg(reconstruction.scene.colors)
-    scene = {"scene": _scene_mesh(surface, reconstruction.scene.valid.shape, matrix)} if len(surface.faces) else {}
-    people = {
-        f"person_{index}": _person_mesh(person, reconstruction, matrix)
-        for index, person in enumerate(reconstruction.people)
-        if np.isfinite(person.vertices).all()
-    }
+
+    surface: SceneMesh
+    uv: NDArray[np.float32]
+    jpeg: bytes
+
+
+def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of the GLB files of a result: of ``combined.glb`` and, if ``parts``, of its parts.
+
+    ``combined.glb`` has everything, and is the file that :func:`export_glb` writes. ``scene.glb`` has scene and floor.
+    ``person_0.glb``, ... have one posed body without a skeleton, for programs that do not pose skinned meshes; the
+    file of a person without a body has the camera alone. Bodies of SMPL-X files have no skeleton in ``combined.glb``
+    either, and ``extras`` of its scene states why: their skinning weights are the user's, and not copied unasked.
+    """
+    posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
+    request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
+    background = _background(result)
+    if parts:
+        yield "scene.glb", _content(replace(request, people=()), background, {})
+        for index in range(len(result.people)):
+            people = (index,) if index in posed else ()
+            yield f"person_{index}.glb", _content(replace(request, people=people, scene=False), None, {})
+    skins, reason = dict[int, Rig](), ""
+    if result.body_model == "embedded":
+        try:
+            skins = dict(rigs(request))
+        except InputError as error:
+            reason = str(error)
+    else:
+        reason = "it is in a file of yours; `physic export --to glb` writes it"
+    yield "combined.glb", _content(request, background, skins, reason)
+
+
+def export_glb(request: ExportRequest) -> ExportedFiles:
+    """Return a GLB file; its people are skinned meshes with the names and the order of the SMPL-X joints.
+
+    Raises:
+        InputError: the skeleton of the bodies is not known.
+    """
+    skins, notes = dict(rigs(request)), []
+    for index, rig in skins.items():
+        lost = float(1 - influences(rig.weights)[1].sum(1).min())
+        if lost > _WEIGHT_LOSS:
+            notes.append(f"person {index}: skinning weights beyond eight joints are left out (at most {lost:.3f})")
+    camera = request.result.intrinsics
+    offset = math.dist(((camera.width - 1) / 2, (camera.height - 1) / 2), (camera.cx, camera.cy))
+    if offset > 1.0:
+        notes.append(
+            f"the principal point is {offset:.0f} px from the image centre, which a glTF camera cannot state: "
+            "a render of the camera is shifted by that"
+        )
+    background = _background(request.result) if request.scene else None
+    return ExportedFiles({f"{request.stem}{request.suffix}": _content(request, background, skins)}, tuple(notes))
+
+
+def _content(request: ExportRequest, background: _Background | None, skins: dict[int, Rig], reason: str = "") -> bytes:
+    """Return a GLB file of the people of a request, with a skeleton where there is one in ``skins``."""
+    glb, result, frame, nodes, used = (
+        GlbBuffer(generator="PhySIC"),
+        request.result,
+        request.frame,
+        list[int](),
+        list[int](),
+    )
+    if background is not None:
+        nodes += _add_scene(glb, background, request, used)
+        nodes += _add_floor(glb, request, used)
+    for index in request.people:
+        nodes += _add_person(glb, index, request, skins.get(index), _material(used, _BODY))
+    nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
+    _add_materials(glb, used)
     extras = {
         "units": "metres",
-        "axes": "x right, y up, z backward",
-        "gltf_from_camera": matrix.tolist(),
-        "camera": "OpenCV: x right, y down, z forward",
-        "body_model": reconstruction.body_model,
+        "axes": frame.axes,
+        "gltf_from_camera": frame.from_camera.tolist(),
+        "body_model": result.body_model,
+        "contact": "vertex attribute _CONTACT: 1 in contact, 0 not; the vertex colour is that of what is touched",
+        "contact_colors": contact_legend(result),
     }
-    if parts:
-        yield "scene.glb", _export(scene, texture, extras)
-        for name in (f"person_{index}" for index in range(len(reconstruction.people))):
-            yield f"{name}.glb", _export({name: people[name]} if name in people else {}, None, extras)
-    yield "combined.glb", _export(scene | people, texture, extras)
+    if skins:
+        extras["rest_pose"] = "T-pose at zero rotations of the joints"
+    if reason:
+        extras["no_skeleton"] = reason
+    glb.tree["scenes"] = [{"name": "physic", "nodes": nodes, "extras": extras}]
+    glb.tree["scene"] = 0
+    return glb.content()
 
 
-def _scene_mesh(surface: SceneMesh, shape: tuple[int, ...], matrix: NDArray[np.float64]) -> Any:
-    import trimesh
+def influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return joints and weights (V, 4) or (V, 8) of each vertex: the largest, normalised if little was lost.
 
-    height, width = shape
-    # trimesh turns v over when it writes: glTF counts it from the top, as pixels do.
-    uv = np.stack([(surface.pixels[:, 0] + 0.5) / width, 1.0 - (surface.pixels[:, 1] + 0.5) / height], -1)
-    # A material of its own keeps trimesh from adding its default picture; the real one is put in by _export.
-    visual = trimesh.visual.TextureVisuals(uv=uv, material=trimesh.visual.material.PBRMaterial(name="photo"))
-    vertices = transform_points(matrix, surface.vertices)
-    return trimesh.Trimesh(vertices, surface.faces, visual=visual, process=False)
-
-
-def _person_mesh(person: Person, reconstruction: Reconstruction, matrix: NDArray[np.float64]) -> Any:
-    import trimesh
-
-    colors = np.full((len(person.vertices), 4), 255, np.uint8)
-    colors[:, :3] = _linear(contact_colors(person, reconstruction.contact_partners))
-    vertices = transform_points(matrix, person.vertices)
-    mesh = trimesh.Trimesh(vertices, reconstruction.faces, vertex_colors=colors, process=False)
-    _ = mesh.vertex_normals  # smooth shading: the exporter writes normals that are already there
-    return mesh
+    Eight are used if more than 0.001 of a vertex lies beyond four. A joint of weight 0 is 0, as glTF demands.
+    """
+    order = np.argsort(-weights, axis=1, kind="stable")
+    ranked = np.take_along_axis(weights, order, 1)
+    count = 4 if (1 - ranked[:, :4].sum(1)).max() <= _WEIGHT_LOSS else 8
+    kept = ranked[:, :count] / ranked[:, :count].sum(1, keepdims=True)
+    kept = kept.astype(np.float32)
+    return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _linear(rgb: UInt8Array) -> UInt8Array:
-    """Convert sRGB 0-255 to linear 0-255 for glTF vertex colours."""
-    share = rgb / 255.0
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.round(linear * 255).astype(np.uint8)
+def _material(used: list[int], kind: int) -> int:
+    """Return the index of a material in the file, which has only the materials in use."""
+    if kind not in used:
+        used.append(kind)
+    return used.index(kind)
 
 
-def _jpeg(image: UInt8Array) -> bytes:
+def _add_materials(glb: GlbBuffer, used: list[int]) -> None:
+    if used:
+        glb.tree["materials"] = [_MATERIALS[kind] for kind in used]
+    if _SCENE in used:
+        glb.tree["extensionsUsed"] = ["KHR_materials_unlit"]
+
+
+def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None, material: int) -> list[int]:
+    """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
+    name, person, result = f"person_{index}", request.result.people[index], request.result
+    faces = np.asarray(result.faces, np.int64)
+    vertices = transform_points(request.frame.from_camera, person.vertices) if rig is None else rig.vertices
+    colors = np.full((len(vertices), 4), 255, np.uint8)
+    colors[:, :3] = np.round(255 * linear_from_srgb(contact_colors(person, result.contact_partners)))
+    attributes = {
+        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
+        "NORMAL": glb.accessor(vertex_normals(vertices, faces), ARRAY),
+        "COLOR_0": glb.accessor(colors, ARRAY, normalized=True),
+        "_CONTACT": glb.accessor(person.contact.astype(np.float32), ARRAY),
+    }
+    tops, skin = list[int](), dict[str, int]()
+    if rig is not None:
+        top, skin = _add_skeleton(glb, name, rig)
+        tops.append(top)
+        indices, weights = influences(rig.weights)
+        for group in range(indices.shape[1] // 4):
+            columns = slice(4 * group, 4 * group + 4)
+            attributes[f"JOINTS_{group}"] = glb.accessor(indices[:, columns], ARRAY)
+            attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[:, columns], ARRAY)
+    return [*tops, _add_mesh(glb, name, attributes, faces, material, **skin)]
+
+
+def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, int]]:
+    """Add joint nodes and the skin; return the index of the node above them, and the property of a skinned node."""
+    quaternions = roma.rotmat_to_unitquat(torch.from_numpy(rig.rotations)).numpy()
+    first = len(glb.tree.get("nodes", ()))
+    for joint, joint_name in enumerate(rig.names):
+        node: dict[str, Any] = {
+            "name": joint_name,
+            "rotation": quaternions[joint].tolist(),
+            "translation": rig.offsets[joint].tolist(),
+        }
+        children = [first + child for child, parent in enumerate(rig.parents) if parent == joint]
+        if children:
+            node["children"] = children
+        glb.add("nodes", node)
+    joints = list(range(first, first + len(rig.names)))
+    inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
+    # A node of its own above each skeleton: Blender makes one armature of skeletons with a common parent.
+    top = glb.add("nodes", {"name": f"{name}_skeleton", "children": [first]})
+    entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
+    return top, {"skin": glb.add("skins", entry)}
+
+
+def _add_mesh(
+    glb: GlbBuffer, name: str, attributes: dict[str, int], faces: NDArray[np.integer[Any]], material: int, **node: int
+) -> int:
+    """Add a mesh of faces (F, 3), and return the index of its node."""
+    indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
+    primitive = {"attributes": attributes, "indices": indices, "material": material}
+    mesh = glb.add("meshes", {"name": name, "primitives": [primitive]})
+    return glb.add("nodes", {"name": name, "mesh": mesh, **node})
+
+
+def _background(result: Reconstruction) -> _Background:
+    """Return mesh and texture of the scene."""
+    surface = mesh_scene(result.scene, depth_limit(result))
+    texture, (width, height) = _power_of_two(result.scene.colors)
+    return _Background(surface, ((surface.pixels + 0.5) / [width, height]).astype(np.float32), texture)
+
+
+def _add_scene(glb: GlbBuffer, background: _Background, request: ExportRequest, used: list[int]) -> list[int]:
+    """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
+    if not len(background.surface.faces):
+        return []
+    glb.tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]
+    glb.tree["images"] = [{"bufferView": glb.view(background.jpeg), "mimeType": "image/jpeg", "name": "photo"}]
+    glb.tree["textures"] = [{"source": 0, "sampler": 0}]
+    vertices = transform_points(request.frame.from_camera, background.surface.vertices)
+    attributes = {
+        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
+        "TEXCOORD_0": glb.accessor(background.uv, ARRAY),
+    }
+    return [_add_mesh(glb, "scene", attributes, background.surface.faces, _material(used, _SCENE))]
+
+
+def _add_floor(glb: GlbBuffer, request: ExportRequest, used: list[int]) -> list[int]:
+    """Add the floor as a square, if there is one, and return the index of its node."""
+    square = floor_square(request.result, request.frame)
+    if square is None:
+        return []
+    vertices, faces = square
+    normals = np.broadcast_to(request.frame.up_vector, vertices.shape)
+    attributes = {
+        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
+        "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
+    }
+    return [_add_mesh(glb, "floor", attributes, faces, _material(used, _FLOOR))]
+
+
+def _add_camera(glb: GlbBuffer, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
+    """Add the camera of the photo, and return the index of its node."""
+    height, width = camera.height / camera.fy, camera.width / camera.fx
+    perspective = {"yfov": 2 * math.atan(height / 2), "aspectRatio": width / height, "znear": 0.05, "zfar": 1000.0}
+    entry = {
+        "name": "photo",
+        "type": "perspective",
+        "perspective": perspective,
+        "extras": {"intrinsics_px": camera.matrix.tolist(), "size_px": [camera.width, camera.height]},
+    }
+    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
+    node = {
+        "name": "camera",
+        "camera": glb.add("cameras", entry),
+        "rotation": quaternion.tolist(),
+        "translation": pose[:3, 3].tolist(),
+    }
+    return glb.add("nodes", node)
+
+
+def _power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
+    """Return a JPEG of an image, padded at the right and the bottom to powers of two, and its width and height.
+
+    Old engines cannot make mipmaps of other sizes.
+    """
     from PIL import Image
 
+    height, width = (1 << (side - 1).bit_length() for side in image.shape[:2])
+    padded = np.pad(image, ((0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)), mode="edge")
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=90)
-    return buffer.getvalue()
-
-
-def _export(meshes: dict[str, Any], texture: bytes | None, extras: dict[str, Any]) -> bytes:
-    import trimesh
-
-    scene = trimesh.Scene(base_frame="physic")
-    for name, mesh in meshes.items():
-        scene.add_geometry(mesh, node_name=name, geom_name=name)
-
-    def add_materials(buffers: Any, tree: dict[str, Any]) -> None:
-        """Add materials and texture to the glTF tree; trimesh has no unlit material and re-encodes images."""
-        tree["materials"] = [_SCENE_MATERIAL, _BODY_MATERIAL] if texture else [_BODY_MATERIAL]
-        for mesh in tree["meshes"]:
-            for primitive in mesh["primitives"]:
-                primitive["material"] = 0 if texture and mesh["name"] == "scene" else len(tree["materials"]) - 1
-        tree["scenes"][0]["extras"] = extras
-        tree["asset"]["generator"] = "PhySIC"
-        if texture:
-            tree["extensionsUsed"] = ["KHR_materials_unlit"]
-            tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]
-            tree["images"] = [{"bufferView": len(buffers), "mimeType": "image/jpeg"}]
-            tree["textures"] = [{"source": 0, "sampler": 0}]
-            buffers["texture"] = texture + b"\0" * (-len(texture) % 4)
-
-    content: bytes = trimesh.exchange.gltf.export_glb(scene, buffer_postprocessor=add_materials)
-    return content
+    Image.fromarray(padded).save(buffer, "JPEG", quality=90)
+    return buffer.getvalue(), (width, height)

@@ -8,8 +8,8 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.visual.contact_colors import contact_colors
 from physic_core.visual.orthographic_views import PAGE_RGB
+from physic_core.visual.palette import contact_colors
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     Orthographic,

@@ -9,8 +9,8 @@ from PIL import Image, ImageDraw
 
 from physic_core.types import Grade
 from physic_core.visual.orthographic_views import PAGE_RGB
+from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, render_contact_views
-from physic_core.visual.preview_geometry import person_color
 from physic_core.visual.preview_text import ALERT_RGB, INK_RGB, SOFT_RGB, draw_text, font, wrap
 
 if TYPE_CHECKING:

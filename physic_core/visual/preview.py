@@ -14,8 +14,8 @@ from PIL import Image, ImageDraw
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
-from physic_core.visual.contact_colors import CONTACT_RGB, partner_legend
 from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, side_view, top_view
+from physic_core.visual.palette import FLOOR_RGB, contact_legend
 from physic_core.visual.panels import (
     colored_depth,
     depth_panel,
@@ -40,7 +40,6 @@ WIDTH = 1800
 _MARGIN, _GAP, _TITLE = 24, 18, 30
 _ROW = 440  # height of the second row of panels, px
 _CELL = 300  # room that a panel of the first row has at least, for its title and the depth's bar, px
-_FLOOR = (34, 140, 84)
 _SHOWN_MESSAGES = 6
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
@@ -197,8 +196,8 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     bottom = frame.y + frame.height
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
         row = frame.y + plan.floor_row
-        pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*_FLOOR, 200), width=1)
-        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=font(14), fill=_FLOOR, anchor="ra")
+        pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
+        pen.text((frame.x + frame.width - 8, row + 3), "floor", font=font(14), fill=FLOOR_RGB, anchor="ra")
     if plan.camera is not None:
         _draw_camera(pen, frame, plan)
     for metre, column in plan.columns.items():
@@ -228,10 +227,8 @@ def _draw_camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: LabeledView) -> 
 
 def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction) -> None:
     """Draw name and colour of what people touch, in a line from a spot."""
-    known = any(person.contact_partner is not None for person in reconstruction.people)
-    legend = partner_legend(reconstruction.contact_partners) if known else {"in contact": CONTACT_RGB}
     x, y = spot
-    for name, color in legend.items():
+    for name, color in contact_legend(reconstruction).items():
         pen.rectangle((x, y, x + 11, y + 11), fill=color)
         pen.text((x + 16, y + 6), name, font=font(14), fill=SOFT_RGB, anchor="lm")
         x += 30 + font(14).getlength(name)

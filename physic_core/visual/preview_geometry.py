@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.visual.palette import person_color
 from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
 from physic_core.visual.surface import depth_limit, mesh_scene
 
@@ -20,19 +21,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["PERSON_COLORS", "PreviewGeometry", "build_preview_geometry", "person_color"]
-
-PERSON_COLORS: tuple[tuple[int, int, int], ...] = (
-    (86, 156, 222),
-    (240, 150, 62),
-    (96, 186, 108),
-    (214, 108, 158),
-    (150, 122, 206),
-    (222, 196, 72),
-    (84, 190, 190),
-    (198, 128, 96),
-)
-"""sRGB colours of person 0, 1, ...; they repeat after the eighth."""
+__all__ = ["PreviewGeometry", "build_preview_geometry"]
 
 _SURFACE_VERTICES = 60_000
 _POINTS = 150_000
@@ -65,11 +54,6 @@ class PreviewGeometry:
     low: Array
     high: Array
     has_floor: bool
-
-
-def person_color(index: int) -> tuple[int, int, int]:
-    """Return the sRGB colour of a person, 0-255."""
-    return PERSON_COLORS[index % len(PERSON_COLORS)]
 
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:

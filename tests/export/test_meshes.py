@@ -12,6 +12,7 @@ import trimesh
 from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
+from physic_core.visual.palette import contact_colors, contact_legend
 
 
 def wanted_vertices(result: Reconstruction, person: int, up: str) -> np.ndarray:
@@ -57,7 +58,12 @@ def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result: Rec
     assert mesh.volume == pytest.approx(trimesh.Trimesh(wanted, result.faces, process=False).volume, rel=1e-3)
     assert mesh.volume > 0
     colors = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(int)
-    np.testing.assert_array_equal(colors[:, 0] > 2 * colors[:, 1], result.people[0].contact)
+    np.testing.assert_allclose(colors, contact_colors(result.people[0], result.contact_partners), atol=1)
+    legend = contact_legend(result)
+    assert legend
+    head = path.read_bytes()[:2000].decode("ascii", "replace")
+    for label, (red, green, blue) in legend.items():
+        assert f"{'comment' if name == 'a.ply' else '#'} contact: {label} is sRGB {red} {green} {blue}\n" in head
 
 
 def test_an_obj_has_an_object_for_scene_and_people_with_unit_normals(export, result: Reconstruction):

@@ -1,4 +1,4 @@
-"""Skinned GLB: read by pygltflib and trimesh, and checked by Khronos' validator."""
+"""GLB with skinned bodies: read by pygltflib, trimesh and Blender, and checked by Khronos' validator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_core.visual.export.skinned_glb import influences
+from physic_core.visual.glb import influences
+from physic_core.visual.palette import contact_colors, contact_legend, linear_from_srgb
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -91,8 +92,23 @@ def test_contact_is_an_attribute_and_a_colour(tree, result: Reconstruction):
         contact = array(tree, attributes._CONTACT)[:, 0]
         assert 0 < person.contact.sum() < len(person.contact)
         np.testing.assert_array_equal(contact, person.contact)
-        red, green = array(tree, attributes.COLOR_0)[:, :2].T.astype(int)
-        np.testing.assert_array_equal(red > 2 * green, person.contact)
+        wanted = 255 * linear_from_srgb(contact_colors(person, result.contact_partners))
+        np.testing.assert_allclose(array(tree, attributes.COLOR_0)[:, :3], wanted, atol=0.51)
+    legend = {label: list(rgb) for label, rgb in contact_legend(result).items()}
+    assert legend
+    assert tree.scenes[0].extras["contact_colors"] == legend
+    assert "no_skeleton" not in tree.scenes[0].extras
+
+
+def test_the_combined_file_of_a_saved_result_is_the_exported_one(file: Path, saved: Path):
+    assert (saved / "combined.glb").read_bytes() == file.read_bytes()
+
+
+def test_the_parts_of_a_saved_result_hold_the_posed_bodies(saved: Path, result: Reconstruction):
+    frame = export_frame(result.scene.floor, "y")
+    for index, person in enumerate(result.people):
+        mesh = trimesh.load_scene(saved / f"person_{index}.glb").geometry[f"person_{index}"]
+        np.testing.assert_allclose(mesh.vertices, transform_points(frame.from_camera, person.vertices), atol=1e-6)
 
 
 def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstruction):

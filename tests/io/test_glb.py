@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
-from physic_core.visual.contact_colors import BODY_RGB, partner_color
 from physic_core.visual.glb import glb_files
+from physic_core.visual.palette import BODY_RGB, contact_color
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 
@@ -172,7 +172,9 @@ def test_the_files(files):
     for content in files.values():
         extras = tree_of(content)["scenes"][0]["extras"]
         assert extras["units"] == "metres"
-        assert extras["axes"] == "x right, y up, z backward"
+        assert extras["axes"] == "x right, y up, z backward, origin on the floor below the camera"
+        assert extras["contact_colors"] == {"floor": [24, 140, 130]}
+        assert tree_of(content)["nodes"][-1]["name"] == "camera"
 
 
 def test_a_person_stands_upright_on_the_floor_in_metres(files, reconstruction):
@@ -201,7 +203,7 @@ def test_the_outside_of_a_person_is_outside(files):
     assert mesh.vertex_normals[top] @ (mesh.vertices[top] - inner) > 0
 
 
-def test_contact_is_red_on_a_mannequin(files, reconstruction):
+def test_contact_has_the_colour_of_what_is_touched(files, reconstruction):
     mesh = opened(files["person_0.glb"]).geometry["person_0"]
     colors = np.asarray(
         mesh.visual.vertex_attributes["color"] if mesh.visual.kind == "texture" else mesh.visual.vertex_colors
@@ -216,7 +218,7 @@ def test_contact_is_red_on_a_mannequin(files, reconstruction):
     # glTF's vertex colours are linear.
     np.testing.assert_allclose(
         colors[contact][:, :3],
-        np.tile(linear(partner_color(reconstruction.contact_partners[0])), (contact.sum(), 1)),
+        np.tile(linear(contact_color(reconstruction.contact_partners[0])), (contact.sum(), 1)),
         atol=0.51,
     )
     np.testing.assert_allclose(colors[~contact][:, :3], np.tile(linear(BODY_RGB), ((~contact).sum(), 1)), atol=0.51)
@@ -224,7 +226,8 @@ def test_contact_is_red_on_a_mannequin(files, reconstruction):
 
 def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
     tree = tree_of(files["combined.glb"])
-    photo, mannequin = tree["materials"]
+    photo, floor, mannequin = tree["materials"]
+    assert floor["alphaMode"] == "BLEND"
     assert photo["extensions"] == {"KHR_materials_unlit": {}}
     assert photo["doubleSided"] is True
     assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
@@ -232,11 +235,12 @@ def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
     used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
     assert {name: primitive["material"] for name, primitive in used.items()} == {
         "scene": 0,
-        "person_0": 1,
-        "person_1": 1,
+        "floor": 1,
+        "person_0": 2,
+        "person_1": 2,
     }
     assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
-    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "COLOR_0"}
+    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "COLOR_0", "_CONTACT"}
 
 
 def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconstruction):
@@ -254,7 +258,22 @@ def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconst
 
 
 def test_the_combined_file_holds_everything_by_name(files):
-    assert set(opened(files["combined.glb"]).geometry) == {"scene", "person_0", "person_1"}
+    assert set(opened(files["combined.glb"]).geometry) == {"scene", "floor", "person_0", "person_1"}
+    assert set(opened(files["scene.glb"]).geometry) == {"scene", "floor"}
+
+
+def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(files, reconstruction, make):
+    tree = tree_of(files["combined.glb"])
+    assert "skins" not in tree
+    count = len(reconstruction.people[0].vertices)
+    assert tree["scenes"][0]["extras"]["no_skeleton"] == (
+        f"the body model has 13348 vertices, a body of the result {count}: "
+        "give the SMPL-X file that the result was made with (--body-model FILE)"
+    )
+    theirs = dict(glb_files(replace(reconstruction, body_model="smplx")))["combined.glb"]
+    assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"] == (
+        "it is in a file of yours; `physic export --to glb` writes it"
+    )
 
 
 def test_a_scene_without_a_valid_pixel_and_nobody_in_it_still_writes_files(make):

@@ -13,9 +13,10 @@ from PIL import Image
 
 from physic_core.types import CheckResult, Grade, Intrinsics
 from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, side_view, top_view
+from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, depth_panel, depth_range, overlay_panel, render_contact_views
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
-from physic_core.visual.preview_geometry import PERSON_COLORS, build_preview_geometry
+from physic_core.visual.preview_geometry import build_preview_geometry
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     Orthographic,
@@ -37,7 +38,7 @@ def sphere_at(*centers):
 
 def is_hue(picture, index):
     """Pixels that show a person's colour, whatever the light."""
-    wanted = np.array(PERSON_COLORS[index]) / np.linalg.norm(PERSON_COLORS[index])
+    wanted = np.array(person_color(index)) / np.linalg.norm(person_color(index))
     values = picture.astype(float)
     return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
 

@@ -12,13 +12,14 @@ import pytest
 from PIL import Image
 
 from physic_core.types import CheckResult, UnposedPerson
+from physic_core.visual.palette import CONTACT_PALETTE
 from physic_core.visual.report.page import failure_html, report_html
 
 from .conftest import make_reconstruction
 
 READY = "document.documentElement.dataset.ready"
 ODD = "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> \u2028 \U0001f3c0.jpg"
-SWITCHES = ["mesh", "points", "people", "contact", "floor"]
+SWITCHES = ["mesh", "points", "people", "contact", "floor", "camera"]
 
 
 @pytest.fixture(scope="module")
@@ -106,14 +107,60 @@ def test_contact_is_red_on_the_bodies_only_while_it_is_switched_on(page):
         picture = picture.astype(int)
         return int(((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum())
 
-    click(page, "[data-view=camera]")
     shown = red(page.picture("#canvas"))
     click(page, "[data-show=contact]")
     hidden = red(page.picture("#canvas"))
     click(page, "[data-show=contact]")
-    click(page, "[data-view=angle]")
     # The box in the room is red too, on both pictures.
     assert shown > hidden + 300
+
+
+def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, page):
+    assert text(page, "#legend").split("\n") == ["Contact with", "anything"]
+    made = make_reconstruction()
+    path = tmp_path / "report.html"
+    path.write_text(report_html(made), encoding="utf-8")
+    other = chromium.open(path.as_uri(), 900, 600)
+    other.wait(READY)
+    assert text(other, "#legend").split("\n") == ["Contact with", "floor"]
+    red, green, blue = CONTACT_PALETTE["floor"]
+    dot = "getComputedStyle(document.querySelector('#legend .dot')).backgroundColor"
+    assert other.evaluate(dot) == f"rgb({red}, {green}, {blue})"
+    click(other, "[data-show=partners]")
+    assert text(other, "#legend").split("\n") == ["Contact with", "anything"]
+    for switch in ("contact", "people"):
+        click(other, f"[data-show={switch}]")
+        assert other.evaluate("document.querySelector('#legend').hidden") is True
+        click(other, f"[data-show={switch}]")
+        assert other.evaluate("document.querySelector('#legend').hidden") is False
+    other.close()
+
+
+def test_every_control_of_the_view_has_a_tooltip(page):
+    controls = "document.querySelectorAll('.tools button, .tools label')"
+    assert page.evaluate(f"[...{controls}].filter(e => !e.title).length") == 0
+
+
+def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
+    for switch in ("people", "floor"):
+        click(page, f"[data-show={switch}]")
+    click(page, "[data-view=camera]")
+    seen = page.picture("#canvas")
+    height, width = result.image.shape[:2]
+    (left, top), (right, bottom) = (
+        np.subtract(place_on_canvas(page, result, *corner), page.box("#canvas")[:2]).round().astype(int)
+        for corner in ((-0.5, -0.5), (width - 0.5, height - 0.5))
+    )
+    inside = seen[max(top, 0) : bottom, max(left, 0) : right]
+    wanted = np.asarray(Image.fromarray(result.image).resize(inside.shape[1::-1]))
+    assert np.abs(inside.astype(int) - wanted).mean() < 4
+    page.evaluate("document.querySelector('#canvas').focus()")
+    page.press("ArrowLeft")
+    assert difference(seen, page.picture("#canvas")) > 0.05
+    for switch in ("people", "floor"):
+        click(page, f"[data-show={switch}]")
+    click(page, "[data-view=angle]")
+    page.picture("#view")
 
 
 def test_people_take_their_numbers_with_them(page):

@@ -92,7 +92,7 @@ FORMATS: tuple[Format, ...] = (
         (".glb",),
         "Blender, Unity, Unreal, three.js",
         "skinned bodies, skeletons, contact, scene, floor, camera",
-        f"{_PACKAGE}.skinned_glb:export_glb",
+        "physic_core.visual.glb:export_glb",
         ("y",),
         "skinned",
     ),

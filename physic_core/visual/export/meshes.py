@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.contact_colors import BODY_RGB, CONTACT_RGB
+from physic_core.visual.palette import contact_colors, contact_legend
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Reconstruction, UInt8Array
     from physic_core.visual.export.request import ExportRequest, Frame
 
-__all__ = ["ColoredMesh", "body_colors", "floor_square", "person_meshes", "scene_mesh", "vertex_normals"]
+__all__ = ["ColoredMesh", "contact_lines", "floor_square", "person_meshes", "scene_mesh", "vertex_normals"]
 
 _FLOOR_MARGIN_M = 0.5
 
@@ -50,9 +50,14 @@ def person_meshes(request: ExportRequest) -> list[ColoredMesh]:
         vertices = transform_points(request.frame.from_camera, person.vertices)
         faces = np.asarray(request.result.faces, np.int64)
         normals = vertex_normals(vertices, faces)
-        colors = body_colors(person.contact, linear=False)[:, :3]
+        colors = contact_colors(person, request.result.contact_partners)
         made.append(ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact))
     return made
+
+
+def contact_lines(result: Reconstruction) -> list[str]:
+    """Return the legend of contact, such as "floor is sRGB 24 140 130", for the comments of a file."""
+    return [f"{label} is sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for label, rgb in contact_legend(result).items()]
 
 
 def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMesh | None:
@@ -92,21 +97,6 @@ def vertex_normals(
         total = total @ turn[:3, :3].T
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(length > 0, total / np.where(length > 0, length, 1), [0.0, 0.0, 1.0]).astype(np.float32)
-
-
-def body_colors(contact: BoolArray, *, linear: bool) -> UInt8Array:
-    """Return RGBA (V, 4) of a body: red where it is in contact.
-
-    Args:
-        contact: (V,).
-        linear: whether to return linear values, as glTF demands, instead of sRGB.
-    """
-    shades = np.array([BODY_RGB, CONTACT_RGB]) / 255
-    if linear:
-        shades = np.where(shades <= 0.04045, shades / 12.92, ((shades + 0.055) / 1.055) ** 2.4)
-    colors = np.full((len(contact), 4), 255, np.uint8)
-    colors[:, :3] = np.round(255 * shades).astype(np.uint8)[contact.astype(np.int64)]
-    return colors
 
 
 def floor_square(result: Reconstruction, frame: Frame) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:

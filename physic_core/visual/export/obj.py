@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from physic_core.visual.export.meshes import person_meshes, scene_mesh
+from physic_core.visual.export.meshes import contact_lines, person_meshes, scene_mesh
 from physic_core.visual.export.request import ExportedFiles, ExportRequest
 
 __all__ = ["export_obj"]
@@ -17,10 +17,8 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     scene = scene_mesh(request)
     meshes = [*([scene] if scene is not None else []), *person_meshes(request)]
     text = io.StringIO()
-    text.write(
-        f"# PhySIC; unit: metre; axes: {request.frame.axes}\n"
-        "# v: x y z red green blue (sRGB, 0 to 1); red bodies touch the scene\n"
-    )
+    text.write(f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 to 1)\n")
+    text.writelines(f"# contact: {line}\n" for line in contact_lines(request.result))
     start = 1
     for mesh in meshes:
         text.write(f"o {mesh.name}\n")

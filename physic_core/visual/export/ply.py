@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.meshes import ColoredMesh, person_meshes
+from physic_core.visual.export.meshes import ColoredMesh, contact_lines, person_meshes
 from physic_core.visual.export.request import ExportedFiles, ExportRequest
 from physic_core.visual.surface import depth_limit, mesh_scene
 
@@ -46,7 +46,7 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
         start += len(rows)
     points = np.concatenate(vertices) if vertices else np.zeros(0, _VERTEX)
     triangles = np.concatenate(faces) if faces else np.zeros(0, _FACE)
-    header = _header(request.frame, request.result.scene.floor, len(points), len(triangles))
+    header = _header(request, len(points), len(triangles))
     return ExportedFiles({f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()})
 
 
@@ -70,7 +70,8 @@ def _scene_points(request: ExportRequest) -> ColoredMesh:
     )
 
 
-def _header(frame: Frame, floor: Plane | None, vertices: int, faces: int) -> bytes:
+def _header(request: ExportRequest, vertices: int, faces: int) -> bytes:
+    frame, floor = request.frame, request.result.scene.floor
     plane = "none" if floor is None else _plane(frame, floor)
     lines = [
         "ply",
@@ -79,6 +80,7 @@ def _header(frame: Frame, floor: Plane | None, vertices: int, faces: int) -> byt
         f"comment axes: {frame.axes}",
         f"comment floor: {plane}",
         "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are 0 where unknown",
+        *(f"comment contact: {line}" for line in contact_lines(request.result)),
         f"element vertex {vertices}",
         *(f"property {_PROPERTY[dtype.str[1:]]} {name}" for name, (dtype, *_) in _VERTEX.fields.items()),  # type: ignore[union-attr]
         f"element face {faces}",

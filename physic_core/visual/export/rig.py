@@ -104,13 +104,16 @@ def pose_rig(model: BodyModel, person: Person, frame: Frame) -> Rig:
     transl = torch.from_numpy(np.array(p.transl, np.float64))
     shape = torch.cat([betas, expression], 1) if model.num_expression else betas
     posed = model(rotations, betas, transl, expression if model.num_expression else None)
-    apart = float(np.abs(posed.vertices[0].numpy() - person.vertices).max())
+    made = posed.vertices[0].numpy()
+    give_file = "give the SMPL-X file that the result was made with (--body-model FILE)"
+    if made.shape != person.vertices.shape:
+        raise InputError(
+            f"the body model has {len(made)} vertices, a body of the result {len(person.vertices)}: {give_file}"
+        )
+    apart = float(np.abs(made - person.vertices).max())
     rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
     if not apart < _SAME_BODY_M + 2 * rounding:
-        raise InputError(
-            f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
-            "give the SMPL-X file that the result was made with (--body-model FILE)"
-        )
+        raise InputError(f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: {give_file}")
     rest = model.kinematics.rest_joints(shape)[0].numpy()
     coefficients = shape
     if len(model.skin.directions) > shape.shape[1]:

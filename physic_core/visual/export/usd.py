@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.visual.export.meshes import ColoredMesh, floor_square, person_meshes, scene_mesh
 from physic_core.visual.export.request import ExportedFiles, ExportRequest, camera_pose
+from physic_core.visual.palette import FLOOR_RGB, contact_legend, linear_from_srgb
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,14 +22,13 @@ __all__ = ["export_usd"]
 _APERTURE = 36.0
 """Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length matters."""
 
-_FLOOR_RGB = (120, 130, 120)
-
 
 def export_usd(request: ExportRequest) -> ExportedFiles:
     """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``.
 
     ``/physic/scene``, ``/physic/floor`` and ``/physic/person_0``, ... are meshes with normals and displayColor; people
-    have the primvar ``contact``, 1 or 0 per vertex. Scene, floor and people are static colliders, exact or, for people,
+    have the primvar ``contact``, 1 or 0 per vertex, and the colour of what they touch, which ``contact_colors`` of the
+    layer's custom data names. Scene, floor and people are static colliders, exact or, for people,
     by their convex decomposition. ``/physic/camera`` has the photo's field of view and principal point.
     """
     from pxr import Usd, UsdGeom, UsdUtils
@@ -40,6 +40,8 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if frame.up == "z" else UsdGeom.Tokens.y)
         stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
+        legend = {name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for name, rgb in contact_legend(request.result).items()}
+        stage.SetMetadata("customLayerData", {"contact_colors": legend})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
         for mesh in _meshes(request):
@@ -65,7 +67,7 @@ def _meshes(request: ExportRequest) -> list[ColoredMesh]:
     if square is not None:
         vertices, faces = square
         normals = np.tile(request.frame.up_vector, (4, 1)).astype(np.float32)
-        colors = np.tile(np.array(_FLOOR_RGB, np.uint8), (4, 1))
+        colors = np.tile(np.array(FLOOR_RGB, np.uint8), (4, 1))
         meshes.append(ColoredMesh("floor", vertices, faces, normals, colors, np.zeros(4, bool)))
     return meshes
 
@@ -90,7 +92,7 @@ def _add_mesh(stage: Any, mesh: ColoredMesh) -> None:
     made.CreateDoubleSidedAttr(not person)
     primvars = UsdGeom.PrimvarsAPI(made)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
-    color.Set(vectors(_linear(mesh.colors)))
+    color.Set(vectors(linear_from_srgb(mesh.colors)))
     if person:
         contact = primvars.CreatePrimvar("contact", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
         contact.Set(Vt.FloatArray.FromNumpy(mesh.contact.astype(np.float32)))
@@ -122,10 +124,3 @@ def _add_gravity(stage: Any, up: NDArray[np.float64]) -> None:
     scene = UsdPhysics.Scene.Define(stage, "/physic/physics")
     scene.CreateGravityDirectionAttr(Gf.Vec3f(*(-up).tolist()))
     scene.CreateGravityMagnitudeAttr(9.81)
-
-
-def _linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return linear colours in 0-1 of sRGB 0-255."""
-    share = np.arange(256) / 255
-    table = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.asarray(table[colors])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
-from physic_core.visual.contact_colors import BODY_RGB, CONTACT_RGB, partner_color
+from physic_core.visual.palette import CAMERA_RGB, CONTACT_RGB, FLOOR_RGB, contact_color, contact_legend
 from physic_core.visual.report.packing import photo_jpeg
 from physic_core.visual.report.people import people_records
 from physic_core.visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
@@ -39,10 +39,9 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "scale": scene.scale,
         "scale_sigma": scene.scale_sigma,
         "body_model": reconstruction.body_model,
-        "colors": {"body": list(BODY_RGB), "contact": list(CONTACT_RGB)},
-        "partners": [
-            {"title": one.title, "color": list(partner_color(one))} for one in reconstruction.contact_partners
-        ],
+        "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB},
+        "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],
+        "partners": [{"title": one.title, "color": contact_color(one)} for one in reconstruction.contact_partners],
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
         "people": people_records(reconstruction),

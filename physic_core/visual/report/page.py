@@ -25,7 +25,7 @@ __all__ = ["GENERATOR", "failure_html", "report_html"]
 GENERATOR = '<meta name="generator" content="PhySIC report">'
 """Element by which a page of ours is recognised."""
 
-_SCRIPTS = ("elements.js", "decode.js", "stage.js", "photo.js", "panel.js", "measure.js", "main.js")
+_SCRIPTS = ("elements.js", "decode.js", "stage.js", "legend.js", "photo.js", "panel.js", "measure.js", "main.js")
 _TOKEN = re.compile(r"@([A-Z]+)@")
 
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
-from physic_core.visual.contact_colors import partner_color
-from physic_core.visual.preview_geometry import person_color
+from physic_core.visual.palette import contact_color, person_color, person_tint
 from physic_core.visual.report.surfaces import is_posed
 
 if TYPE_CHECKING:
@@ -40,11 +39,12 @@ def body_of(reconstruction: Reconstruction) -> BodyModel | None:
 def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     """Return the numbers of each person, ready for JSON; a number that is not known is None.
 
-    Keys: ``grade``, ``score``, ``box`` px, ``color`` sRGB, ``posed``, ``stature`` m, ``camera`` (distance of the pelvis
-    from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest`` (heights over the floor, m), ``others``
-    (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, m), ``contact_vertices``,
-    ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB, ``probability``), and ``contact`` (``part``,
-    ``cm2``, ``share``) by body part. ``support`` is a sentence on what carries the person.
+    Keys: ``grade``, ``score``, ``box`` px, ``color`` and ``tint`` (of the body) sRGB, ``posed``, ``stature`` m,
+    ``camera`` (distance of the pelvis from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest``
+    (heights over the floor, m), ``others`` (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of
+    the surfaces, m), ``contact_vertices``, ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB,
+    ``probability``), and ``contact`` (``part``, ``cm2``, ``share``) by body part. ``support`` is a sentence on what
+    carries the person.
     """
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
     gaps = _gaps(reconstruction)
@@ -60,6 +60,7 @@ def _record(
         "score": float(person.score),
         "box": [float(edge) for edge in person.box],
         "color": list(person_color(index)),
+        "tint": list(person_tint(index)),
         "posed": is_posed(person),
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
@@ -95,7 +96,7 @@ def _contact(contact: BodyContact) -> dict[str, Any]:
     return {
         "part": contact.part,
         "partner": contact.partner.title,
-        "color": list(partner_color(contact.partner)),
+        "color": list(contact_color(contact.partner)),
         "probability": contact.probability,
     }
 

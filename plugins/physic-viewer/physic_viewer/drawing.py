@@ -6,13 +6,12 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 import viser
 import viser.transforms
 
-from physic_core.visual.contact_colors import CONTACT_RGB
-from physic_core.visual.preview_geometry import person_color
+from physic_core.visual.palette import CAMERA_RGB, FLOOR_RGB, person_tint
 from physic_viewer.shapes import ResultShapes, nearest_on_ray
+from physic_viewer.unlit import unlit_glb
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,8 +60,8 @@ class DrawnResult:
     def _draw_scene(self, node: str) -> None:
         vertices, faces, colors = self.shapes.surface
         if len(faces):
-            mesh = trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False)
-            self._scene.add_mesh_trimesh(f"{node}/surface/mesh", mesh, cast_shadow=False, receive_shadow=False)
+            mesh = unlit_glb(vertices, faces, colors)
+            self._scene.add_glb(f"{node}/surface/mesh", mesh, cast_shadow=False, receive_shadow=False)
         points, colors = self.shapes.points
         if len(points):
             self._scene.add_point_cloud(
@@ -77,31 +76,24 @@ class DrawnResult:
                 plane="xz",
                 cell_size=1.0,
                 section_size=1.0,
-                section_color=(63, 127, 192),
+                section_color=FLOOR_RGB,
                 position=(float(low[0] + high[0]) / 2, 0.0, float(low[2] + high[2]) / 2),
                 shadow_opacity=0.0,
             )
 
     def _draw_people(self, node: str) -> None:
         for body in self.shapes.bodies:
-            name, color = f"person_{body.index}", person_color(body.index)
+            name = f"person_{body.index}"
             self._scene.add_mesh_simple(
                 f"{node}/people/{name}",
                 body.vertices.astype(np.float32),
                 np.asarray(self.shapes.faces, np.uint32),
-                color=color,
+                color=person_tint(body.index),
                 receive_shadow=False,
             )
             if len(body.contact_faces):
-                self._scene.add_mesh_simple(
-                    f"{node}/contact/{name}",
-                    body.contact_vertices.astype(np.float32),
-                    body.contact_faces.astype(np.uint32),
-                    color=CONTACT_RGB,
-                    side="double",
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
+                mesh = unlit_glb(body.contact_vertices, body.contact_faces, body.contact_colors)
+                self._scene.add_glb(f"{node}/contact/{name}", mesh, cast_shadow=False, receive_shadow=False)
             top = body.vertices[body.vertices[:, 1].argmax()]
             self._scene.add_label(
                 f"{node}/names/{name}", f"person {body.index}", position=(top[0], top[1] + 0.08, top[2])
@@ -115,9 +107,9 @@ class DrawnResult:
             f"{node}/camera/frustum",
             fov=2 * math.atan(camera.height / 2 / camera.fy),
             aspect=camera.width / camera.height,
-            scale=min(0.35, max(0.1, 0.2 * nearest)),
+            scale=min(0.2, max(0.05, 0.1 * nearest)),
             thickness=0.005,
-            color=(42, 111, 184),
+            color=CAMERA_RGB,
             image=self.result.image[::step, ::step],
             wxyz=viser.transforms.SO3.from_matrix(upright[:3, :3]).wxyz,
             position=tuple(upright[:3, 3]),
@@ -127,6 +119,11 @@ class DrawnResult:
     def move(self, offset: NDArray[np.float64]) -> None:
         """Place the result at an offset (3,), metres."""
         self._root.position = np.asarray(offset, np.float64)
+
+    @property
+    def offset(self) -> NDArray[np.float64]:
+        """Offset (3,) of the result, metres."""
+        return np.asarray(self._root.position, np.float64)
 
     def show(self, part: str, shown: bool) -> None:
         """Show or hide one of PARTS; contact follows people."""
@@ -148,7 +145,7 @@ class DrawnResult:
         self, origin: NDArray[np.float64], direction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], int | None] | None:
         """Return the point (3,) that a ray meets, and the person that it is on, if any; None beside everything."""
-        offset = np.asarray(self._root.position, np.float64)
+        offset = self.offset
         sets: list[tuple[NDArray[np.float64], int | None]] = []
         if self.is_shown("people"):
             sets += [(body.vertices, body.index) for body in self.shapes.bodies]

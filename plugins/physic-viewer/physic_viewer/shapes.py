@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.visual.export.meshes import vertex_normals
+from physic_core.visual.palette import contact_colors
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
 
@@ -22,6 +24,7 @@ __all__ = ["BodyShape", "ResultShapes", "build_shapes", "nearest_on_ray"]
 
 _SURFACE_VERTICES, _POINTS = 60_000, 60_000
 _BEHIND_M = 0.5  # the scene up to this far behind the people counts for their box
+_NEAR_CAMERA_M = 6.0  # a first view shows a camera up to this far from the box
 _LIFT_M = 0.003  # contact is drawn this far over the skin
 _ANGLE = 0.012  # radians; a click this near to a point hits it
 
@@ -35,12 +38,14 @@ class BodyShape:
         vertices: (V, 3) metres, upright frame.
         contact_vertices: (v, 3) of the part in contact, a little outside the skin.
         contact_faces: (f, 3) into ``contact_vertices``.
+        contact_colors: (v, 3) uint8 sRGB, those of what is touched.
     """
 
     index: int
     vertices: Array
     contact_vertices: Array
     contact_faces: NDArray[np.int64]
+    contact_colors: NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,13 @@ class ResultShapes:
     low: Array
     high: Array
 
+    def corners(self) -> Array:
+        """Return points (N, 3) around what a first view shows: the box, and the photo's camera if it is near."""
+        box = np.stack(np.meshgrid(*np.stack([self.low, self.high], 1)), -1).reshape(-1, 3)
+        eye = self.upright[:3, 3]
+        apart = np.linalg.norm(eye - np.clip(eye, self.low, self.high))
+        return np.concatenate([box, eye[None]]) if apart < _NEAR_CAMERA_M else box
+
 
 def build_shapes(result: Reconstruction) -> ResultShapes:
     """Build meshes and points of a result."""
@@ -76,7 +88,7 @@ def build_shapes(result: Reconstruction) -> ResultShapes:
         valid = valid & np.isfinite(points).all(-1) & (points[..., 2] < limit)
     cloud = transform_points(upright, points[valid])
     bodies = tuple(
-        _body(index, person, result.faces, upright)
+        _body(index, result, upright)
         for index, person in enumerate(result.people)
         if np.isfinite(person.vertices).all()
     )
@@ -106,26 +118,18 @@ def _bounds(bodies: tuple[BodyShape, ...], cloud: Array) -> tuple[Array, Array]:
     return np.min([low for low, _ in corners], axis=0), np.max([high for _, high in corners], axis=0)
 
 
-def _body(index: int, person: Person, faces: NDArray[np.int32], upright: Array) -> BodyShape:
+def _body(index: int, result: Reconstruction, upright: Array) -> BodyShape:
+    person, faces = result.people[index], np.asarray(result.faces, np.int64)
     vertices = transform_points(upright, person.vertices)
-    touching = np.asarray(faces, np.int64)[np.asarray(person.contact, bool)[faces].all(1)]
+    touching = faces[np.asarray(person.contact, bool)[faces].all(1)]
     used, numbered = np.unique(touching, return_inverse=True)
     return BodyShape(
         index=index,
         vertices=vertices,
-        contact_vertices=(vertices + _LIFT_M * _normals(vertices, faces))[used],
+        contact_vertices=(vertices + _LIFT_M * vertex_normals(vertices, faces))[used],
         contact_faces=numbered.reshape(-1, 3),
+        contact_colors=contact_colors(person, result.contact_partners)[used],
     )
-
-
-def _normals(vertices: Array, faces: NDArray[Any]) -> Array:
-    """Return unit normals of vertices; zero where no face is."""
-    corners = vertices[faces]
-    of_faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(of_faces[:, axis], 3), len(vertices)) for axis in range(3)], -1
-    )
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
 
 
 def nearest_on_ray(points: Array, origin: Array, direction: Array) -> int | None:

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types import summarize_checks
+from physic_core.visual.palette import contact_legend
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, Reconstruction
 
-__all__ = ["escape", "person_text", "result_text"]
+__all__ = ["escape", "legend_html", "person_text", "result_text"]
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+.!|<>~$&-])")
 
@@ -47,6 +48,16 @@ def person_text(index: int, record: Mapping[str, Any], checks: Sequence[CheckRes
     failed = [check.name for check in checks if check.person == index and check.failed]
     lines.append(f"- failed checks: {escape(', '.join(failed)) or 'none'}")
     return "\n".join(lines)
+
+
+def legend_html(results: Sequence[Reconstruction]) -> str:
+    """Return the colours of contact that the bodies of results show; "" without contact."""
+    dot = "display:inline-block;width:0.8em;height:0.8em;border-radius:50%;border:1px solid #888;margin-right:0.4em"
+    rows = [
+        f'<div><span style="{dot};background:rgb{rgb}"></span>{label}</div>'
+        for label, rgb in contact_legend(*results).items()
+    ]
+    return f'<div style="padding:0 0.75em;font-size:0.85em">Contact with{"".join(rows)}</div>' if rows else ""
 
 
 def _metres(value: float | None) -> str:

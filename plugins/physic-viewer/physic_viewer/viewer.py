@@ -14,7 +14,7 @@ import viser
 from physic_core.visual.report.people import people_records
 from physic_viewer.drawing import PARTS
 from physic_viewer.slot import Slot
-from physic_viewer.text import person_text
+from physic_viewer.text import legend_html, person_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +28,8 @@ __all__ = ["Viewer"]
 
 _SIDE_BY_SIDE, _ONE_PLACE = "side by side", "in one place"
 _GAP_M = 0.6
+_TURN, _RISE = np.deg2rad(35.0), np.deg2rad(20.0)  # of the first view, from that of the photo
+_ASPECT = 1.2  # width by height of a window, whose panel covers a part
 _ADVICE = "Click on a person for their numbers."
 
 
@@ -51,6 +53,7 @@ class Viewer:
         gui.main_panel.dock_right()
         with gui.add_folder("Show"):
             self.switches = {name: gui.add_checkbox(name.capitalize(), shown) for name, shown in PARTS.items()}
+        self.legend = gui.add_html("")
         self.arrange = gui.add_dropdown("Arrange", [_SIDE_BY_SIDE, _ONE_PLACE], visible=len(sources) > 1)
         self.measuring = gui.add_checkbox("Measure", False)
         self.text = gui.add_markdown(_ADVICE)
@@ -128,6 +131,8 @@ class Viewer:
             if slot.drawn is not None:
                 for name, shown in on.items():
                     slot.drawn.show(name, shown and (name != "contact" or on["people"]))
+        shown_results = [slot.drawn.result for slot in self.slots if slot.drawn is not None and slot.is_shown]
+        self.legend.content = legend_html(shown_results) if on["contact"] and on["people"] else ""
 
     def _place(self) -> None:
         """Put the results side by side from left to right, or all in one place."""
@@ -145,17 +150,18 @@ class Viewer:
             self._show()
 
     def _look(self) -> None:
-        """Choose the first view: all results from the front, a little from above."""
+        """Choose the first view: people and scene from the side of the photo's camera, and from above."""
         drawn = [slot.drawn for slot in self.slots if slot.drawn is not None]
         if not drawn:
             return
-        low = np.min([one.shapes.low for one in drawn], axis=0)
-        high = np.max([one.shapes.high for one in drawn], axis=0)
-        wide = sum(float(one.shapes.high[0] - one.shapes.low[0]) + _GAP_M for one in drawn) - _GAP_M
-        center = np.array([wide / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2])
-        distance = max(0.6 * wide, 1.1 * float(high[1] - low[1])) + 0.5 * float(high[2] - low[2])
-        self.server.initial_camera.position = tuple(center + distance * np.array([0.25, 0.25, 0.94]))
-        self.server.initial_camera.look_at = tuple(center)
+        points = np.concatenate([one.shapes.corners() + one.offset for one in drawn])
+        camera = self.server.initial_camera
+        direction = np.array([np.sin(_TURN) * np.cos(_RISE), np.sin(_RISE), np.cos(_TURN) * np.cos(_RISE)])
+        across = np.cross([0.0, 1.0, 0.0], direction) / np.cos(_RISE)
+        center, tall = (points.min(0) + points.max(0)) / 2, np.tan(camera.fov / 2)
+        sizes = np.abs((points - center) @ np.stack([across, np.cross(direction, across)], 1)) / [_ASPECT * tall, tall]
+        distance = float((sizes.max(1) + (points - center) @ direction).max())
+        camera.position, camera.look_at = tuple(center + distance * direction), tuple(center)
 
 
 def _numbers(drawn: DrawnResult, person: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 from importlib.util import module_from_spec, spec_from_file_location
@@ -14,6 +15,7 @@ from click.testing import CliRunner
 from physic_core import save_reconstruction
 from physic_core.cli import main
 from physic_core.errors import InputError
+from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command
 from physic_viewer.drawing import PARTS
 from physic_viewer.shapes import build_shapes, nearest_on_ray
@@ -114,6 +116,39 @@ def test_two_results_stand_side_by_side_or_in_one_place(saved, viewer_of):
     assert "no checks were run" in viewer.slots[0].message
 
 
+def test_the_first_view_shows_all_people_and_the_camera(saved, result, viewer_of):
+    viewer = viewer_of(saved)
+    camera, shapes = viewer.server.initial_camera, viewer.slots[0].drawn.shapes
+    position, target = np.array(camera.position), np.array(camera.look_at)
+    ahead = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(ahead, [0, 1, 0])
+    right /= np.linalg.norm(right)
+    points = np.concatenate([*(body.vertices for body in shapes.bodies), shapes.upright[None, :3, 3]])
+    points += viewer.slots[0].drawn.offset
+    depth = (points - position) @ ahead
+    assert depth.min() > 0
+    assert np.abs((points - position) @ np.cross(right, ahead) / depth).max() < np.tan(camera.fov / 2)
+    assert np.abs((points - position) @ right / depth).max() < 1.2 * np.tan(camera.fov / 2)
+
+
+def test_the_panel_has_the_colours_of_contact_that_are_shown(saved, viewer_of):
+    viewer = viewer_of(saved)
+    red, green, blue = CONTACT_PALETTE["floor"]
+    assert f"rgb({red}, {green}, {blue})" in viewer.legend.content
+    assert re.sub(r"<[^>]*>", " ", viewer.legend.content).split() == ["Contact", "with", "floor"]
+    for name in ("contact", "people"):
+        viewer.switches[name].value = False
+        viewer._show()
+        assert viewer.legend.content == ""
+        viewer.switches[name].value = True
+
+
+def test_contact_has_the_colour_of_what_is_touched(result):
+    for body in build_shapes(result).bodies:
+        np.testing.assert_array_equal(np.unique(body.contact_colors, axis=0), [CONTACT_PALETTE["floor"]])
+        assert len(body.contact_colors) == len(body.contact_vertices)
+
+
 def test_switches_hide_their_part_in_all_results(saved, viewer_of):
     viewer = viewer_of(saved, saved)
     for name, shown in PARTS.items():
@@ -211,5 +246,8 @@ def test_it_is_drawn_in_a_browser_that_asks_for_nothing_else(chromium, saved, vi
     while (picture := page.picture("canvas")).reshape(-1, 3).std(0).max() < 12 and time.monotonic() < deadline:
         time.sleep(0.5)
     assert picture.std() > 12
+    # The scene has its own colours, whatever the light: the squares of the floor, and the top of the box.
+    for color in ((205, 180, 150), (150, 120, 90), (215, 120, 95)):
+        assert (np.abs(page.picture("canvas").astype(int) - color).max(-1) <= 3).sum() > 200
     assert [url for url in page.requests() if not url.startswith((viewer.address, "ws://127.0.0.1"))] == []
     page.close()

@@ -52,8 +52,11 @@ function connect(stage, panel, select) {
   for (const view of document.querySelectorAll("[data-view]")) {
     view.addEventListener("click", () => stage.look(view.dataset.view));
   }
+  const legend = () => showLegend(byId("legend"), stage.data, name => document.querySelector(`[data-show=${name}]`).checked);
+  legend();
   for (const box of document.querySelectorAll("[data-show]")) {
     const show = () => {
+      legend();
       stage.show(box.dataset.show, box.checked);
       if (box.dataset.show === "contact" || box.dataset.show === "partners") panel.draw(stage);
     };

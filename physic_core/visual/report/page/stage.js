@@ -17,6 +17,7 @@ class Stage {
     this.scene.add(this.root, ...lights());
     this.listeners = [];
     this.contact = { contact: true, partners: true };
+    this.isPhotoBehind = false; // the photo is behind the bodies in place of the scene
 
     this.bodies = data.people.map((person, index) => makeBody(data, index));
     const { mesh, points } = makeScene(data, background);
@@ -32,7 +33,10 @@ class Stage {
 
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.02, 500);
     this.controls = new THREE.OrbitControls(this.camera, canvas);
-    this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("change", () => {
+      this.isPhotoBehind = false;
+      this.draw();
+    });
     this.photoCamera = makePhotoCamera(data, this.root);
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
@@ -61,6 +65,7 @@ class Stage {
       this.contact = { ...this.contact, [name]: shown };
       this.bodies.forEach(body => body?.userData.paint(this.contact.contact, this.contact.partners));
     } else this.groups[name].visible = shown;
+    if (name === "mesh" || name === "points") this.isPhotoBehind = false;
     this.draw();
   }
 
@@ -70,10 +75,8 @@ class Stage {
   }
 
   look(name) {
-    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix), box = this.box.clone();
-    // From the side and from above, the camera is in the picture too, unless it is far away.
-    if ((name === "side" || name === "top") && box.distanceToPoint(eye) < 6) box.expandByPoint(eye);
-    const center = box.getCenter(new THREE.Vector3()), size = box.getSize(new THREE.Vector3());
+    const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix), box = this.box;
+    const center = box.getCenter(new THREE.Vector3());
     const { width, height, camera } = this.data;
     this.camera.fov = FIELD_OF_VIEW;
     if (name === "camera") {
@@ -82,23 +85,40 @@ class Stage {
       this.camera.fov = 2 * Math.atan(tall / 2) * 180 / Math.PI;
       this.camera.position.copy(eye);
       center.copy(eye).addScaledVector(ahead, Math.max(0.5, center.clone().sub(eye).dot(ahead)));
+      this.controls.target.copy(center);
     } else {
-      const turn = { angle: 28, side: 88, top: 0 }[name] * Math.PI / 180;
-      const rise = { angle: 16, side: 4, top: 88 }[name] * Math.PI / 180;
+      const turn = { angle: 48, side: 88, top: 0 }[name] * Math.PI / 180;
+      const rise = { angle: 18, side: 4, top: 88 }[name] * Math.PI / 180;
       const back = Math.atan2(eye.x - center.x, eye.z - center.z) + turn;
-      const direction = new THREE.Vector3(
-        Math.sin(back) * Math.cos(rise), Math.sin(rise), Math.cos(back) * Math.cos(rise));
-      const half = Math.tan(FIELD_OF_VIEW * Math.PI / 360);
-      const wide = Math.hypot(size.x, size.z), tall = name === "top" ? wide : size.y;
-      const distance = Math.max((tall / 2 + 0.35) / half, (wide / 2 + 0.3) / half / this.camera.aspect);
-      this.camera.position.copy(center).addScaledVector(direction, distance + wide / 2);
+      const points = corners(box.clone().expandByScalar(0.1));
+      // The camera is in the picture too, unless it is far away.
+      if (box.distanceToPoint(eye) < 6) points.push(...corners(new THREE.Box3().setFromObject(this.groups.camera)));
+      this.fit(points, new THREE.Vector3(
+        Math.sin(back) * Math.cos(rise), Math.sin(rise), Math.cos(back) * Math.cos(rise)));
     }
-    this.controls.target.copy(center);
     this.camera.updateProjectionMatrix();
     this.controls.update();
     // The photo may be tilted; the controls keep the horizon level from the next turn on.
     if (name === "camera") this.camera.quaternion.setFromRotationMatrix(this.photoCamera.matrixWorld);
+    this.isPhotoBehind = name === "camera";
     this.draw();
+  }
+
+  // Move the camera to the nearest place in a direction (a unit vector towards it) from which all points are seen.
+  fit(points, direction) {
+    const right = new THREE.Vector3(0, 1, 0).cross(direction).normalize(), top = direction.clone().cross(right);
+    const tall = 0.9 * Math.tan(FIELD_OF_VIEW * Math.PI / 360), wide = tall * this.camera.aspect, target = new THREE.Vector3();
+    let distance = 0;
+    for (const [axis, slope] of [[right, wide], [top, tall]]) {
+      const most = Math.max(...points.map(point => point.dot(axis) + slope * point.dot(direction)));
+      const least = Math.max(...points.map(point => slope * point.dot(direction) - point.dot(axis)));
+      target.addScaledVector(axis, (most - least) / 2);
+      distance = Math.max(distance, (most + least) / 2 / slope);
+    }
+    this.camera.position.copy(target).addScaledVector(direction, distance);
+    // A turn is around the people.
+    const depth = this.box.getCenter(new THREE.Vector3()).sub(target).dot(direction);
+    this.controls.target.copy(target).addScaledVector(direction, depth);
   }
 
   // Turn around the target by angles in radians, and change the distance by a factor.
@@ -131,11 +151,17 @@ class Stage {
   }
 
   render() {
-    // From its own place, the photo would hide the scene.
+    // From its own place, the photo would hide the scene, unless it is drawn first.
     const eye = new THREE.Vector3().setFromMatrixPosition(this.root.matrix);
     const isInside = eye.distanceTo(this.camera.position) < 0.3;
-    this.groups.camera.children.forEach(part => { part.visible = !isInside; });
+    const { camera, mesh, points } = this.groups, [lines, photo] = camera.children;
+    const isBehind = this.isPhotoBehind && camera.visible, shown = [mesh.visible, points.visible];
+    lines.visible = !isInside;
+    photo.visible = !isInside || isBehind;
+    photo.material.depthTest = photo.material.depthWrite = !isBehind;
+    if (isBehind) mesh.visible = points.visible = false;
     this.renderer.render(this.scene, this.camera);
+    [mesh.visible, points.visible] = shown;
     this.listeners.forEach(listener => listener());
   }
 
@@ -162,6 +188,14 @@ class Stage {
     if (spot.z > 1) return null;
     return [(spot.x + 1) / 2 * this.canvas.clientWidth, (1 - spot.y) / 2 * this.canvas.clientHeight];
   }
+}
+
+function corners({ min, max }) {
+  return [min.x, max.x].flatMap(x => [min.y, max.y].flatMap(y => [min.z, max.z].map(z => new THREE.Vector3(x, y, z))));
+}
+
+function makeColor([red, green, blue]) {
+  return new THREE.Color().setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
 }
 
 function lights() {
@@ -223,14 +257,14 @@ function makeBody(data, index) {
   geometry.setAttribute("color", colors);
   const body = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82 }));
   body.layers.enable(BODIES);
-  const own = data.people[index].color.map(v => LINEAR[Math.round(0.62 * v + 0.38 * 225)]);
-  const red = data.colors.contact.map(v => LINEAR[v]);
+  const own = data.people[index].tint.map(v => LINEAR[v]);
+  const any = data.colors.contact.map(v => LINEAR[v]);
   const partner = packed.partner && decodeIndices(packed.partner);
   const shades = [own, ...data.partners.map(({ color }) => color.map(v => LINEAR[v]))];
   body.userData = {
     index,
     paint(contact, byPartner) {
-      const touched = i => (byPartner && partner ? shades[partner[i]] : red);
+      const touched = i => (byPartner && partner ? shades[partner[i]] : any);
       for (let i = 0; i < colors.count; i++) colors.setXYZ(i, ...(contact && touches(i) ? touched(i) : own));
       colors.needsUpdate = true;
     },
@@ -255,7 +289,9 @@ function makeFrustum(data, photo) {
   plane.setIndex([0, 2, 1, 0, 3, 2]);
   const group = new THREE.Group();
   const paint = new THREE.MeshBasicMaterial({ map: makeTexture(photo), side: THREE.DoubleSide });
-  group.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0x2a6fb8 })), new THREE.Mesh(plane, paint));
+  const ink = new THREE.LineBasicMaterial({ color: makeColor(data.colors.camera) }), picture = new THREE.Mesh(plane, paint);
+  picture.renderOrder = -1;
+  group.add(new THREE.LineSegments(lines, ink), picture);
   return group;
 }
 
@@ -289,9 +325,10 @@ function makeFloor(data, box, root) {
   grid.setAttribute("position", new THREE.Float32BufferAttribute(spots, 3));
   const sheet = new THREE.PlaneGeometry(high[0] - low[0], high[1] - low[1]).rotateX(-Math.PI / 2)
     .translate((low[0] + high[0]) / 2, 0, (low[1] + high[1]) / 2);
-  const glass = { color: 0x4f8fd0, transparent: true, opacity: 0.09, side: THREE.DoubleSide, depthWrite: false };
+  const color = makeColor(data.colors.floor);
+  const glass = { color, transparent: true, opacity: 0.09, side: THREE.DoubleSide, depthWrite: false };
   group.add(
-    new THREE.LineSegments(grid, new THREE.LineBasicMaterial({ color: 0x3f7fc0, transparent: true, opacity: 0.65 })),
+    new THREE.LineSegments(grid, new THREE.LineBasicMaterial({ color, transparent: true, opacity: 0.65 })),
     new THREE.Mesh(sheet, new THREE.MeshBasicMaterial(glass)));
   return group;
 }

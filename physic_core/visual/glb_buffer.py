@@ -31,6 +31,7 @@ class GlbBuffer:
         self.tree: dict[str, Any] = {"asset": {"version": "2.0", **asset}}
         self._chunks: list[bytes] = []
         self._size = 0
+        self._accessors: dict[tuple[str, bytes], int] = {}
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Append an entry to a list of the tree ("nodes", "meshes", ...), and return its index."""
@@ -53,6 +54,8 @@ class GlbBuffer:
     ) -> int:
         """Append an array (N, ...) of float32 or unsigned integers, and return the index of its accessor.
 
+        Equal arrays, such as the faces of several people, are written once.
+
         Args:
             values: matrices are (N, 4, 4), by rows.
             target: ARRAY, INDICES or None.
@@ -61,7 +64,6 @@ class GlbBuffer:
         """
         values = np.ascontiguousarray(np.swapaxes(values, -1, -2) if values.ndim == 3 else values)
         entry: dict[str, Any] = {
-            "bufferView": self.view(values.tobytes(), target),
             "componentType": _COMPONENTS[values.dtype.name],
             "count": len(values),
             "type": _TYPES[values.shape[1:]],
@@ -70,7 +72,11 @@ class GlbBuffer:
             entry["normalized"] = True
         if bounds:
             entry |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
-        return self.add("accessors", entry)
+        key = f"{entry}{target}", values.tobytes()
+        if key not in self._accessors:
+            entry["bufferView"] = self.view(key[1], target)
+            self._accessors[key] = self.add("accessors", entry)
+        return self._accessors[key]
 
     def content(self) -> bytes:
         """Return the GLB file."""

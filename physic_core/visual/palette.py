@@ -1,0 +1,131 @@
+"""The colours of every picture, page and export: bodies, people, and contact by what is touched.
+
+Readers with any of the three kinds of colour blindness can tell the colours of contact apart, and from a body without
+contact: they differ by 0.13 at least in OKLab.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import ContactPartner, Person, Reconstruction, UInt8Array
+
+__all__ = [
+    "BODY_RGB",
+    "CAMERA_RGB",
+    "CONTACT_PALETTE",
+    "CONTACT_RGB",
+    "FLOOR_RGB",
+    "contact_color",
+    "contact_colors",
+    "contact_legend",
+    "linear_from_srgb",
+    "person_color",
+    "person_tint",
+]
+
+Rgb = tuple[int, int, int]
+
+BODY_RGB: Rgb = (196, 192, 186)
+"""sRGB colour of body vertices without contact."""
+
+CONTACT_RGB: Rgb = (204, 68, 0)
+"""sRGB colour of body vertices in contact, where partners are not shown or not known."""
+
+CONTACT_PALETTE: dict[str, Rgb] = {
+    "floor": (24, 140, 130),
+    "seat": (16, 72, 156),
+    "wall": (124, 168, 255),
+    "other surface": (250, 250, 60),
+    "person": (160, 84, 224),
+    "own body": (224, 150, 8),
+    "hidden support": (84, 40, 60),
+    "object": (204, 68, 0),
+}
+"""Label of a kind of contact -> sRGB colour, in the order of a legend."""
+
+FLOOR_RGB: Rgb = CONTACT_PALETTE["floor"]
+"""sRGB colour of the floor, which is that of contact with it."""
+
+CAMERA_RGB: Rgb = (42, 111, 184)
+"""sRGB colour of the camera's field of view."""
+
+_PERSON_RGB: tuple[Rgb, ...] = (
+    (86, 156, 222),
+    (240, 150, 62),
+    (96, 186, 108),
+    (214, 108, 158),
+    (150, 122, 206),
+    (222, 196, 72),
+    (84, 190, 190),
+    (198, 128, 96),
+)
+_TINT = 0.2  # share of a person's colour in their body where contact is shown on it
+_LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}  # the others are labels themselves
+
+
+def person_color(index: int) -> Rgb:
+    """Return the sRGB colour of a person; colours repeat after the eighth person."""
+    return _PERSON_RGB[index % len(_PERSON_RGB)]
+
+
+def person_tint(index: int) -> Rgb:
+    """Return the sRGB colour of a person's body where contact is shown on it: grey with a touch of their colour."""
+    red, green, blue = (
+        round(_TINT * own + (1 - _TINT) * grey) for own, grey in zip(person_color(index), BODY_RGB, strict=True)
+    )
+    return red, green, blue
+
+
+def contact_label(partner: ContactPartner) -> str:
+    """Return the label of CONTACT_PALETTE for a partner."""
+    if partner.kind == "scene":
+        return partner.surface if partner.surface in ("seat", "wall") else "other surface"
+    return _LABEL_OF_KIND.get(partner.kind, partner.kind)
+
+
+def contact_color(partner: ContactPartner) -> Rgb:
+    """Return the sRGB colour of contact with a partner."""
+    return CONTACT_PALETTE[contact_label(partner)]
+
+
+def contact_colors(person: Person, partners: Sequence[ContactPartner], body: Rgb = BODY_RGB) -> UInt8Array:
+    """Return the sRGB colours (V, 3) of a body by partner; of CONTACT_RGB in a result without partners.
+
+    Args:
+        person: with V vertices.
+        partners: those of the result.
+        body: colour without contact.
+    """
+    if person.contact_partner is None:
+        return np.where(person.contact[:, None], CONTACT_RGB, body).astype(np.uint8)
+    table = np.array([*map(contact_color, partners), body], np.uint8)
+    colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]  # -1, no partner, is the last row
+    return colors
+
+
+def contact_legend(*results: Reconstruction) -> dict[str, Rgb]:
+    """Return label -> sRGB colour of the contact that the bodies of results show, in the order of CONTACT_PALETTE."""
+    shown: set[str] = set()
+    for result in results:
+        for person in result.people:
+            if person.contact_partner is not None:
+                touched = np.unique(person.contact_partner)
+                shown.update(contact_label(result.contact_partners[i]) for i in touched if i >= 0)
+            elif person.contact.any():
+                shown.add("anything")
+    return {label: rgb for label, rgb in {**CONTACT_PALETTE, "anything": CONTACT_RGB}.items() if label in shown}
+
+
+def linear_from_srgb(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return linear colours in 0-1 of sRGB 0-255, as glTF and USD state colours of vertices."""
+    share = np.arange(256) / 255
+    table = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(table[colors])
