@@ -212,7 +212,7 @@ def measure_contacts(
             distance=near.nearest[row],
             prior=prior,
             lifted_feet=lifted,
-            feet_seen=bool(seen_limbs[row, soles].any()),
+            seen=seen_limbs[row],
             hanging=bool(result.hanging[i]),
         )
         carried[i] = find_support(model, posed, evidence, up, assume=settings.contact.assume_supports)

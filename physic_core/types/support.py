@@ -29,7 +29,8 @@ class SupportState(StrEnum):
     """The hands hold something above the centre of mass."""
 
     ASSUMED = "assumed"
-    """The same with a hidden support, which the body needs and the reconstructed scene does not have."""
+    """The same with a support that the photo does not show: contacts of limbs without a visible pixel, or a hidden
+    support, which the body needs and the reconstructed scene does not have."""
 
     AIRBORNE = "airborne"
     """The person is in the air: the photo shows both feet over the ground, and nothing else is touched."""

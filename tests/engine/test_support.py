@@ -58,8 +58,15 @@ def posed(make_stage):
     return pose
 
 
-def evidence(model, *touching, prior=(), lifted=(False, False)):
-    """Contact of some sets of vertices, and a contact prior of 0.9 on others."""
+def members(model, *names):
+    chosen = torch.zeros(model.num_vertices, dtype=torch.bool)
+    for name in names:
+        chosen[model.contact_sets[name]] = True
+    return chosen
+
+
+def evidence(model, *touching, prior=(), lifted=(False, False), unseen=()):
+    """Contact of some sets of vertices, a contact prior of 0.9 on others, and sets that the photo does not show."""
     contact = torch.zeros(model.num_vertices, dtype=torch.bool)
     probability = torch.full((model.num_vertices,), 0.1)
     for name in touching:
@@ -72,14 +79,12 @@ def evidence(model, *touching, prior=(), lifted=(False, False)):
         distance=torch.full((model.num_vertices,), torch.inf),
         prior=probability,
         lifted_feet=torch.tensor(lifted),
+        seen=~members(model, *unseen),
     )
 
 
 def within(model, chosen, *names):
-    allowed = torch.zeros_like(chosen)
-    for name in names:
-        allowed[model.contact_sets[name]] = True
-    return not bool((chosen & ~allowed).any())
+    return not bool((chosen & ~members(model, *names)).any())
 
 
 @pytest.mark.parametrize(("bends", "state"), [({}, "balanced"), (SQUATS, "balanced")])
@@ -89,6 +94,28 @@ def test_feet_balance_who_stands_or_squats(posed, bends, state):
     assert found.state == state
     assert found.outside_m < 0.12
     assert not found.hidden.any()
+
+
+@pytest.mark.parametrize(
+    ("unseen", "state"),
+    [
+        (("left_sole", "right_sole"), "assumed"),
+        (("left_hand", "right_hand"), "balanced"),
+        (("left_sole",), "balanced"),  # the other sole is near enough below the centre of mass
+    ],
+)
+def test_support_that_needs_feet_without_a_visible_pixel_is_assumed(posed, unseen, state):
+    model, body = posed({})
+    found = find_support(model, body, evidence(model, "left_sole", "right_sole", unseen=unseen), UP, assume=True)
+    assert found.state == state
+    assert not found.hidden.any()
+    assert found.contact[model.contact_sets["left_sole"]].any()
+
+
+def test_hands_without_a_visible_pixel_hang_by_assumption(posed):
+    model, body = posed(HANGS)
+    hands = ("left_hand", "right_hand")
+    assert find_support(model, body, evidence(model, *hands, unseen=hands), UP, assume=True).state == "assumed"
 
 
 @pytest.mark.parametrize("touching", [(), ("left_sole", "right_sole")])
@@ -129,7 +156,8 @@ def test_who_shows_no_feet_holds_something_hidden_only_over_the_shoulders(posed)
     for bends, part in ((HANGS, "hand"), (arms_down, "foot")):
         model, body = posed(bends)
         hands_alone = evidence(model, prior=("left_hand", "right_hand"))
-        unseen = replace(hands_alone, feet_seen=False, prior=hands_alone.prior.clamp(min=0.5))
+        no_feet = ~members(model, "left_sole", "right_sole")
+        unseen = replace(hands_alone, seen=no_feet, prior=hands_alone.prior.clamp(min=0.5))
         found = find_support(model, body, unseen, UP, assume=True)
         assert within(model, found.hidden, f"left_{part}", f"right_{part}")
         shown = find_support(model, body, hands_alone, UP, assume=True)
@@ -225,6 +253,8 @@ def test_parts_that_carry_a_balanced_person_touch_surely_but_not_hands(posed):
     }
     before = (BodyContact("left_hand", floor, 0.6, 20), BodyContact("left_foot", floor, 0.5, 20))
     assert [str(one) for one in with_support(before, support)] == ["left foot: floor, 0.90", "left hand: floor, 0.50"]
+    unseen = replace(carried, state=SupportState.ASSUMED)
+    assert support_record(unseen, index, half, (floor,), names, region).contacts == support.contacts
     unbalanced = replace(carried, state=SupportState.UNBALANCED)
     assert support_record(unbalanced, index, half, (floor,), names, region).contacts[0].probability == 0.5
 

@@ -88,7 +88,7 @@ class ContactEvidence:
         distance: (V,) signed, to the nearest surface, metres; inf beyond the search radius.
         prior: (V,) probability of the contact prior.
         lifted_feet: (2,) bool, left and right foot in the air.
-        feet_seen: whether the photo shows a foot.
+        seen: (V,) bool, vertices on limbs that the photo shows.
         hanging: whether the person was found to hang from the hands by the pose.
     """
 
@@ -97,7 +97,7 @@ class ContactEvidence:
     distance: Tensor
     prior: Tensor
     lifted_feet: Tensor
-    feet_seen: bool = True
+    seen: Tensor
     hanging: bool = False
 
 
@@ -149,7 +149,8 @@ def find_support(
     Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
     contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
     either, the hands of who hangs hold something hidden. For other people the cheapest hypothesis is returned: the
-    person moves, or a hidden support carries.
+    person moves, or a hidden support carries. A support that balances the body only with contacts of limbs that the
+    photo does not show is assumed, too.
 
     Args:
         evidence: of the contacts.
@@ -175,6 +176,8 @@ def find_support(
     ):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
+            if beside_hull(centre, vertices[carrying & evidence.seen], up) > _BALANCE_M:
+                state = SupportState.ASSUMED
             return Carried(state, carrying, none, False, outside, centre)
     airborne = bool(evidence.lifted_feet.all()) and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
@@ -221,7 +224,7 @@ def support_record(
     carrying = torch.where(carried.hidden, len(table), carrying)
     parts = body_contacts(carrying, probability, partners, region_names, region)
     contacts = tuple(one for one in parts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
-    if carried.state is SupportState.BALANCED:
+    if carried.state in (SupportState.BALANCED, SupportState.ASSUMED) and not bool(carried.hidden.any()):
         contacts = tuple(map(_surer, contacts))
     x, y, z = carried.centre.tolist()
     outside = round(carried.outside_m, 4) if carried.outside_m < float("inf") else None
@@ -299,7 +302,7 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
         seat = lowest(members("thighs", "gluteus"))
         found.append(_Hypothesis(seat, soles, _SEAT_COST, is_seat=True, needs_surface=False))
     held = hands_may_hold(model, evidence.prior[None])[0]
-    if not evidence.feet_seen:
+    if not bool(evidence.seen[torch.cat([sets["left_sole"], sets["right_sole"]])].any()):
         # Feet that the photo does not show stand on something more often than not.
         held &= (body.joints[_WRISTS] - body.joints[_SHOULDERS]) @ up > 0
     held |= evidence.hanging
@@ -320,7 +323,7 @@ def _hypotheses(model: BodyModel, body: PosedPerson, evidence: ContactEvidence, 
 
 
 def _surer(contact: BodyContact) -> BodyContact:
-    """Return a contact that carries a balanced person, with the probability that such contacts have."""
+    """Return a contact that balances a person, with the probability that such contacts have."""
     if contact.probability is None or contact.part.endswith("hand"):
         return contact
     return replace(contact, probability=max(contact.probability, CARRYING))

@@ -103,7 +103,7 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield check_value(
         "legs_seen",
         None if legs is None else float(legs),
-        "neither knee nor ankle of one leg is visible: its pose is a guess, and its contact is uncertain",
+        "neither knee nor ankle of one leg is visible: its pose and its contacts are a guess",
         unmeasured="the body estimator does not report which joints are visible",
     )
 
