@@ -34,7 +34,7 @@ _TYPES = {
     ".html": "text/html",
 }
 _PLAIN = {(404, "Not Found"): "there is no such page", (413, "Content Too Large"): "the photo is too large"}
-_PAGE_POLICY = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; form-action 'self'"
+_PAGE_POLICY = "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; form-action 'self'"
 
 
 class Status(BaseModel):

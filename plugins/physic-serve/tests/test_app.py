@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+import physic_core
 from physic_serve.pages import STATIC
 from physic_serve.worker import Message, Task
 
@@ -319,11 +320,49 @@ def test_a_browser_gets_pages(serve: Serve):
     served.release.set()
     served.wait(place.removeprefix("/jobs/"))
     done = served.client.get(place, headers=HTML).text
-    assert "Done. Grade: good." in done
+    assert 'Done. Grade: <span class="good">good</span>.' in done
+    assert "<h1>p.jpg</h1>" in done
     assert done.count(" download>") == 2
     missing = served.client.get("/jobs/none", headers=HTML)
     assert (missing.status_code, "it was deleted, or never there" in missing.text) == (404, True)
     assert served.client.get("/none", headers=HTML).text.count("there is no such page") == 1
+
+
+def test_the_page_of_a_result_lists_its_files_for_people_first(serve: Serve):
+    served = serve()
+    posted = served.client.post("/reconstructions", files={"photo": ("<b>&.jpg", PHOTO)}).json()["id"]
+    served.wait(posted, "running")
+    (worker,) = served.workers
+
+    def write(task: Task) -> Message:
+        for name in ("reconstruction.npz", "reconstruction.json", "points.ply", "skeleton_0.bvh", "combined.glb"):
+            (task.folder / name).write_bytes(bytes(200_000))
+        return Message("done", {"grade": "bad", "missing_exports": {"mjcf": "the result has no floor"}})
+
+    worker.outcome = write
+    served.release.set()
+    served.wait(posted)
+    text = served.client.get(f"/jobs/{posted}", headers=HTML).text
+    assert "<title>&lt;b&gt;&amp;.jpg</title>" in text
+    assert re.findall(r"download>([^<]+)</a><span>([^<]*)</span><span class=\"soft\">([^<]+)", text) == [
+        ("combined.glb", "Scene and people, for every 3D viewer", "0.2 MB"),
+        ("skeleton_0.bvh", "Skeleton and pose of a person, for Blender, Maya, MotionBuilder", "0.2 MB"),
+        ("points.ply", "", "0.2 MB"),
+        ("reconstruction.json", "", "0.2 MB"),
+        ("reconstruction.npz", "", "0.2 MB"),
+    ]
+    assert text.index("points.ply") < text.index("<details>") < text.index("reconstruction.json")
+    assert "Not exported to mjcf: the result has no floor." in text
+
+
+def test_the_pages_have_the_colours_of_the_report(serve: Serve):
+    def colours(css: str) -> dict[str, list[str]]:
+        return {
+            name: re.findall(rf"--{name}: ([^;]+);", css) for name in ("page", "card", "text", "soft", "line", "bad")
+        }
+
+    report = Path(physic_core.__file__).parent / "visual/report/page/report.css"
+    assert colours(serve().client.get("/static/style.css").text) == colours(report.read_text())
 
 
 @pytest.mark.parametrize("name", STATIC)

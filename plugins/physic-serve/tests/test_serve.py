@@ -137,12 +137,15 @@ def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chro
     root = page.call("DOM.getDocument")["root"]["nodeId"]
     field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
     page.call("DOM.setFileInputFiles", nodeId=field, files=[str(photo)])
+    page.wait("document.querySelector('.drop img').naturalWidth > 0")
+    assert page.evaluate("document.querySelector('.drop span').textContent").startswith("walk.png, ")
     page.evaluate("document.querySelector('button').click()")
     # On a loaded machine, the page of the job may be shown when it has ended.
-    page.wait("document.querySelectorAll('#stages li').length > 3 || document.querySelector('iframe')")
+    page.wait("document.querySelectorAll('#stages li').length > 3 || !!document.querySelector('iframe')")
     first = page.evaluate("document.querySelector('#stages li')?.textContent")
     assert first in ("people", None)
-    page.wait("document.querySelector('h1')?.textContent === 'Result'")
+    page.wait("!!document.querySelector('iframe')")
+    assert page.evaluate("document.querySelector('h1').textContent") == "walk.png"
     assert page.evaluate("document.querySelector('#state').textContent").startswith("Done. Grade: good")
     page.wait("document.querySelector('iframe').contentDocument?.documentElement?.dataset.ready")
     picture = page.picture("iframe")
@@ -151,9 +154,33 @@ def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chro
     assert page.errors() == []
     assert {re.match(r"\w+://[^/]+", place)[0] for place in page.requests()} == {address}  # type: ignore[index]
     names = page.evaluate("[...document.querySelectorAll('a[download]')].map(a => a.textContent)")
-    assert "combined.glb" in names
+    assert {"combined.glb", "skinned.glb", "skeleton.bvh"} <= set(names)
+    job = page.evaluate("location.href")
+    start = chromium.open(f"{address}/", 420, 900)
+    start.wait("!!document.querySelector('.results a')")
+    assert start.evaluate("[...document.querySelectorAll('.results a')].map(a => [a.textContent, a.href])") == [
+        ["walk.png", job]
+    ]
+    start.close()
     page.evaluate("document.querySelector('button.quiet').click()")
     page.wait("document.querySelector('h1')?.textContent === 'Reconstruct a photo'")
+    assert page.evaluate("localStorage.getItem('physic-results')") == "[]"
+    page.close()
+
+
+def test_a_photo_is_dropped_in_the_browser(address: str, photo: Path, chromium: Any):
+    page = chromium.open(f"{address}/", 420, 900)
+    page.evaluate(
+        """(() => {
+          const data = new DataTransfer();
+          data.items.add(new File([new Uint8Array(6e6)], "large.jpg"));
+          document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, cancelable: true}));
+        })()"""
+    )
+    assert page.evaluate("document.querySelector('input[type=file]').files[0].name") == "large.jpg"
+    assert page.evaluate("document.querySelector('.drop span').textContent") == "large.jpg, 6.0 MB"
+    warning = "This file is larger than 5 MB, and the server will refuse it."
+    assert page.evaluate("document.querySelector('.warning:not([hidden])').textContent") == warning
     page.close()
 
 

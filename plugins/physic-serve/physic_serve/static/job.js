@@ -1,6 +1,8 @@
 // Follows a job: adds its stages as they begin, and loads the page again when it has ended.
 "use strict";
 const state = document.getElementById("state");
+results.add(state.dataset.id);
+document.querySelector("form").addEventListener("submit", () => results.remove(state.dataset.id));
 if (state.dataset.state === "queued" || state.dataset.state === "running") {
   const list = document.getElementById("stages");
   const bar = document.getElementById("progress");
