@@ -196,12 +196,12 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
         "cannot write results to taken: it is a file; name a folder, or move the file away"
     )
     assert refusal(*run("-o", "taken/deep")) == (
-        "cannot write results to taken/deep: Not a directory; name another folder, or mend this"
+        "cannot write results to taken/deep: Not a directory; name another folder"
     )
     # On the way to a folder that may not be entered, even the question whether something is there fails.
     long = "x" * 300
     assert refusal(*run("-o", f"new/{long}/deep")) == (
-        f"cannot write results to new/{long}/deep: File name too long; name another folder, or mend this"
+        f"cannot write results to new/{long}/deep: File name too long; name another folder"
     )
     assert pipeline.calls == []
     assert [p.name for p in Path().iterdir()] == ["taken"]

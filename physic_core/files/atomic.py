@@ -10,6 +10,7 @@ A folder is locked while it is written. What a process that was killed has left 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -305,9 +306,18 @@ def _sync_file(path: Path) -> None:
             os.fsync(file.fileno())
 
 
+_REMEDY = {
+    errno.EACCES: ", or check who may write there",
+    errno.EPERM: ", or check who may write there",
+    errno.ENOSPC: ", or free space there",
+}
+
+
 def _refusal(folder: Path, error: OSError) -> OutputError:
     if os.path.isfile(folder):  # Path's own raises where the way there is closed
         return OutputError(f"cannot write results to {folder}: it is a file; name a folder, or move the file away")
+    # Of a file system such as /proc, "No such file or directory" is about the folder that is to be made.
+    why = "no folder can be made there" if error.errno == errno.ENOENT else error.strerror or error
     return OutputError(
-        f"cannot write results to {folder}: {error.strerror or error}; name another folder, or mend this"
+        f"cannot write results to {folder}: {why}; name another folder{_REMEDY.get(error.errno or 0, '')}"
     )

@@ -219,9 +219,10 @@ def _draw_camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: LabeledView) -> 
     assert plan.camera is not None
     x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
     sideways = bool(plan.columns)
-    ends = ((20, -10), (20, 10)) if sideways else ((-10, -20), (10, -20))
-    pen.polygon([(x, y), *((x + right, y + down) for right, down in ends)], fill=INK_RGB)
-    anchor, spot = ("mt", (x + 4, y + 12)) if sideways else ("lm", (x + 12, y - 4))
+    for right, down in ((24, -12), (24, 12)) if sideways else ((-12, -24), (12, -24)):
+        pen.line((x, y, x + right, y + down), fill=INK_RGB, width=2)
+    pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
+    anchor, spot = ("mt", (x + 4, y + 15)) if sideways else ("lm", (x + 12, y - 4))
     pen.text(spot, "camera", font=font(13), fill=INK_RGB, anchor=anchor)
 
 

@@ -84,6 +84,7 @@ def test_hot_parts_lie_where_their_names_say():
 def test_hot_lists_the_contact_of_people_who_sit(export, result: Reconstruction):
     made = document(export("a.json", "hot").files)
     assert made["imsize"] == {"width": 160, "height": 120}
+    assert made["filename"] == "a.png"
     for person in made["people"]:
         truth = result.people[person["person"]]
         own = [index for index, partner in enumerate(result.contact_partners) if partner.kind == "self"]

@@ -148,10 +148,11 @@ def test_stature_and_distances_are_those_of_the_bodies(standing):
 
 def test_contact_is_counted_by_body_part(standing):
     contact = data_of(report_html(standing))["people"][0]["contact"]
-    assert {row["part"] for row in contact} == {"left_foot", "right_foot"}
+    assert {row["part"] for row in contact} == {"left foot", "right foot"}
     for row in contact:
         assert 100 < row["cm2"] < 400
         assert 0.2 < row["share"] < 0.7
+        assert sum(one["share"] for one in row["colors"]) == pytest.approx(row["share"])
 
 
 def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, tmp_path):

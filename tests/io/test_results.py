@@ -276,7 +276,7 @@ def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch):
     with pytest.raises(OutputError) as caught:
         save_reconstruction(make(people=2), tmp_path)
     assert str(caught.value) == (
-        f"cannot write results to {tmp_path}: No space left on device; name another folder, or mend this"
+        f"cannot write results to {tmp_path}: No space left on device; name another folder, or free space there"
     )
     assert_same(before, load_reconstruction(tmp_path))
     assert not list(tmp_path.glob(".*"))
@@ -317,16 +317,14 @@ def test_out_lies_below_a_file(tmp_path):
     path = tmp_path / "file" / "out"
     with pytest.raises(OutputError) as caught:
         check_writable(path)
-    assert str(caught.value) == (f"cannot write results to {path}: Not a directory; name another folder, or mend this")
+    assert str(caught.value) == (f"cannot write results to {path}: Not a directory; name another folder")
 
 
 def test_out_cannot_even_be_looked_at(tmp_path):
     path = tmp_path / ("x" * 300) / "out"  # as a folder that may not be entered, and for root too
     with pytest.raises(OutputError) as caught:
         check_writable(path)
-    assert str(caught.value) == (
-        f"cannot write results to {path}: File name too long; name another folder, or mend this"
-    )
+    assert str(caught.value) == (f"cannot write results to {path}: File name too long; name another folder")
 
 
 def test_out_may_not_be_written(tmp_path, monkeypatch):
@@ -337,7 +335,7 @@ def test_out_may_not_be_written(tmp_path, monkeypatch):
     with pytest.raises(OutputError) as caught:
         check_writable(tmp_path)
     assert str(caught.value) == (
-        f"cannot write results to {tmp_path}: Permission denied; name another folder, or mend this"
+        f"cannot write results to {tmp_path}: Permission denied; name another folder, or check who may write there"
     )
 
 

@@ -74,7 +74,7 @@ def export_hot(request: ExportRequest) -> ExportedFiles:
                 )
     document = {
         "imsize": {"width": result.intrinsics.width, "height": result.intrinsics.height},
-        "filename": request.stem,
+        "filename": f"{request.stem}.png",
         "object": objects,
         "people": people,
         "parts": {name: part + 1 for part, name in enumerate(HOT_PARTS)},

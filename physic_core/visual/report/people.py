@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
-from physic_core.visual.palette import contact_color, person_color, person_tint
+from physic_core.types.contacts import part_words
+from physic_core.visual.palette import contact_color, contact_colors, person_color, person_tint
 from physic_core.visual.report.surfaces import is_posed
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     ``camera`` (distance of the pelvis from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest``
     (heights over the floor, m), ``others`` (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of
     the surfaces, m), ``contact_vertices``, ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB,
-    ``probability``), and ``contact`` (``part``, ``cm2``, ``share``) by body part. ``support`` is a sentence on what
+    ``probability``, ``likely``), and ``contact`` (``part``, ``cm2``, ``share``, ``colors``) by body part, where
+    ``colors`` divides the share by what is touched (``color`` sRGB, ``share``). ``support`` is a sentence on what
     carries the person.
     """
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
@@ -88,16 +90,17 @@ def _record(
             for (first, other), gap in gaps.items()
             if first == index
         ],
-        "contact": _contact_by_part(person, reconstruction.faces, model) if fits and model is not None else None,
+        "contact": _contact_by_part(reconstruction, person, model) if fits and model is not None else None,
     }
 
 
 def _contact(contact: BodyContact) -> dict[str, Any]:
     return {
-        "part": contact.part,
+        "part": part_words(contact.part),
         "partner": contact.partner.title,
         "color": list(contact_color(contact.partner)),
         "probability": contact.probability,
+        "likely": contact.likely,
     }
 
 
@@ -154,16 +157,23 @@ def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64])
     return min(bound, float(tree.query(second[near], distance_upper_bound=bound)[0].min(initial=bound)))
 
 
-def _contact_by_part(person: Person, faces: NDArray[np.int32], model: BodyModel) -> list[dict[str, Any]]:
-    """Return name, area in cm2 and share of the part's area for each body part in contact, the largest area first."""
-    area = _vertex_areas(np.asarray(person.vertices, np.float64), np.asarray(faces, np.int64))
-    part, count = model.part_of_vertex.cpu().numpy(), len(model.part_names)
-    touching = np.bincount(part, area * person.contact, count)
-    whole = np.bincount(part, area, count)
+def _contact_by_part(reconstruction: Reconstruction, person: Person, model: BodyModel) -> list[dict[str, Any]]:
+    """Return name, area in cm2, share and colours of each body part in contact, the largest area first."""
+    area = _vertex_areas(np.asarray(person.vertices, np.float64), np.asarray(reconstruction.faces, np.int64))
+    part, names, contact = model.part_of_vertex.cpu().numpy(), model.part_names, np.asarray(person.contact, bool)
+    colors, color = np.unique(contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True)
+    cell = part * len(colors) + color.reshape(-1)
+    touching = np.bincount(cell, area * contact, len(names) * len(colors)).reshape(len(names), -1)
+    share = touching / np.maximum(np.bincount(part, area, len(names)), 1e-12)[:, None]
     found = [
-        {"part": name, "cm2": 1e4 * float(touching[i]), "share": float(touching[i] / whole[i])}
-        for i, name in enumerate(model.part_names)
-        if touching[i] > 5e-5  # half a square centimetre
+        {
+            "part": part_words(name),
+            "cm2": 1e4 * float(touching[i].sum()),
+            "share": float(share[i].sum()),
+            "colors": [{"color": colors[k].tolist(), "share": float(share[i, k])} for k in np.flatnonzero(touching[i])],
+        }
+        for i, name in enumerate(names)
+        if touching[i].sum() > 5e-5  # half a square centimetre
     ]
     return sorted(found, key=lambda row: -float(row["cm2"]))
 

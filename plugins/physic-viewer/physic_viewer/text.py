@@ -43,10 +43,10 @@ def person_text(index: int, record: Mapping[str, Any], checks: Sequence[CheckRes
     facts |= {"pelvis over the floor": record["pelvis_height"], "lowest point over the floor": record["lowest"]}
     lines += [f"- {name}: {_metres(value)}" for name, value in facts.items()]
     lines += [f"- to person {o['person']}: {_metres(o['pelvis'])}, gap {_metres(o['gap'])}" for o in record["others"]]
-    touching = [f"{row['part'].replace('_', ' ')} {row['cm2']:.0f} cm²" for row in record["contact"] or ()]
+    touching = [f"{row['part']} {row['cm2']:.0f} cm²" for row in record["contact"] or ()]
     lines.append(f"- contact: {', '.join(touching) or record['contact_vertices'] or 'none'}")
-    failed = [check.name for check in checks if check.person == index and check.failed]
-    lines.append(f"- failed checks: {escape(', '.join(failed)) or 'none'}")
+    failed = [str(check) for check in checks if check.person == index and check.failed]
+    lines.append(f"- failed checks: {escape('; '.join(failed)) or 'none'}")
     return "\n".join(lines)
 
 
@@ -61,4 +61,4 @@ def legend_html(results: Sequence[Reconstruction]) -> str:
 
 
 def _metres(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.2f} m"
+    return "unknown" if value is None else f"{round(value, 2) + 0.0:.2f} m"  # no "-0.00"

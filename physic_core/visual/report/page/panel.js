@@ -1,6 +1,5 @@
 // The text beside the view: people, remarks, checks, stages.
 
-const ORDER = { failed: 0, unknown: 1, ok: 2 };
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
 function gradeBadge(grade) {
@@ -29,7 +28,7 @@ function showPeople(section, data, selected, onSelect) {
 function personCard(data, index) {
   const person = data.people[index], card = element("div", {});
   const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person.grade));
-  card.append(heading);
+  card.append(heading, ...checkList(data.checks.filter(check => check.person === index)));
   if (!person.posed) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {
@@ -41,15 +40,14 @@ function personCard(data, index) {
       ["Detection score", person.score === null ? "unknown" : person.score.toFixed(2)],
     ]));
     if (person.others.length) {
-      card.append(element("h3", { textContent: "Distance to other people" }), table(
-        ["person", "pelvis to pelvis", "gap"],
-        person.others.map(other => [String(other.person), metres(other.pelvis), metres(other.gap)]), ["pelvis to pelvis", "gap"]));
+      card.append(element("h3", { textContent: "Distances to other people" }), table(
+        ["", "of pelvises", "of surfaces"],
+        person.others.map(other => [`person ${other.person}`, metres(other.pelvis), metres(other.gap)]),
+        ["of pelvises", "of surfaces"]));
     }
     if (person.support) card.append(element("h3", { textContent: "Support" }), element("p", { textContent: person.support }));
-    card.append(element("h3", { textContent: "Contact" }), ...partnerRows(person), ...contactRows(person));
+    card.append(element("h3", { textContent: "Contact and its probability" }), ...partnerRows(person), ...contactRows(person));
   }
-  const checks = data.checks.filter(check => check.person === index);
-  if (checks.length) card.append(element("h3", { textContent: "Checks" }), ...checkList(checks));
   return card;
 }
 
@@ -60,9 +58,13 @@ function partnerRows(person) {
     const dot = element("span", { className: "dot" });
     dot.style.background = cssColor(color);
     const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
-    return element("li", {}, dot, `${words(part)}: ${partner}${sure}`);
+    return element("li", {}, dot, `${part}: ${partner}${sure}`);
   });
-  return [element("ul", { className: "partners" }, ...rows)];
+  const list = likely => element("ul", { className: "partners" }, ...rows.filter((row, i) => person.contacts[i].likely === likely));
+  const possible = person.contacts.some(contact => !contact.likely)
+    ? element("div", { className: "soft possible" }, element("h3", { textContent: "Possible contact, less likely than not" }), list(false))
+    : null;
+  return [list(true), possible].filter(Boolean);
 }
 
 function contactRows(person) {
@@ -71,14 +73,18 @@ function contactRows(person) {
   if (!person.contact) {
     return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not at hand.` })];
   }
-  const rows = person.contact.map(({ part, cm2, share }) => {
-    const fill = element("b", {});
-    fill.style.width = `${100 * share}%`;
+  const rows = person.contact.map(({ part, cm2, share, colors }) => {
+    const fills = colors.map(one => {
+      const fill = element("b", {});
+      fill.style.width = `${100 * one.share}%`;
+      fill.style.background = cssColor(one.color);
+      return fill;
+    });
     return element("div", { className: "bar" },
-      element("span", { textContent: words(part) }), element("i", { title: `${percent(share)} of this part` }, fill),
+      element("span", { textContent: part }), element("i", { title: `${percent(share)} of this part` }, ...fills),
       element("span", { textContent: `${cm2.toFixed(0)} cm²` }));
   });
-  return [...rows, element("p", { className: "soft", textContent: `${total}. The bars show the share of each part.` })];
+  return [element("h3", { textContent: "Area in contact" }), ...rows, element("p", { className: "soft", textContent: `${total}. The bars show the share of each part.` })];
 }
 
 function facts(pairs) {
@@ -95,13 +101,12 @@ function table(names, rows, right) {
       element("tr", {}, ...row.map((cell, i) => element("td", { className: kind(i), textContent: cell }))))));
 }
 
-// Failed and unknown checks first; those that are ok are folded.
+// Failed checks; those that were not measured and those that are ok are folded.
 function checkList(checks) {
-  const sorted = [...checks].sort((a, b) => ORDER[a.state] - ORDER[b.state]);
-  const ok = sorted.filter(check => check.state === "ok"), rest = sorted.filter(check => check.state !== "ok");
-  const folded = ok.length ? element("details", { open: !rest.length },
-    element("summary", { textContent: `${ok.length} ok` }), ...ok.map(checkRow)) : null;
-  return [...rest.map(checkRow), folded].filter(Boolean);
+  const rows = state => checks.filter(check => check.state === state).map(checkRow);
+  const folded = (state, name) => rows(state).length
+    ? element("details", {}, element("summary", { textContent: `${rows(state).length} ${name}` }), ...rows(state)) : null;
+  return [...rows("failed"), folded("unknown", "not measured"), folded("ok", "ok")].filter(Boolean);
 }
 
 // Label, value and bound; the name in the code is the tooltip.
