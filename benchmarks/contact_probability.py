@@ -227,7 +227,7 @@ def main() -> None:
     for name, default in (numbers | {"people-worlds": 10, "people-seed": 910}).items():
         parser.add_argument(f"--{name}", type=int, default=default)
     given = parser.parse_args()
-    cases = [*(benchmark_cases(given.worlds, given.seed, SIZE, contact=True) if given.worlds else ())]
+    cases = [*(benchmark_cases(given.worlds, given.seed, SIZE, "contact") if given.worlds else ())]
     if given.everyday_worlds:
         cases += benchmark_cases(given.everyday_worlds, given.everyday_seed, SIZE)
     if given.surfaces:

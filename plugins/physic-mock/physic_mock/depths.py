@@ -150,10 +150,10 @@ class RelativePointmapOptions(DepthOptions):
         "unknown": "inverse_scale_shift",
         "warp": 0.012,
         "bumps": 0.007,
-        "disagreement": 0.01,
+        "disagreement": 0.014,
         "hole_noise": 0.03,
         "person_offset": 0.08,
-        "person_bias": 0.03,
+        "person_bias": 0.1,
     }
 
     unknown: Literal["scale", "scale_shift", "inverse_scale_shift"] = Field(

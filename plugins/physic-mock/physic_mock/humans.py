@@ -52,8 +52,8 @@ class BodyOptions(MockOptions):
         "person_spread": 0.3,
         "flipped": 0.06,
         "flipped_forearms": 0.15,
-        "stature_noise": 0.055,
-        "stature_bias": -0.035,
+        "stature_noise": 0.045,
+        "stature_bias": -0.06,
         "depth_noise": 0.05,
         "size_gives_depth": True,
     }

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
+from physic_core.adapters.detections import box_iou
 from physic_core.types import Keypoints, skeleton_named
 from physic_mock.noise import bernoulli, seeded_rng
 from physic_mock.recognition import MockOptions, match_people, recognise_world
@@ -37,6 +38,7 @@ class KeypointOptions(MockOptions):
         "unsure": 0.15,
         "limb_share": 0.5,
         "tail_freedom": 1.5,
+        "neighbour_limbs": 0.05,
     }
 
     skeleton: Literal["coco17", "coco23", "blazepose33", "coco_wholebody133", "halpe26"] = Field(
@@ -70,6 +72,12 @@ class KeypointOptions(MockOptions):
         le=1e6,
         description="Degrees of freedom of Student's t distribution of the errors, one draw of its scale for each arm, "
         "each leg and the rest; None: normal.",
+    )
+    neighbour_limbs: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="Share of the arms and legs of people whose boxes overlap that are found at the other person's.",
     )
     swapped: float = Field(
         0.02, ge=0, le=1, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
@@ -109,6 +117,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
                 if swap:
                     order = _swap_sides_order(skeleton.names, limb)
                     points[person], confidence[person] = points[person, order], confidence[person, order]
+        points = _with_neighbours_limbs(points, found, skeleton.names, options)
         return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
 
 
@@ -128,6 +137,24 @@ def _limb_errors(
         scale = np.sqrt(freedom / rng.chisquare(freedom, (len(own), len(limbs))))
         errors = errors * scale[:, limb, None]
     return errors
+
+
+def _with_neighbours_limbs(
+    points: FloatArray, found: RecognisedWorld, names: tuple[str, ...], options: KeypointOptions
+) -> FloatArray:
+    """Return points (N, J, 2) where some limbs are those of the person whose box overlaps the own one most."""
+    rng = seeded_rng(found.world, options.noise_seed, "limbs of neighbours")
+    limbs = sorted({_limb_of(name) for name in names} - {"rest"})
+    limb = np.array([_limb_of(name) for name in names])
+    taken = bernoulli(options.neighbour_limbs, options.noise, rng.random((len(points), len(limbs))))
+    overlap = box_iou(found.world.boxes, found.world.boxes)
+    np.fill_diagonal(overlap, 0)
+    changed: FloatArray = points.copy()
+    for person, other in enumerate(overlap.argmax(1)):
+        if overlap[person, other] > 0:
+            rows = np.isin(limb, np.array(limbs)[taken[person]])
+            changed[person, rows] = points[other, rows]
+    return changed
 
 
 def _limb_of(name: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from physic_core.adapters.detections import box_iou
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.types import Hints, People
 from physic_mock.backends import (
@@ -93,6 +94,22 @@ def test_keypoints_have_the_stated_tails(world):
     assert (confidence[:, ~visible] > 0.5).mean() == pytest.approx(0.5, abs=0.05)
 
 
+def test_limbs_are_found_at_people_whose_boxes_overlap():
+    world = build_world("group", 0)
+    people = people_of(world)
+    exact = {"point_noise": 0, "hidden_noise": 0, "swapped": 0}
+    truth = MockKeypointDetector(KeypointOptions(**exact)).infer(world.image, people).points
+    moved = MockKeypointDetector(KeypointOptions(**exact, neighbour_limbs=1)).infer(world.image, people).points
+    wrist = SKELETONS["blazepose33"].names.index("left_wrist")
+    nose = SKELETONS["blazepose33"].names.index("nose")
+    assert np.array_equal(moved[:, nose], truth[:, nose])
+    overlap = box_iou(world.boxes, world.boxes) - np.eye(len(world.boxes))
+    assert overlap.max() > 0
+    for i, others in enumerate(overlap):
+        j = i if others.max() <= 0 else int(others.argmax())
+        assert np.array_equal(moved[i, wrist], truth[j, wrist])
+
+
 def test_bodies_have_the_stated_distance_and_stature(world):
     nearer, taller = [], []
     growth = None
@@ -104,11 +121,11 @@ def test_bodies_have_the_stated_distance_and_stature(world):
 
         growth = _log_stature_gradient(world.body_model) if growth is None else growth
         taller.append(growth @ (found.parameters.betas[0] - world.parameters.betas[0]))
-    assert np.mean(nearer) == pytest.approx(-0.035, abs=0.015)
-    assert np.std(nearer) == pytest.approx(np.hypot(0.055, 0.05), rel=0.15)
-    assert np.mean(taller) == pytest.approx(-0.035, abs=0.012)
-    assert np.std(taller) == pytest.approx(0.055, rel=0.15)
-    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(0.055 / np.hypot(0.055, 0.05), abs=0.1)
+    assert np.mean(nearer) == pytest.approx(-0.06, abs=0.015)
+    assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
+    assert np.mean(taller) == pytest.approx(-0.06, abs=0.012)
+    assert np.std(taller) == pytest.approx(0.045, rel=0.15)
+    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(0.045 / np.hypot(0.045, 0.05), abs=0.1)
 
 
 def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):

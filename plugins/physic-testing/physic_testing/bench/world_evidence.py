@@ -139,19 +139,19 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
 
 
-def benchmark_cases(count: int, seed: int, size: tuple[int, int], *, contact: bool = False) -> tuple[WorldCase, ...]:
+def benchmark_cases(count: int, seed: int, size: tuple[int, int], actions: str = "default") -> tuple[WorldCase, ...]:
     """Return the worlds of the benchmark for a seed.
 
     Args:
-        count: number of worlds; the actions take turns.
+        count: number of worlds of each kind of action; the actions of a kind take turns.
         seed: seed of the random world seeds.
         size: width and height of the photos, px.
-        contact: whether the actions are those of ``CONTACT_WORLDS``.
+        actions: "default" for those of ``WORLDS``, "contact" for those of ``CONTACT_WORLDS``, or "both".
     """
     from physic_testing.worlds import CONTACT_WORLDS, WORLDS, benchmark_worlds
 
-    names = CONTACT_WORLDS if contact else WORLDS
-    return tuple(WorldCase(name, number, size) for name, number in benchmark_worlds(count, seed, names))
+    kinds = {"default": (WORLDS,), "contact": (CONTACT_WORLDS,), "both": (WORLDS, CONTACT_WORLDS)}[actions]
+    return tuple(WorldCase(name, own, size) for names in kinds for name, own in benchmark_worlds(count, seed, names))
 
 
 def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:

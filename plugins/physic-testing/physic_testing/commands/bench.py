@@ -53,19 +53,23 @@ def bench() -> None:
     "--noise-version",
     metavar="V",
     type=click.IntRange(3, 4),
-    default=3,
+    default=4,
     show_default=True,
-    help="Errors as in the paper (3), or as large as those of the embedded estimators on real photos (4).",
+    help="Errors as large as those of the embedded estimators on real photos (4), or as in the paper (3).",
 )
 @click.option(
-    "--other-bodies", is_flag=True, help="Give people proportions and skin that no shape of the body model has."
+    "--other-bodies/--model-bodies",
+    default=True,
+    show_default=True,
+    help="People with proportions and skin that no shape of the body model has, or people of the body model.",
 )
 @click.option(
     "--actions",
-    type=click.Choice(["default", "contact"]),
+    type=click.Choice(["default", "contact", "both"]),
     default="default",
     show_default=True,
-    help="Everyday actions, or those that touch the own body, other people, hidden or soft supports and small objects.",
+    help="Everyday actions; those that touch the own body, other people, hidden or soft supports and small objects; or "
+    "--worlds of each.",
 )
 @click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
 @click.option(
@@ -136,7 +140,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
         label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
         chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
     work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
-    cases = benchmark_cases(options.worlds, options.seed, options.size, contact=options.actions == "contact")
+    cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
     cases = with_other_bodies(cases) if options.other_bodies else cases
     settings = {
         "worlds": options.worlds,

@@ -186,7 +186,7 @@ def bench(*arguments):
 @pytest.fixture
 def known_worlds(monkeypatch):
     """Worlds that other tests build too, in the place of drawn ones."""
-    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, **_: (CASE,) * count)
+    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count)
 
 
 def test_bench_alone_says_what_there_is():
@@ -223,7 +223,17 @@ def test_every_command_of_the_page_can_be_given(repository):
 
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
-    common = ["accuracy", "--worlds", "1", "--size", "160x120", "--cache", str(tmp_path / "cache"), "-o"]
+    common = [
+        "accuracy",
+        "--worlds",
+        "1",
+        "--model-bodies",
+        "--size",
+        "160x120",
+        "--cache",
+        str(tmp_path / "cache"),
+        "-o",
+    ]
     told = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
     assert told.exit_code == 0, told.output
     assert "Trial" in told.output.splitlines()
@@ -259,7 +269,10 @@ def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkey
         raise cause
 
     monkeypatch.setattr(run_worlds, "run_cases", stopped)
-    told = bench("accuracy", "--worlds", "3", "--size", "160x120", "--rows", "start", "--no-cache", "-o", str(tmp_path))
+    told = bench(
+        *("accuracy", "--worlds", "3", "--model-bodies", "--size", "160x120", "--rows", "start", "--no-cache"),
+        *("-o", str(tmp_path)),
+    )
     assert told.exit_code == code
     assert "1 of 3 worlds" in told.output
     document = json.loads((tmp_path / "results.json").read_text())

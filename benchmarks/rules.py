@@ -1,0 +1,308 @@
+"""Measure what each special rule of the engine is worth: the full model with and without it, on the same worlds.
+
+    python -m benchmarks.rules run OUT --seed 2 --worlds 60 --jobs 2 [--only NAME,...]
+    python -m benchmarks.rules table OUT [--level 99]
+
+A row removes one rule, by a setting or by a replacement of the function that states it. ``run`` keeps one JSON file a
+world and row in OUT, and an interrupted run continues. ``table`` prints a Markdown table: the change of each figure by
+the rule, full model minus row, with a bootstrap interval over worlds. A rule helps if F1 rises and errors fall. The
+worlds have the noise of version 4, other bodies, and labelled surfaces, as the embedded segmenter labels them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+FIGURES = {
+    "PA mm": "pa_mpjpe_mm",
+    "MPJPE mm": "mpjpe_mm",
+    "F1": "f1_of_means",
+    "hidden limbs mm": "hidden_limbs_pa_mm",
+    "support F1": "reported_support_f1",
+    "people F1": "people_contact_f1",
+    "self F1": "self_contact_f1",
+    "floating mm": "true_floating_mm",
+    "ECE": "ece",
+}
+"""Heading -> statistic of the benchmark."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule of the engine, and how a row goes without it.
+
+    Attributes:
+        name: of the row.
+        figure: heading of :data:`FIGURES` that the rule exists for.
+        settings: overrides of the engine's settings, as for ``physic bench accuracy --set``.
+        replaced: dotted names of functions -> their replacement.
+        contact_only: whether stages 1 to 3 are those of the full model.
+    """
+
+    name: str
+    figure: str
+    settings: tuple[str, ...] = ()
+    replaced: tuple[tuple[str, Callable[..., Any]], ...] = ()
+    contact_only: bool = False
+
+
+def _first(value: Any, *_: Any, **__: Any) -> Any:
+    return value
+
+
+def _undented(distance: Any, give: Any) -> Any:
+    return distance
+
+
+def _no_arms(model: Any, joints: Any, nearest: Any) -> Any:
+    return nearest < 0
+
+
+def _not_hanging(energy: Any, settings: Any, minimised: Any) -> Any:
+    import torch
+
+    from physic_core.engine.joint.hanging import JudgedSupports
+
+    nobody = torch.zeros(len(energy.problem), dtype=torch.bool, device=energy.problem.transl0.device)
+    return JudgedSupports(energy, minimised, nobody)
+
+
+def _people_alone(self: Any, context: Any, state: Any) -> Any:
+    from physic_core.engine.joint.terms.people import PeopleTerm
+
+    return [PeopleTerm(self.contact, self.penetration, context)]
+
+
+def _no_terms(self: Any, context: Any, joints: Any) -> Any:
+    return ()
+
+
+_CONTACTS, _DEFAULT = "physic_core.pipeline.contacts", "physic_core.engine.presets.default.DefaultOptimisation"
+_SOLVE = "physic_core.engine.joint.solve"
+
+RULES = (
+    Rule("depth term", "MPJPE mm", ("joint.depth.weight=0",)),
+    Rule("occlusion awareness", "hidden limbs mm", ("joint.visibility.occlusion_aware=false",)),
+    Rule("balance", "PA mm", ("joint.balance.weight=0",)),
+    Rule("limits", "PA mm", ("joint.limits.weight=0",)),
+    Rule("soles", "F1", ("joint.soles.weight=0",)),
+    Rule("seat", "F1", ("joint.contact.seat_weight=0",)),
+    Rule("symmetry", "hidden limbs mm", ("joint.symmetry.weight=0",)),
+    Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),
+    Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
+    Rule("reach", "people F1", replaced=((f"{_DEFAULT}.late_terms", _people_alone),)),
+    Rule("own body", "self F1", replaced=((f"{_DEFAULT}.arm_terms", _no_terms),)),
+    Rule("resting", "support F1", replaced=((f"{_SOLVE}.judge_resting", _first),)),
+    Rule("hanging", "support F1", replaced=((f"{_SOLVE}.judge_hanging", _not_hanging),)),
+    Rule("restarts", "PA mm", ("joint.restarts=1",)),
+    Rule("local depth scale", "MPJPE mm", ("joint.scene_scale.local_sigma=0",)),
+    Rule("exchanged sides", "PA mm", ("placement.swapped_sides_deg=180",)),
+    Rule("floor under people", "F1", ("scene.floor_under_people=false",)),
+    Rule("lifted feet", "F1", ("placement.detect_lifted_feet=false",)),
+    Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
+    Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
+    Rule("hidden supports", "support F1", ("contact.assume_supports=false",), contact_only=True),
+    Rule("probability", "F1", ("contact.rule=distance",), contact_only=True),
+    Rule("dents", "F1", replaced=((f"{_CONTACTS}.above_dents", _undented),), contact_only=True),
+    Rule("carrying classes", "F1", replaced=((f"{_CONTACTS}.correct_carrying_classes", _first),), contact_only=True),
+    Rule("inpainted surfaces", "F1", replaced=((f"{_CONTACTS}.lower_to_parts", _first),), contact_only=True),
+    Rule(
+        "floor by plane and points", "F1", replaced=((f"{_CONTACTS}.combine_floor_points", _first),), contact_only=True
+    ),
+    Rule("straight hips", "self F1", replaced=((f"{_CONTACTS}.arms_at_straight_hips", _no_arms),), contact_only=True),
+    Rule("known prior", "support F1", replaced=((f"{_CONTACTS}._known_prior", _first),), contact_only=True),
+)
+"""Every rule that can be removed alone."""
+
+BASE = Rule("base", "F1", contact_only=False)
+
+
+def main() -> int:
+    """Run rows or print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rules", description=(__doc__ or "").partition("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("run")
+    run.add_argument("out", type=Path)
+    run.add_argument("--seed", type=int, required=True)
+    run.add_argument("--worlds", type=int, default=60, help="of everyday and of contact actions each")
+    run.add_argument("--jobs", type=int, default=1)
+    run.add_argument("--only", default="", help="names of rules, with commas between them")
+    run.add_argument("--without", default="", help="names of rules that every row goes without, the base too")
+    table = commands.add_parser("table")
+    table.add_argument("out", type=Path)
+    table.add_argument("--level", type=float, default=99.0)
+    given = parser.parse_args()
+    if given.command == "table":
+        print(table_of(given.out, given.level))
+        return 0
+    names = [name.strip() for name in given.only.split(",") if name.strip()]
+    chosen = [rule for rule in RULES if not names or rule.name in names]
+    removed = [rule for rule in RULES if rule.name in given.without.split(",")]
+    run_rows(given, chosen, removed)
+    return 0
+
+
+def run_rows(given: argparse.Namespace, chosen: Sequence[Rule], removed: Sequence[Rule]) -> None:
+    """Run all rows of all worlds whose files are missing."""
+    from physic_testing.bench.world_evidence import benchmark_cases, with_other_bodies
+
+    cases = with_other_bodies(benchmark_cases(given.worlds, given.seed, (320, 240), "both"))
+    given.out.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
+        work = [
+            pool.submit(run_case, i, case, given.out, tuple(chosen), tuple(removed)) for i, case in enumerate(cases)
+        ]
+        for done, future in enumerate(as_completed(work), 1):
+            print(f"[{done}/{len(work)}] {future.result()}", file=sys.stderr, flush=True)
+
+
+@cache
+def _setup() -> tuple[Any, Any, Any]:
+    import torch
+
+    from physic_core import load_config
+    from physic_core.body import load_body
+    from physic_core.configuration.resolve import resolve
+    from physic_core.discovery.plugins import discover
+    from physic_core.interfaces import INTERFACES
+    from physic_testing.bench.evaluation import Evaluator
+
+    torch.set_num_threads(1)
+    mocks = {name: {"options": {"version": 4}} for name in INTERFACES}
+    mocks["segmenter"]["options"] |= {"surfaces": True}
+    plan = resolve(load_config(preset="mock", flags={"noise": mocks}), discover())
+    model = load_body(plan.body_model)
+    return plan, model, Evaluator.body_graph(model)
+
+
+def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], removed: tuple[Rule, ...]) -> str:
+    """Run the missing rows of one world; return a line about it."""
+    from physic_core.files.strict_json import to_json
+    from physic_testing.bench.evaluation import Evaluator
+    from physic_testing.bench.world_evidence import cache_folder, estimate_evidence
+    from physic_testing.worlds import build_world
+
+    files = {rule.name: out / f"{number:04d}-{rule.name.replace(' ', '_')}.json" for rule in (BASE, *chosen)}
+    if all(file.exists() for file in files.values()):
+        return f"{case.title}: done before"
+    plan, model, skin = _setup()
+    world = build_world(case.name, case.seed, case.size)
+    evidence = estimate_evidence(case, world, plan, model, cache_folder())
+    evaluator = Evaluator(world, evidence.people.masks, skin)
+    solved: list[Any] = []
+    for rule in (BASE, *chosen):
+        if files[rule.name].exists() and not (rule is BASE and any(r.contact_only for r in chosen)):
+            continue
+        row = run_row((rule, *removed), evidence, evaluator, model, solved, reuse=rule.contact_only)
+        record = {
+            "name": case.name,
+            "seed": case.seed,
+            "people": evaluator.truth_records(),
+            "false_alarms": len(evaluator.matching.false_alarms),
+            "error": "",
+            "row": row,
+        }
+        files[rule.name].write_text(json.dumps(to_json(record, digits=7)))
+    return case.title
+
+
+def run_row(
+    rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, solved: list[Any], *, reuse: bool
+) -> dict[str, Any]:
+    """Run the engine without ``rules`` and score it; ``solved`` keeps stage 3 of the full model for other rows."""
+    import torch
+
+    import physic_core.pipeline.optimise as engine
+    from physic_core import load_config
+    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_testing.bench.evaluation import engine_estimate
+
+    overrides = [f"engine.{text}" for rule in rules for text in rule.settings]
+    settings = load_config(preset="mock", overrides=overrides).engine.settings()
+    optimize = engine.optimize
+
+    def remembered(problem: Any, settings: Any) -> Any:
+        if not reuse:
+            solved[:] = [optimize(problem, settings)] if rules[0] is BASE else solved
+            return solved[0] if rules[0] is BASE else optimize(problem, settings)
+        return solved[0]
+
+    torch.manual_seed(0)
+    with _without(rules), patch.object(engine, "optimize", remembered):
+        try:
+            stages = StageRunner("cpu", 4)
+            estimate = engine_estimate(engine.run_engine(evidence, settings, model, stages))
+            people, scene, error = evaluator.person_records(estimate), evaluator.scene_record(estimate), ""
+        except Exception as cause:  # a row that fails in one world is counted
+            error = f"{type(cause).__name__}: {cause}"
+            people, scene = evaluator.missed_records(error), {}
+    return {"people": people, "scene": scene, "seconds": None, "warnings": [], "error": error}
+
+
+@contextmanager
+def _without(rules: Sequence[Rule]) -> Iterator[None]:
+    with ExitStack() as stack:
+        for rule in rules:
+            for target, replacement in rule.replaced:
+                stack.enter_context(patch(target, replacement))
+        yield
+
+
+def table_of(out: Path, level: float) -> str:
+    """Return the Markdown table of all rows, over the worlds that have the row and the base."""
+    from physic_testing.bench.summary import row_statistics
+
+    heads = ["rule", "people changed", *FIGURES]
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    base_files = {file.name[:4]: file for file in sorted(out.glob("*-base.json"))}
+    base = {key: json.loads(file.read_text()) for key, file in base_files.items()}
+    records = [{**about, "rows": {"base": about["row"]}} for about in base.values()]
+    full = row_statistics(records, "base")
+    lines.append(
+        f"| full model, {len(base)} worlds | | "
+        + " | ".join(f"{full.figures[f].value:.4g}" for f in FIGURES.values())
+        + " |"
+    )
+    for rule in RULES:
+        rows = {
+            file.name[:4]: json.loads(file.read_text()) for file in out.glob(f"*-{rule.name.replace(' ', '_')}.json")
+        }
+        both = [
+            {**about, "rows": {"base": about["row"], "off": rows[key]["row"]}}
+            for key, about in base.items()
+            if key in rows
+        ]
+        if not both:
+            continue
+        on, off = row_statistics(both, "base"), row_statistics(both, "off")
+        cells = []
+        for head, name in FIGURES.items():
+            spread = on.draws[name] - off.draws[name]
+            low, high = np.nanpercentile(spread, [50 - level / 2, 50 + level / 2])
+            change = on.figures[name].value - off.figures[name].value
+            clear = "**" if low > 0 or high < 0 else ""
+            cells.append(f"{clear}{change:+.3g}{clear} [{low:.2g}, {high:.2g}]" + (" *" if head == rule.figure else ""))
+        changed = sum(
+            a != b
+            for record in both
+            for a, b in zip(record["rows"]["base"]["people"], record["rows"]["off"]["people"], strict=True)
+        )
+        lines.append("| " + " | ".join([rule.name, str(changed), *cells]) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
