@@ -74,4 +74,4 @@ class _BoundedConnection(H11Protocol):
 
     def _close_if_waiting(self) -> None:
         if self._waits():
-            self.transport.abort()
+            self.transport.close()  # after the rest of the last response; a client that does not read it makes room

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import struct
 import subprocess
 import sys
 import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -35,23 +37,42 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A server with mock estimators."""
-    folder = tmp_path_factory.mktemp("served")
+@contextmanager
+def started(folder: Path, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
+    """Yield the address of a server with mock estimators, which the signal ends; its folder is empty then."""
     command = [sys.executable, "-P", "-m", "physic_core", "serve", "--preset", "mock", "--port", "0"]
-    limits = ["--max-mb", "5", "--queue", "30", "--folder", str(folder)]
+    options = ["--max-mb", "5", "--queue", "30", "--allow-host", "photos.example", "--folder", str(folder)]
     with subprocess.Popen(
-        [*command, *limits], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ}
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ}
     ) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         found = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/  \(Ctrl-C ends it\)\n", line)
         assert found, line + process.communicate()[1]
         yield found[1]
-        process.terminate()
-        process.communicate(timeout=60)
-    assert list(folder.iterdir()) == []  # everything is deleted at the end
+        process.send_signal(end)
+        _, log = process.communicate(timeout=60)
+    assert "Traceback" not in log
+    assert list(folder.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with started(tmp_path_factory.mktemp("served")) as found:
+        yield found
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no SIGHUP")
+def test_a_closed_terminal_leaves_no_photo(photo: Path, tmp_path: Path):
+    with started(tmp_path, signal.SIGHUP) as address:
+        for _ in range(3):
+            assert httpx2.post(f"{address}/reconstructions", content=photo.read_bytes()).status_code == 202
+        assert len(list(tmp_path.rglob("photo"))) > 1
+
+
+@pytest.mark.parametrize(("host", "status"), [("Photos.Example:80", 200), ("photos.example.evil.example", 421)])
+def test_another_name_of_the_server_is_given_with_an_option(address: str, host: str, status: int):
+    assert httpx2.get(f"{address}/health", headers={"host": host}).status_code == status
 
 
 def png_that_claims(width: int, height: int) -> bytes:
