@@ -111,7 +111,7 @@ def save_reconstruction(
         reconstruction: what to save.
         folder: created if missing.
         preview: whether to write ``preview.png``.
-        glb: whether to write the GLB files; "combined" for ``combined.glb`` alone, which contains the others.
+        glb: whether to write the GLB files; "combined" for ``combined.glb`` alone, which has everything.
         compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
         overwrite: whether to replace another photo's result, or changed files of a result.
 
