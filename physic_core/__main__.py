@@ -7,6 +7,6 @@ if __name__ == "__main__":
     if not sys.flags.safe_path:
         del sys.path[0]
 
-    from physic_core.cli import main
+    from physic_core.cli.process import main_of_process
 
-    main(prog_name="physic")
+    main_of_process()

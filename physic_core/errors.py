@@ -14,6 +14,7 @@ __all__ = [
     "InputError",
     "NoPersonError",
     "OutputError",
+    "PackageMissingError",
     "PhysicError",
     "PluginError",
     "WeightsMissingError",
@@ -34,6 +35,10 @@ class OutputError(PhysicError):
 
 class ConfigError(PhysicError):
     """Raised for an invalid configuration; the message lists all errors in it."""
+
+
+class PackageMissingError(ConfigError, InputError):
+    """Raised if an optional package that a format of files needs is not installed."""
 
 
 class DeviceError(PhysicError):

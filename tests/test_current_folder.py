@@ -42,7 +42,8 @@ raise ImportError("a module of the current folder was imported")
 
 def python(folder: Path, *arguments: str, code: int = 0) -> str:
     environment = os.environ | {"PHYSIC_CACHE": "off", "POISON_MARKER": str(folder.parent / "marker")}
-    environment.pop("PYTHONPATH", None)
+    for name in ("PYTHONPATH", "PYTHONSAFEPATH"):
+        environment.pop(name, None)
     done = subprocess.run(
         [sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
@@ -122,3 +123,14 @@ def test_python_m_physic_core_imports_nothing_of_the_current_folder(
     (poisoned / "physic_core.py").unlink()
     python(poisoned, "-m", "physic_core", *command)
     assert not (poisoned.parent / "marker").exists(), (poisoned.parent / "marker").read_text()
+
+
+def test_python_m_physic_core_takes_click_from_where_it_is_installed(tmp_path: Path):
+    """Without -P, and without the names that a run records: ``del sys.path[0]`` alone decides."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "click.py").write_text(POISON)
+    python(folder, "-c", "import click", code=1)
+    assert (tmp_path / "marker").read_text() == "click\n"
+    assert python(folder, "-m", "physic_core", "--version").startswith("physic ")
+    assert (tmp_path / "marker").read_text() == "click\n"

@@ -24,6 +24,7 @@ CODES = {
     "InputError": 3,
     "NoPersonError": 3,
     "OutputError": 2,
+    "PackageMissingError": 4,
     "PhysicError": 1,
     "PluginError": 5,
     "WeightsMissingError": 4,

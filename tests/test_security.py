@@ -32,7 +32,7 @@ CANNOT_RUN_CODE = {
     ),
     "the values of a config": "tests/test_config.py::test_hostile_values_are_one_short_error",
     "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults",
-    "text of others in messages": "tests/test_security.py::test_a_message_cannot_control_a_terminal",
+    "text of others in messages": "tests/test_cli_printing.py::test_a_run_escapes_names_and_texts",
     "the current folder": "tests/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
 }
 WRITTEN = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from physic_core.errors import ConfigError
+from physic_core.errors import PackageMissingError
 
 __all__ = ["import_pyarrow"]
 
@@ -14,9 +14,11 @@ def import_pyarrow(purpose: str) -> Any:
     """Import ``pyarrow.parquet``.
 
     Raises:
-        ConfigError: it is not installed; ``purpose`` begins the message.
+        PackageMissingError: it is not installed; ``purpose`` begins the message.
     """
     try:
         return importlib.import_module("pyarrow.parquet")
     except ImportError as error:
-        raise ConfigError(f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)") from error
+        raise PackageMissingError(
+            f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)"
+        ) from error

@@ -13,7 +13,8 @@ import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.output import echo
+from physic_core.cli.output import echo, printed_logs
+from physic_core.cli.process import open_missing_streams
 from physic_core.configuration.quoting import shorten
 from physic_core.errors import PhysicError
 
@@ -30,6 +31,11 @@ _OUT_OF_MEMORY = (
 
 
 class _Main(ExtensibleGroup):
+    def main(self, *args: Any, **settings: Any) -> Any:
+        """Run a command as click does, with standard streams that are open."""
+        open_missing_streams()
+        return super().main(*args, **settings)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; print a PhysicError, and exit with the code of its class."""
         from physic_core.discovery.plugin_code import own_stdout
@@ -39,7 +45,7 @@ class _Main(ExtensibleGroup):
         except OSError:  # relative paths, and libraries that look at it when they are imported, would fail
             raise click.UsageError("the current folder is gone, or cannot be read: change to another one") from None
         try:
-            with own_stdout():
+            with own_stdout(), printed_logs():
                 return super().invoke(ctx)
         except (KeyboardInterrupt, click.Abort):
             echo("Aborted!", err=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["batch"]
 
-_LEVELS = ("full", "numbers", "people", "summary")
+_LEVELS = ("full", "compact", "numbers", "people", "summary")
 
 
 @click.command()

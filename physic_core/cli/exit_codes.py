@@ -17,6 +17,7 @@ from physic_core.errors import (
     InputError,
     NoPersonError,
     OutputError,
+    PackageMissingError,
     PluginError,
     WeightsMissingError,
 )
@@ -30,7 +31,7 @@ MEANINGS = {
     OTHER: "an error that is none of these",
     USAGE: "wrong arguments, configuration, device or output folder",
     INPUT: "a photo or file that cannot be used, or a chosen or required person is not in the photo",
-    WEIGHTS: "weights are missing, differ from the published files, or cannot be fetched",
+    WEIGHTS: "weights or an optional package are missing, or weights differ from the published files",
     BACKEND: "a backend or plugin failed",
     INTERRUPTED: "Ctrl-C",
 }
@@ -46,6 +47,7 @@ EXIT_CODES: dict[type[Exception], int] = {
     InputError: INPUT,
     NoPersonError: INPUT,
     DownloadError: WEIGHTS,
+    PackageMissingError: WEIGHTS,
     WeightsMissingError: WEIGHTS,
     BackendError: BACKEND,
     PluginError: BACKEND,

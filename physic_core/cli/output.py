@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import click
 
 from physic_core.configuration.quoting import printable
 
-__all__ = ["EchoHandler", "echo", "echo_json"]
+__all__ = ["echo", "echo_json", "printed_logs"]
 
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
@@ -30,8 +32,20 @@ def echo_json(value: object) -> None:
     echo(json.dumps(value, indent=2).replace("\x7f", "\\u007f"))
 
 
-class EchoHandler(logging.Handler):
-    """Prints log records that no other handler takes, to stderr."""
+@contextmanager
+def printed_logs() -> Iterator[None]:
+    """Print warnings and errors of loggers as all other lines, unless the program has handlers of its own."""
+    root, handler = logging.getLogger(), _EchoHandler(logging.WARNING)
+    if not root.handlers:  # also of logging.basicConfig, which adds none then
+        root.addHandler(handler)
+    try:
+        yield
+    finally:
+        root.removeHandler(handler)
+
+
+class _EchoHandler(logging.Handler):
+    """Prints log records to stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from physic_core.cli.output import EchoHandler, echo
+from physic_core.cli.output import echo
 
 __all__ = ["collect_plugin_messages", "print_messages", "show_progress"]
 
@@ -20,16 +20,12 @@ def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:
     1.20"), or "" for a message about something else; and the message.
     """
     messages: list[tuple[str, str]] = []
-    fallback = EchoHandler()
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            if record.name.startswith("physic_") and record.levelno == logging.INFO:
-                message = (getattr(record, "network_runtime", ""), record.getMessage())
-                if message not in messages:
-                    messages.append(message)
-            elif record.levelno >= logging.WARNING and len(root.handlers) == 1:
-                fallback.handle(record)
+            message = (getattr(record, "network_runtime", ""), record.getMessage())
+            if record.name.startswith("physic_") and record.levelno == logging.INFO and message not in messages:
+                messages.append(message)
 
     root, listener = logging.getLogger(), Listener(logging.INFO)
     level = root.level

@@ -65,6 +65,7 @@ def _open_worker(arguments: RunArguments) -> Callable[[Path], Any]:
 
 def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     """Return ("", (result, messages)), or the class and the message of an error."""
+    from physic_core.cli.output import printed_logs
     from physic_core.cli.run import checked_plan
     from physic_core.cli.run_messages import collect_plugin_messages, show_progress
     from physic_core.discovery.error_text import traceback_text
@@ -75,7 +76,12 @@ def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     try:
         with own_stdout(), limited_calls(arguments.timeout_s), timed_call(CONSTRUCTION):
             plan = checked_plan(arguments.file, arguments.settings)
-        with own_stdout(), collect_plugin_messages() as messages, show_progress(arguments.quiet) as progress:
+        with (
+            own_stdout(),
+            printed_logs(),
+            collect_plugin_messages() as messages,
+            show_progress(arguments.quiet) as progress,
+        ):
             result = reconstruct_photo(photo, plan, progress=progress)
     except PhysicError as error:
         sys.stderr.write(traceback_text(error))

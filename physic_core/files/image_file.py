@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from PIL import Image, ImageFile, PngImagePlugin
 
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.image_memory import check_parts, decoding_bytes
 from physic_core.files.jpeg_data import check_jpeg_data
 from physic_core.files.native_messages import log_native_messages
@@ -264,7 +264,7 @@ def _register_heif(source: ImageSource) -> None:
     try:
         from pi_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
-        raise InputError(
+        raise PackageMissingError(
             f"cannot read the {source}: it is HEIC, which needs one more package; "
             "run `pip install pi-heif`, or convert the photo to JPEG"
         ) from None

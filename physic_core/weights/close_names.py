@@ -10,15 +10,18 @@ __all__ = ["format_choice", "similar_names"]
 
 _MAX_SUGGESTIONS = 4
 _MIN_PREFIX = 4
+_MIN_PART = 3
 _CERTAIN_RATIO = 0.8
 
 
 def similar_names(name: str, names: Sequence[str]) -> list[str]:
-    """Return up to four names that are similar to a misspelt name.
+    """Return names that contain a name, or up to four that are similar to it.
 
     A common prefix counts more than a common suffix: many names end with "-onnx" or "-hf", and users often write only
-    a prefix such as "moge-2".
+    a prefix such as "moge-2", or a part such as "sam".
     """
+    if len(name) >= _MIN_PART and (containing := [other for other in names if name in other]):
+        return sorted(containing)
     if alike := get_close_matches(name, names, n=1, cutoff=_CERTAIN_RATIO):
         return alike
     shared = max((_prefix_length(name, other) for other in names), default=0)

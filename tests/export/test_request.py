@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -180,6 +181,26 @@ def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
     assert export("b.bvh", person=1).files == (tmp_path / "b.bvh",)
     assert export("new", "bvh", person=0).files == (tmp_path / "new" / "skeleton.bvh",)
     assert export(".", "bvh").files == (tmp_path / "skeleton_0.bvh", tmp_path / "skeleton_1.bvh")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "existing"),
+    [(("--to", "glb"), "skinned.glb"), (("-o", "a.obj"), "a.obj"), (("--to", "bvh"), "skeleton_1.bvh")],
+)
+def test_an_existing_file_is_refused_before_the_arrays_are_read(
+    saved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], existing: str
+):
+    monkeypatch.chdir(tmp_path)
+    copy = shutil.copytree(saved, tmp_path / "copy")
+    (copy / "reconstruction.npz").unlink()
+    target = tmp_path / existing if "-o" in arguments else copy / existing
+    target.write_text("mine")
+    done = physic("export", str(copy), *arguments)
+    assert done.exit_code == 2
+    assert f"{existing} exists already: name another file (-o), or replace it with --overwrite" in done.output
+    target.unlink()
+    done = physic("export", str(copy), *arguments)
+    assert "reconstruction.npz: there is no such file" in done.output
 
 
 def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):

@@ -21,8 +21,9 @@ NAMES = (
         ("moge-2", ["moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal"]),
         ("moge-2-onnx", ["moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal"]),
         ("sam2-onnx", ["sam2.1-hiera-tiny"]),
-        ("lama", ["lama-carve"]),
-        ("vitpose", ["vitpose-b-coco", "vitpose-h-wholebody", "vitpose-l-coco", "vitpose-l-wholebody"]),
+        ("lama", ["big-lama", "lama-carve"]),
+        ("sam", ["sam2.1-hiera-tiny", "sam3-hf"]),
+        ("vitpose", [name for name in NAMES if name.startswith("vitpose")]),
         ("yolo", []),
     ],
 )

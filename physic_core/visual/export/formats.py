@@ -28,6 +28,7 @@ class Format:
         extra: extra of ``physic-core`` that it needs, or "".
         module: module that the extra installs, or "".
         bodies: whether it needs people with a body.
+        per_person: whether each person is a file of their own.
         scene: whether the scene is part of it.
         needs: what the user must have, or "".
     """
@@ -44,6 +45,7 @@ class Format:
     bodies: bool = False
     scene: bool = True
     needs: str = ""
+    per_person: bool = False
 
     @property
     def available(self) -> bool:
@@ -65,6 +67,7 @@ FORMATS: tuple[Format, ...] = (
         bodies=True,
         scene=False,
         needs="an SMPL-X file of yours (--body-model)",
+        per_person=True,
     ),
     Format(
         "bvh",
@@ -76,6 +79,7 @@ FORMATS: tuple[Format, ...] = (
         "skeleton",
         bodies=True,
         scene=False,
+        per_person=True,
     ),
     Format(
         "coco",

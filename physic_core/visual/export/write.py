@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.errors import InputError, OutputError
+from physic_core.errors import InputError, OutputError, PackageMissingError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.visual.export.formats import Format, find_format
 from physic_core.visual.export.request import ExportedFiles, ExportRequest, export_frame
@@ -19,7 +19,7 @@ from physic_core.visual.export.request import ExportedFiles, ExportRequest, expo
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["Exported", "export_reconstruction"]
+__all__ = ["Exported", "check_target", "export_reconstruction"]
 
 
 @dataclass(frozen=True)
@@ -64,15 +64,7 @@ def export_reconstruction(
         OutputError: a file exists already, or cannot be written.
         BodyModelError: the body model file cannot be used.
     """
-    path = Path(path)
-    is_folder = path.is_dir() or (format is not None and not path.suffix)
-    kind = find_format(format, "" if is_folder else path.suffix)
-    folder, stem, suffix = (path, kind.stem, kind.suffixes[0]) if is_folder else _split(path, kind)
-    if not kind.available:
-        raise InputError(
-            f"export to {kind.name} needs the package that has the module '{kind.module}': install it with "
-            f"`pip install -e '.[{kind.extra}]'` in a checkout of PhySIC"
-        )
+    kind, folder, stem, suffix = _target(Path(path), format)
     people, notes = _people(result, person, kind)
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
     request = ExportRequest(
@@ -81,6 +73,45 @@ def export_reconstruction(
     module, _, function = kind.target.partition(":")
     made: ExportedFiles = getattr(import_module(module), function)(request)
     return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
+
+
+def check_target(
+    path: str | os.PathLike[str], format: str | None = None, *, people: Sequence[int] = (), overwrite: bool = False
+) -> None:
+    """Check what an export can know of its target before the result is read.
+
+    Args:
+        path: as of :func:`export_reconstruction`.
+        format: as of :func:`export_reconstruction`.
+        people: indices of those to write.
+        overwrite: whether to replace files.
+
+    Raises:
+        InputError: the format is unknown, the path has another suffix, or a package is missing.
+        OutputError: a file exists already.
+    """
+    kind, folder, stem, suffix = _target(Path(path), format)
+    many = kind.per_person and len(people) > 1
+    names = [f"{stem}_{person}{suffix}" for person in people] if many else [f"{stem}{suffix}"]
+    if not overwrite:
+        _refuse_existing([folder / name for name in names])
+
+
+def _target(path: Path, format: str | None) -> tuple[Format, Path, str, str]:
+    """Return the format, and folder, stem and suffix of the files.
+
+    Raises:
+        InputError: the format is unknown, the path has another suffix, or a package is missing.
+    """
+    is_folder = path.is_dir() or (format is not None and not path.suffix)
+    kind = find_format(format, "" if is_folder else path.suffix)
+    target = (path, kind.stem, kind.suffixes[0]) if is_folder else _split(path, kind)
+    if not kind.available:
+        raise PackageMissingError(
+            f"export to {kind.name} needs the package that has the module '{kind.module}': install it with "
+            f"`pip install -e '.[{kind.extra}]'` in a checkout of PhySIC"
+        )
+    return kind, *target
 
 
 def _split(path: Path, kind: Format) -> tuple[Path, str, str]:
@@ -135,14 +166,18 @@ def _up_axis(kind: Format, up: str | None) -> str:
 
 def _write(folder: Path, made: ExportedFiles, overwrite: bool) -> tuple[Path, ...]:
     paths = tuple(folder / name for name in made.files)
-    existing = [str(path) for path in paths if os.path.lexists(path)]
-    if existing and not overwrite:
-        raise OutputError(
-            f"{', '.join(existing)} exists already: name another file (-o), or replace it with --overwrite "
-            "(overwrite=True in Python)"
-        )
+    if not overwrite:
+        _refuse_existing(paths)
     check_writable(folder)
     with atomic_write(folder) as temporary:
         for name, content in made.files.items():
             temporary(name).write_bytes(content)
     return paths
+
+
+def _refuse_existing(paths: Sequence[Path]) -> None:
+    if existing := [str(path) for path in paths if os.path.lexists(path)]:
+        raise OutputError(
+            f"{', '.join(existing)} exists already: name another file (-o), or replace it with --overwrite "
+            "(overwrite=True in Python)"
+        )

@@ -1,0 +1,50 @@
+"""The process of the command ``physic``: its standard streams, and its end."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import sys
+from contextlib import suppress
+
+__all__ = ["main_of_process", "open_missing_streams"]
+
+
+def main_of_process() -> None:
+    """Run the command, and end the process without the teardown of the interpreter, which takes torch 0.7 s.
+
+    All that is registered with ``atexit`` is done, such as the deletion of temporary folders, and threads are joined.
+    """
+    from physic_core.cli import main
+
+    code = 1
+    # Registered before any other function, and so called after all of them.
+    atexit.register(lambda: _end(code))
+    try:
+        main(prog_name="physic")
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        raise
+
+
+def _end(code: int) -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
+            stream.flush()
+    os._exit(code)
+
+
+def open_missing_streams() -> None:
+    """Open the null device for closed standard streams: a file that is opened later would take their descriptors."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            null = os.open(os.devnull, os.O_RDWR)
+            os.dup2(null, number)
+            if null == number:
+                os.set_inheritable(number, True)
+            else:
+                os.close(null)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w" if number else "r", closefd=False))  # noqa: SIM115 -- until the end

@@ -1,0 +1,153 @@
+"""What the command prints: nothing of others controls the terminal, closed streams are none, and the end is the end."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core.cli import main
+from physic_testing.worlds import build_world
+
+from .standins.results import empty_reconstruction
+
+TITLE = "\x1b]0;OWNED\x07"  # sets the title of a terminal
+SHOWN = r"\x1b]0;OWNED\x07"
+
+pytestmark = [
+    pytest.mark.usefixtures("few_steps"),
+    pytest.mark.skipif(os.name != "posix", reason="elsewhere no file has such a name"),
+]
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def printed(*arguments: str, code: int = 0) -> str:
+    """What a command prints on both streams, in which nothing controls a terminal."""
+    done = CliRunner().invoke(main, list(arguments))
+    assert done.exit_code == code, done.output
+    assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
+    return done.output
+
+
+def process(*arguments: str, shell: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run ``python -m physic_core`` in a process of its own, with redirections of a shell."""
+    words = [sys.executable, "-m", "physic_core", *arguments]
+    command = ["sh", "-c", f'"$@" {shell}', "sh", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, timeout=300, env=os.environ | environment
+    )
+
+
+@pytest.fixture
+def pipeline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in of the pipeline whose texts control a terminal."""
+
+    def reconstruct_photo(path: Path, plan: Any, *, progress: Any) -> Any:
+        logging.getLogger("physic_mine").info("read %s", TITLE)
+        return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
+
+    module = ModuleType("physic_core.pipeline.run")
+    module.reconstruct_photo = reconstruct_photo  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "physic_core.pipeline.run", module)
+
+
+@pytest.mark.parametrize("options", [(), ("-v",), ("-q",), ("--json",)], ids=" ".join)
+def test_a_run_escapes_names_and_texts(pipeline: None, options: tuple[str, ...]):
+    name = f"a{TITLE}\x7f.jpg"
+    Path(name).write_text("a")
+    text = printed("run", name, "--preset", "mock", "--save", "numbers", *options)
+    assert r"\u001b]0;OWNED\u0007\u007f-physic" in text if options == ("--json",) else SHOWN in text
+
+
+def test_the_error_of_an_argument_is_escaped():
+    assert SHOWN in printed("run", f"a{TITLE}.jpg", "b.jpg", code=2)
+    assert SHOWN in printed("run", f"a{TITLE}.jpg", "--preset", "mock", code=3)
+    assert SHOWN in printed("plugins", f"show{TITLE}", code=2)
+
+
+def test_a_batch_escapes_names():
+    Path("photos").mkdir()
+    Path(f"photos/a{TITLE}.jpg").write_text("no photo")
+    assert SHOWN in printed("batch", "photos", "-o", "out", "--preset", "mock", "--workers", "1")
+
+
+def test_messages_and_logs_of_plugins_are_escaped(site: Any):
+    source = f"import logging\nlogging.warning('warned %s', {TITLE!r})\nraise ValueError({TITLE!r})\n"
+    site.install("physic-odd", source)
+    row = next(line for line in printed("plugins").splitlines() if "physic-odd" in line)
+    assert row.endswith(f"BROKEN: ValueError: {SHOWN} (physic_odd.py:3)")
+    # In this process pytest takes the log.
+    site.install("physic-other", source.replace("logging.warning", "logging.getLogger('mine').warning"))
+    done = process("plugins", PYTHONPATH=str(site.folder), PYTHONSAFEPATH="1")
+    assert f"warned {SHOWN}\n" in done.stderr
+    assert TITLE not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("closed", ["2>&-", "1>&-", "1>&- 2>&-", "0<&- 1>&- 2>&-"])
+def test_closed_streams_cost_nothing_but_their_lines(closed: str):
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("a.png")
+    done = process("run", "a.png", "--preset", "mock", "--save", "numbers", "-o", "out", shell=closed)
+    assert done.returncode == 0, done.stderr
+    assert ("page: out/report.html" in done.stdout) is ("1>" not in closed)
+    assert {path.name for path in Path("out").iterdir()} == {
+        "reconstruction.json",
+        "reconstruction.npz",
+        "report.html",
+    }
+
+
+def test_a_batch_runs_with_closed_streams():
+    Path("photos").mkdir()
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/a.png")
+    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--table", "csv", "--workers", "1")
+    done = process("batch", *options, shell="2>&-")
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, "1 done, 0 failed")
+
+
+def test_a_process_ends_with_its_code_and_does_what_it_has_to_do_at_its_end(tmp_path: Path):
+    """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in buffers are written."""
+    start = (
+        "import atexit, tempfile, sys\n"
+        "from physic_core.cli.process import main_of_process\n"
+        "sys.argv[0] = 'physic'\n"
+        "class Last:\n"
+        "    def __del__(self): print('torn down')\n"
+        "last = Last()\n"
+        "import physic_core.cli\n"
+        "plain = physic_core.cli.main.invoke\n"
+        "def invoke(ctx):\n"
+        "    global folder\n"
+        "    folder = tempfile.TemporaryDirectory(dir='.')\n"
+        "    atexit.register(print, 'at exit')\n"
+        "    return plain(ctx)\n"
+        "physic_core.cli.main.invoke = invoke\n"
+        "main_of_process()\n"
+    )
+
+    def run(*arguments: str) -> tuple[int, str]:
+        done = subprocess.run([sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout
+
+    code, shown = run("config", "check", "--preset", "mock")
+    assert (code, shown.splitlines()[-1]) == (0, "at exit")
+    assert "torn down" not in shown
+    assert run("run", "missing.jpg", "--preset", "mock") == (3, "at exit\n")
+    assert run("run") == (2, "at exit\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_is_read_in_part_ends_quietly():
+    done = process("--help", shell="| head -1")
+    assert (done.stdout.count("\n"), done.stderr) == (1, "")
