@@ -247,7 +247,7 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
         (
             {"sigma": 0.22},
             "all lengths may be off by 22% (one standard deviation): the photo gives no better scale; use a "
-            "metric_depth network, or a photo with feet on the floor",
+            "network for metric depth, or a photo with feet on the floor",
         ),
         (
             {"scale": 1.4},
@@ -257,13 +257,13 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
         (
             {"scene_share": 0.31},
             "the scene's scale is doubtful: point map and metric depth agree on 31% of the pixels within 10%: try "
-            "another metric_depth or relative_pointmap",
+            "another backend for metric depth or point map",
         ),
         ({"scene_share": 0.0}, "point map and metric depth agree nowhere: the scene is the metric depth alone"),
         (
             {"photo_share": 0.31},
             "people's distance to the scene is doubtful: the photo and its inpainted picture agree on 31% of the "
-            "background within 15%: try another inpainter or relative_pointmap",
+            "background within 15%: try another backend for inpainting or point map",
         ),
         (
             {"photo_share": 0.0},

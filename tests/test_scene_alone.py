@@ -71,7 +71,7 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
     assert result.scene.floor.offset == pytest.approx(1.5, abs=0.02)
     assert (
         "the scale is unknown, since no person gives it: the camera is assumed 1.5 m above the floor; "
-        "use a metric_depth network for metres"
+        "use a network for metric depth to get metres"
     ) in result.warnings
     known = load_config(
         preset="mock",

@@ -39,4 +39,7 @@ def guess_metric_depth(scene: Pointmap, floor: Plane | None, camera: Intrinsics)
         scale = MEDIAN_DEPTH_M / float(np.nanmedian(depth))
         assumed = f"the median depth is assumed {MEDIAN_DEPTH_M:g} m"
     metric = DepthMap((depth * scale).astype(np.float32), scene.intrinsics or camera)
-    return metric, f"the scale is unknown, since no person gives it: {assumed}; use a metric_depth network for metres"
+    return (
+        metric,
+        f"the scale is unknown, since no person gives it: {assumed}; use a network for metric depth to get metres",
+    )

@@ -43,7 +43,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         "scene_alignment",
         None if scene.source == "metric_depth" else share,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
-        f"{build.ALIGN_TOLERANCE:.0%}: try another metric_depth or relative_pointmap"
+        f"{build.ALIGN_TOLERANCE:.0%}: try another backend for metric depth or point map"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
         unmeasured="the settings of the engine use the metric depth alone",
@@ -55,7 +55,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
         f"{share:.0%} of the background within {human_points.ALIGN_TOLERANCE:.0%}: "
-        "try another inpainter or relative_pointmap"
+        "try another backend for inpainting or point map"
         if share
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
         unmeasured=_NO_PEOPLE,
@@ -69,7 +69,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
     yield check_value(
         "unposed_people",
         float(unposed),
-        f"{unposed} of the people in the photo have no body: see unposed",
+        f"{unposed} of the people in the photo have no body: dashed boxes in preview and page show them",
     )
 
 
@@ -120,7 +120,7 @@ def _check_scale(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
         "scale_sigma",
         sigma,
         f"all lengths may be off by {sigma or 0:.0%} (one standard deviation): the photo gives no better scale; "
-        "use a metric_depth network, or a photo with feet on the floor",
+        "use a network for metric depth, or a photo with feet on the floor",
         unmeasured="the metric depth backend estimates no error of its scale",
     )
     yield check_value(
