@@ -46,6 +46,7 @@ class Job:
         stages: name, number from 0 and count of each stage that has begun.
         summary: numbers of the result.
         files: names of the files that can be downloaded.
+        retried: whether it was given to a second worker, since the first one ended before it began.
         changed: when it was finished, or put into the queue, s of ``time.monotonic``.
     """
 
@@ -58,6 +59,7 @@ class Job:
     stages: list[tuple[str, int, int]] = field(default_factory=list)
     summary: dict[str, Any] = field(default_factory=dict)
     files: dict[str, Path] = field(default_factory=dict)
+    retried: bool = False
     changed: float = field(default_factory=time.monotonic)
 
     @property
@@ -238,6 +240,11 @@ class Jobs:
         for message in messages:
             if message is not None and message.kind == "stage":
                 job.stages.append(message.content)
+            elif message is not None and message.kind == "died" and not (job.stages or job.retried or job.finished):
+                with self._change:  # the worker ended just before it got the photo
+                    self._running, job.state, job.retried = None, "queued", True
+                    self._waiting.appendleft(job)
+                return False
             elif message is not None:
                 self._finish(job, message)
                 return bool(message.kind != "died")
