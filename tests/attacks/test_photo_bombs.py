@@ -8,9 +8,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
-from fuzzing.photo_bombs import BOMBS
+from fuzzing.photo_bombs import BOMBS, tiff
+from physic_core.errors import InputError
+from physic_core.io.photo import read_photo
 
 PEAK = """
 import contextlib, resource, sys
@@ -49,6 +52,18 @@ print(peak())
     for (name, (_, expected)), text in zip(BOMBS.items(), texts, strict=True):
         assert expected in text, name
     assert float(peak) < 1.5e9
+
+
+@pytest.mark.parametrize("count", [9_000, 15_000])
+def test_the_number_of_tags_is_bounded(count: int):
+    place = 8 + 2 + 12 * (count + 8) + 4
+    strip = [(273, 4, 1, place), (278, 4, 1, 64), (279, 4, 1, 4096)]
+    data = tiff(64, [*strip, *((50_000 + i, 1, 1, 0) for i in range(count))], bytes(4096))
+    if count < 10_000:
+        assert not read_photo(data).image.any()
+        return
+    with pytest.raises(InputError, match="its data are damaged or cut off"):
+        read_photo(data)
 
 
 SIDE = 2000

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -162,6 +164,32 @@ def assert_complete(folder: Path) -> None:
         elif path.name == "reconstruction.json":
             marks.add(mark(OLD) if f'"seed": {mark(OLD)}' in path.read_text(encoding="utf-8") else mark(NEW))
     assert len(marks) <= 1, marks
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a folder cannot be synchronised")
+def test_the_commit_file_is_on_the_disk_before_a_file_is_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """After a loss of power, a file system may have kept any of the renames after the last one of these."""
+    steps: list[str] = []
+    fsync, replace_file = os.fsync, os.replace
+
+    def note_sync(file: int) -> None:
+        steps.append("sync folder" if stat.S_ISDIR(os.fstat(file).st_mode) else "sync file")
+        fsync(file)
+
+    def note_rename(source: Any, target: Any) -> None:
+        steps.append(f"rename to {Path(target).name}")
+        replace_file(source, target)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(os, "replace", note_rename)
+    with atomic_write(tmp_path) as temporary:
+        for name in "ab":
+            temporary(name).write_text("new")
+    committed = steps.index(f"rename to {COMMIT_FILE}")
+    assert steps[:committed] == ["sync file"] * 3
+    assert steps[committed + 1] == "sync folder"
+    assert {"rename to a", "rename to b"} <= set(steps[committed + 2 :])
+    assert steps[-1] == "sync folder"
 
 
 @pytest.mark.parametrize("how", ["killed", "power", "full"])

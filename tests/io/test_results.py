@@ -618,6 +618,19 @@ def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypat
     assert peak < 1_000_000
 
 
+def test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at(tmp_path, reconstruction):
+    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    mark_as_edited(tmp_path)
+    path = tmp_path / "reconstruction.json"
+    document = json.loads(path.read_bytes())
+    path.write_text(json.dumps(document | {"people": [7] * 1_000_000}))
+    # Not "'people.0' is 7": no item is validated.
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: 'people' is [7, 7, 7, 7, 7, 7, ...], which is not of the kind of this entry; "
+        "run the reconstruction again"
+    )
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz"])
 def test_a_pipe_in_place_of_a_file(tmp_path, reconstruction, name):

@@ -90,6 +90,20 @@ def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp
         locate(folder, "net")
 
 
+def test_a_file_that_is_written_while_it_is_compared_is_refused(folder: Path, model: Path, monkeypatch):
+    compute = published.sha256_of_open
+
+    def compute_and_write(file: Any) -> str:
+        digest = compute(file)
+        flip_bit(model)
+        return digest
+
+    monkeypatch.setattr(published, "sha256_of_open", compute_and_write)
+    with pytest.raises(BackendError) as caught:
+        locate(folder, "net")
+    assert str(caught.value) == f"{model} was written while it was read: try again when it is complete"
+
+
 def test_a_file_that_is_replaced_while_it_is_loaded_is_refused(folder: Path, model: Path, tmp_path: Path):
     def load(replace: bool) -> None:
         with require_unchanged_files():

@@ -1,0 +1,32 @@
+"""Arrays of a file are as long as their headers say, or the file is refused."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core.files.npz import read_arrays, read_headers
+
+
+def with_shape(shape: tuple[int, ...]) -> io.BytesIO:
+    """A file whose header has another shape than the array (5, 3) in it; its checksums are right."""
+    member, file = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(member, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("points.npy", member.getvalue() + bytes(60))
+    return file
+
+
+@pytest.mark.parametrize("read", [read_arrays, read_headers])
+@pytest.mark.parametrize(("shape", "size"), [((6, 3), 72), ((4, 3), 48), ((5, 3, 1000), 60_000)])
+def test_an_array_that_is_not_as_long_as_its_header_says_is_refused(
+    shape: tuple[int, ...], size: int, read: Callable[[Any], Any]
+):
+    assert read_arrays(with_shape((5, 3)))["points"].shape == (5, 3)
+    with pytest.raises(ValueError, match=rf"^an array of 60 bytes should have {size}$"):
+        read(with_shape(shape))
