@@ -4,6 +4,7 @@
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tests/attacks/fuzz.py)
+# make mutants                  remove each stated defence in turn, and require that its test fails (tests/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
@@ -22,7 +23,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-ray kernels fuzz test-lowest test-newest audit sbom docs pictures lint clean
+.PHONY: demo quick test test-ray kernels fuzz mutants test-lowest test-newest audit sbom docs pictures lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -60,6 +61,9 @@ kernels: $(VENV)/test.stamp
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
 	ATTACK_EVERY_STEP=1 $(BIN)/pytest -q tests/attacks/test_saving.py
+
+mutants: $(VENV)/test.stamp
+	$(BIN)/python tools/mutants.py
 
 # An environment of its own, without constraints.txt. Only the dependencies of the distributions themselves are the lowest:
 # what these require is the newest. Modules are compiled at once, as some old versions warn then, and warnings fail tests.

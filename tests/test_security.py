@@ -35,6 +35,20 @@ CANNOT_RUN_CODE = {
     "text of others in messages": "tests/test_cli_printing.py::test_a_run_escapes_names_and_texts",
     "the current folder": "tests/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
 }
+WEIGHTS = {
+    "A run downloads nothing.": "tests/test_no_network.py::test_a_test_that_uses_the_network_fails",
+    "A downloaded file is compared": "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
+    "`physic weights verify` repeats": (
+        "tests/weights/test_command.py::test_verify_tells_what_differs_and_what_cannot_be_told"
+    ),
+    "A run compares a weight file": (
+        "tests/weights/test_published.py::test_a_file_that_is_written_while_it_is_compared_is_refused"
+    ),
+    "A file from a zip archive": "tests/weights/test_fetch.py::test_names_inside_a_zip_decide_no_place",
+    "A weight set with a restricted licence": (
+        "tests/weights/test_fetch.py::test_what_is_not_free_is_fetched_only_with_the_users_word"
+    ),
+}
 WRITTEN = {
     "The files of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
     "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
@@ -48,6 +62,17 @@ READ = {
     "a JPEG": "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",
     "arrays in a result, an archive or the cache": (
         "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked"
+    ),
+    "people in a result": (
+        "tests/io/test_results.py::test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at"
+    ),
+}
+LIMITS = {
+    "`[run] timeout_s` ends a backend that hangs": (
+        "tests/attacks/test_hostile_backends.py::test_run_ends_a_backend_that_hangs"
+    ),
+    "the reading of a photo that takes longer": (
+        "tests/attacks/test_hostile_backends.py::test_reading_construction_loading_and_each_call_are_limited"
     ),
 }
 
@@ -63,11 +88,15 @@ def rows(title: str) -> list[str]:
 def test_every_statement_has_its_test():
     assert rows("What cannot run code") == list(CANNOT_RUN_CODE)
     assert rows("Limits of what is read") == list(READ)
-    points = re.findall(r"^- (.*)", section("Files that PhySIC writes"), re.M)
-    assert [next(start for start in WRITTEN if point.startswith(start)) for point in points] == list(WRITTEN)
+    for title, tests in (("Files that PhySIC writes", WRITTEN), ("Weights", WEIGHTS)):
+        points = re.findall(r"^- (.*)", section(title), re.M)
+        assert [next(start for start in tests if point.startswith(start)) for point in points] == list(tests)
+    assert all(statement in " ".join(section("Limits").split()) for statement in LIMITS)
 
 
-@pytest.mark.parametrize("test", [*CANNOT_RUN_CODE.values(), *WRITTEN.values(), *READ.values()])
+@pytest.mark.parametrize(
+    "test", [test for tests in (CANNOT_RUN_CODE, WEIGHTS, WRITTEN, READ, LIMITS) for test in tests.values()]
+)
 def test_the_test_of_a_statement_is_there(test: str):
     file, _, name = test.partition("::")
     assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")

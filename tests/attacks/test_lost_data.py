@@ -45,6 +45,15 @@ def test_a_block_of_zeros_is_found(kind: str):
         assert message_of(data) == of_bytes(data)
 
 
+@pytest.mark.parametrize("kind", ["baseline", "optimised", "restarts", "grey"])
+def test_a_short_block_of_zeros_is_found(kind: str):
+    """The decoder alone notices 24 of 25: the zeros can stand for as many codes as were there."""
+    whole = encoded(kind)
+    for at in range(picture_start(whole), len(whole) - 600, 997):
+        data = whole[:at] + bytes(512) + whole[at + 512 :]
+        assert message_of(data) == of_bytes(data)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
 def test_a_cut_with_the_end_put_back_is_found(kind: str, share: float):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator
+import random
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -13,12 +14,14 @@ from typing import Any
 import numpy as np
 from PIL import Image, features
 
+from fuzzing import lost_data
 from fuzzing.target import Target
 from physic_core.errors import InputError
 from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import MIN_SIDE, read_source
 
 WIDTH, HEIGHT = 72, 65
+MAX_WRONG_SHARE = 0.005
 
 
 @cache
@@ -114,4 +117,27 @@ def refused(path: Path, read: Callable[[Path], Any]) -> Any:
     return None
 
 
-TARGETS = [Target("photos", make_seeds, attack, cases=2500)]
+def make_twins(folder: Path) -> list[bytes]:
+    """The first line names the undamaged twin."""
+    return [kind.encode() + b"\n" + lost_data.encoded(kind) for kind in lost_data.KINDS]
+
+
+def lose_data(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
+    kind = data.partition(b"\n")[0]
+    return kind + b"\n" + lost_data.damaged(kind.decode(), rng)
+
+
+def attack_twin(data: bytes, folder: Path) -> None:
+    """What is read differs from the undamaged photo in few pixels, which a progressive JPEG's finest details are."""
+    kind, _, content = data.partition(b"\n")
+    path = folder / "photo"
+    path.write_bytes(content)
+    if (photo := refused(path, read_source)) is not None:
+        share = lost_data.wrong_share(kind.decode(), photo.image)
+        assert share <= MAX_WRONG_SHARE, f"{share:.2%} of the pixels are wrong"
+
+
+TARGETS = [
+    Target("photos", make_seeds, attack, cases=2500),
+    Target("photos-lost-data", make_twins, attack_twin, lose_data, cases=300),
+]

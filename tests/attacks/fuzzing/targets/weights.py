@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import random
+import tomllib
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,8 +64,14 @@ def attack_manifest(data: bytes, folder: Path) -> None:
         assert all(line.isprintable() for line in lines)
         assert all(str(path) in line for line in lines[1:])
         return
-    for weights in sets.values():
-        assert weights.files
+    tables = tomllib.loads(data.decode())
+    assert list(sets) == list(tables)
+    for name, weights in sets.items():
+        rows = tables[name]["files"]
+        assert [(file.path, file.bytes, file.sha256) for file in weights.files] == [
+            (row["path"], row.get("bytes"), row.get("sha256")) for row in rows
+        ]
+        assert (weights.license, weights.commercial) == (tables[name]["license"], tables[name].get("commercial"))
         assert format_size(weights.bytes) is not None
         assert how_to_get(weights)
         assert not any(isinstance(file.origin, HubSource) for file in weights.files) or format_licence(weights)

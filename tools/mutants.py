@@ -1,0 +1,125 @@
+"""Remove each defence in turn, and require that its test fails: ``python tools/mutants.py [NAME ...]``.
+
+The folder ``tests/attacks/mutants`` has a patch for each defence, with the test. Patches are applied to a copy of the
+tracked and new files of this checkout. All tests must pass there before. A patch that does not apply, and a test that
+does not run, are failures too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import venv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "tests" / "attacks" / "mutants"
+PASSED, FAILED = 0, 1  # exit codes of pytest
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A defence that can be removed.
+
+    Attributes:
+        name: of the patch, without suffix.
+        patch: the file.
+        test: as pytest takes it, relative to the checkout.
+    """
+
+    name: str
+    patch: Path
+    test: str
+
+
+def read_mutants(names: Sequence[str]) -> list[Mutant]:
+    """Return the mutants of these names, or all; exit with a message if one does not exist or names no test."""
+    found = {path.stem: path for path in sorted(FOLDER.glob("*.patch"))}
+    if unknown := [name for name in names if name not in found]:
+        sys.exit(f"no patch is named {', '.join(unknown)}: {', '.join(found)}")
+    mutants = []
+    for name in names or found:
+        line = found[name].read_text(encoding="utf-8").partition("\n")[0]
+        if not line.startswith("Test: "):
+            sys.exit(f'{found[name]}: the first line must be "Test: " and the test that must fail')
+        mutants.append(Mutant(name, found[name], line.removeprefix("Test: ").strip()))
+    return mutants
+
+
+def copy_checkout(target: Path) -> None:
+    """Copy the files that git knows or would add."""
+    listed = ("git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    for name in subprocess.run(listed, capture_output=True, text=True, check=True).stdout.split("\0"):
+        if name and (ROOT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, target / name)
+
+
+def make_python(folder: Path, copy: Path) -> Path:
+    """Make an environment in which the copy hides the checkout that is installed here; return its interpreter."""
+    venv.create(folder, symlinks=True)
+    roots = [copy, *(path.parent for path in sorted(copy.glob("*/*/pyproject.toml")))]
+    installed = f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})"
+    places = {"base": str(folder), "platbase": str(folder)}
+    packages = Path(sysconfig.get_path("purelib", "venv", vars=places))
+    (packages / "copy.pth").write_text("\n".join([*map(str, roots), installed]))
+    return Path(sysconfig.get_path("scripts", "venv", vars=places), "python")
+
+
+def run_tests(python: Path, copy: Path, tests: Sequence[str]) -> tuple[int, str]:
+    """Run tests in the copy; return pytest's exit code and its output."""
+    command = [str(python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def apply(copy: Path, mutant: Mutant, *options: str) -> str:
+    """Apply a patch to the copy; return git's message, "" if it applies."""
+    command = ["git", "apply", "--whitespace=nowarn", *options, str(mutant.patch)]
+    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+    return done.stderr.strip() if done.returncode else ""
+
+
+def fault(python: Path, copy: Path, mutant: Mutant) -> str:
+    """Remove a defence, run its test, and bring it back; return what is wrong, "" if the test noticed."""
+    if message := apply(copy, mutant):
+        return f"the patch does not apply any more: make it again ({message})"
+    code, output = run_tests(python, copy, [mutant.test])
+    if message := apply(copy, mutant, "--reverse"):
+        sys.exit(f"{mutant.name}: {message}")
+    if code == PASSED:
+        return f"not noticed: {mutant.test} passes without this defence"
+    return "" if code == FAILED else f"the test does not run (pytest ended with {code}):\n{output[-2000:]}"
+
+
+def main() -> int:
+    """Return 1 if the removal of a defence was not noticed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    mutants = read_mutants(parser.parse_args().names)
+    bad = 0
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder).resolve() / "copy"
+        copy_checkout(copy)
+        python = make_python(copy.with_name("environment"), copy)
+        code, output = run_tests(python, copy, sorted({mutant.test for mutant in mutants}))
+        if code != PASSED:
+            sys.exit(f"the tests must pass before a defence is removed:\n{output[-4000:]}")
+        for mutant in mutants:
+            found = fault(python, copy, mutant)
+            bad += bool(found)
+            print(f"{mutant.name}: {found or 'noticed'}", flush=True)
+    print(f"{len(mutants) - bad} of {len(mutants)} removed defences were noticed")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
