@@ -107,7 +107,7 @@ class DrawnResult:
             f"{node}/camera/frustum",
             fov=2 * math.atan(camera.height / 2 / camera.fy),
             aspect=camera.width / camera.height,
-            scale=min(0.2, max(0.05, 0.1 * nearest)),
+            scale=min(0.15, max(0.05, 0.1 * nearest)),
             thickness=0.005,
             color=CAMERA_RGB,
             image=self.result.image[::step, ::step],

@@ -29,6 +29,7 @@ __all__ = ["Viewer"]
 _SIDE_BY_SIDE, _ONE_PLACE = "side by side", "in one place"
 _GAP_M = 0.6
 _TURN, _RISE = np.deg2rad(35.0), np.deg2rad(20.0)  # of the first view, from that of the photo
+_FIELD_OF_VIEW = np.deg2rad(45.0)  # of its height
 _ASPECT = 1.2  # width by height of a window, whose panel covers a part
 _ADVICE = "Click on a person for their numbers."
 
@@ -156,6 +157,7 @@ class Viewer:
             return
         points = np.concatenate([one.shapes.corners() + one.offset for one in drawn])
         camera = self.server.initial_camera
+        camera.fov = _FIELD_OF_VIEW
         direction = np.array([np.sin(_TURN) * np.cos(_RISE), np.sin(_RISE), np.cos(_TURN) * np.cos(_RISE)])
         across = np.cross([0.0, 1.0, 0.0], direction) / np.cos(_RISE)
         center, tall = (points.min(0) + points.max(0)) / 2, np.tan(camera.fov / 2)
