@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
+    from physic_core.pipeline.loaded_backends import load_backend
     from physic_core.pipeline.run import Pipeline, reconstruct, reconstruct_photo
     from physic_core.types import (
         Intrinsics,
@@ -72,6 +73,7 @@ __all__ = [
     "discover",
     "export_reconstruction",
     "hookimpl",
+    "load_backend",
     "load_config",
     "load_people",
     "load_reconstruction",
@@ -98,6 +100,7 @@ _ON_FIRST_USE = {
     "Scene": "physic_core.types",
     "discover": "physic_core.discovery.plugins",
     "hookimpl": "physic_core.discovery.hookspecs",
+    "load_backend": "physic_core.pipeline.loaded_backends",
     "load_config": "physic_core.configuration.model",
     "load_people": "physic_core.io.results",
     "load_reconstruction": "physic_core.io.results",

@@ -35,6 +35,7 @@ PUBLIC = [
     "discover",
     "export_reconstruction",
     "hookimpl",
+    "load_backend",
     "load_config",
     "load_people",
     "load_reconstruction",

@@ -121,7 +121,10 @@ def problems_from_pydantic(
     for found in error.errors(include_url=False):
         loc = [str(part) for part in found["loc"]]
         at = ".".join([*([path] if path else []), *loc])
-        if found["type"] == "extra_forbidden":
+        if callable(getattr(found["input"], "infer", None)):
+            name = getattr(found["input"], "__name__", type(found["input"]).__name__)
+            message = f"should be the name of a backend; give {name} as the argument backends={{'{loc[0]}': {name}}}"
+        elif found["type"] == "extra_forbidden":
             message = f"unknown {kind}{did_you_mean(loc[-1], _fields_at(model, loc[:-1]))}"
         else:
             message = _describe_pydantic_error(found)

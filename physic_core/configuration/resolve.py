@@ -53,6 +53,7 @@ __all__ = [
     "missing_gpu",
     "require_available",
     "resolve",
+    "resolve_one",
 ]
 
 
@@ -134,6 +135,26 @@ def resolve(
         device=config.run.device,
         config=config,
     )
+
+
+def resolve_one(interface: str, name: str, options: Mapping[str, object], registry: Registry) -> ResolvedBackend:
+    """Construct one backend without a configuration; no weights are loaded.
+
+    Raises:
+        ConfigError: the interface, the name or the options are invalid; the message lists all errors.
+        WeightsMissingError: files of the backend are missing.
+        BackendError: its class cannot be imported or constructed.
+    """
+    _require_interface(interface)
+    chosen, found = _select_backends({interface: {"backend": name, "options": dict(options)}}, registry)
+    if found.problems:
+        raise config_error(found.problems, lambda _: "default", "load_backend", found.footer) from found.cause
+    if interface not in chosen:
+        raise ConfigError(f"load_backend: name a backend of {interface}, one of {', '.join(registry.names(interface))}")
+    resolved = _construct(interface, chosen[interface])
+    if texts := missing_requirements(resolved.backend):
+        raise WeightsMissingError(format_missing([f"{resolved.title}: {text}" for text in texts], ""))
+    return resolved
 
 
 def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
@@ -220,6 +241,12 @@ def _select_or_raise(config: Config, registry: Registry, without: tuple[str, ...
     return chosen
 
 
+def _require_interface(name: str) -> None:
+    if name not in INTERFACES:
+        hint = did_you_mean(name, INTERFACES)
+        raise ConfigError(f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}")
+
+
 def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
     """Check an instance or a class that was given in Python.
 
@@ -227,9 +254,7 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
         ConfigError: no interface has this name.
         BackendError: the object is of another interface, or its class is incomplete.
     """
-    if interface not in INTERFACES:
-        hint = did_you_mean(interface, INTERFACES)
-        raise ConfigError(f"backends: no interface named '{interface}'; there are: {', '.join(INTERFACES)}{hint}")
+    _require_interface(interface)
     wanted = INTERFACES[interface]
     kind = given if isinstance(given, type) else type(given)
     if not issubclass(kind, wanted):
@@ -249,7 +274,7 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
         names = ", ".join(problem.path.rpartition(".")[2] for problem in error.problems)
         raise ConfigError(
             f"backends['{interface}']: {kind.__name__} has no default for {names}: give an instance, "
-            f"{kind.__name__}({kind.__name__}.Options(...))"
+            f"{kind.__name__}({', '.join(f'{problem.path.rpartition(chr(46))[2]}=...' for problem in error.problems)})"
         ) from error
 
 

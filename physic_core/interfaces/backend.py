@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+import inspect
+from abc import ABC, ABCMeta, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
+from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
 
 if TYPE_CHECKING:
@@ -41,8 +43,38 @@ class Request(Generic[Result]):
         return tuple(getattr(self, field.name) for field in fields(self) if not field.kw_only)
 
 
-class Backend(ABC):
+class _OptionsAsKeywords(ABCMeta):
+    """Constructs backends with options as keyword arguments, whatever their ``__init__`` accepts."""
+
+    def __call__(cls, *arguments: Any, **named: Any) -> Any:
+        accepted = inspect.signature(cls.__init__).parameters  # type: ignore[misc]
+        settings = {name: named.pop(name) for name in tuple(named) if name not in accepted}
+        if not settings:
+            return super().__call__(*arguments, **named)
+        if arguments or named:
+            raise ConfigError(f"{cls.__name__} takes its options as keyword arguments or as one object, not as both")
+        return super().__call__(_options(cls, settings))
+
+
+def _options(kind: Any, settings: dict[str, Any]) -> BaseModel:
+    try:
+        options: BaseModel = kind.Options(**settings)
+    except ValidationError as error:
+        known = ", ".join(kind.Options.model_fields) or "none"
+        problems = [
+            f"no option '{found['loc'][-1]}'; there are: {known}"
+            if found["type"] == "extra_forbidden"
+            else f"{'.'.join(map(str, found['loc']))}: {found['msg']} (got {found['input']!r:.80})"
+            for found in error.errors(include_url=False)
+        ]
+        raise ConfigError(f"{kind.__name__}: {'; '.join(problems)}") from error
+    return options
+
+
+class Backend(ABC, metaclass=_OptionsAsKeywords):
     """Base class of all interfaces.
+
+    ``MyBackend(size=3)`` sets options, and ``MyBackend(MyBackend.Options(size=3))`` is the same.
 
     An interface is a direct subclass that defines ``interface``, ``api``, ``Request``, ``Result``, ``infer`` and
     ``check``. A backend is a subclass of an interface.
@@ -68,13 +100,39 @@ class Backend(ABC):
     Options: ClassVar[type[Options]] = Options
     cacheable: ClassVar[bool] = True
 
-    def __init__(self, options: BaseModel | None = None) -> None:
+    def __init__(self, options: BaseModel | None = None, **_: Any) -> None:  # keywords become ``options`` before
         self.options = self.Options() if options is None else options
 
-    def load(self, device: str = "cpu") -> None:  # noqa: B027 -- a backend without weights has nothing to do
+    def __call__(self, image: UInt8Array, *arguments: Any, **named: Any) -> Any:
+        """Run a loaded backend alone, and check its result.
+
+        Args:
+            image: (H, W, 3) uint8 RGB.
+            arguments: the further arguments of ``infer``, in their order.
+            named: the same by name. ``hints`` may be left out.
+
+        Returns:
+            The result of ``infer``.
+
+        Raises:
+            InputError: the image is invalid, or an argument is missing or unknown.
+            BackendOutputError: the result violates the interface.
+        """
+        kind = interface_of(type(self))
+        try:
+            request = kind.Request(image, *arguments, **named)
+        except TypeError as error:
+            takes = ", ".join(field.name for field in fields(kind.Request) if not field.kw_only)
+            raise InputError(f"{kind.interface} is called with {takes}: {str(error).partition('() ')[2]}") from error
+        result = call(self, request)
+        if wrong := violations(kind, result, request):
+            raise BackendOutputError(f"{type(self).__name__} returned an invalid result: {'; '.join(wrong)}")
+        return result
+
+    def load(self, device: str = "cpu") -> None:
         """Read weights into memory on ``device`` ("cpu", "cuda", "cuda:1"); do nothing if the backend is loaded."""
 
-    def close(self) -> None:  # noqa: B027
+    def close(self) -> None:
         """Release the weights and all other memory that ``load`` allocated."""
 
     def missing(self) -> tuple[str, ...]:

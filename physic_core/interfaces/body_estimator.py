@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_faces, check_limit, check_type, valid_rows, within
 from physic_core.interfaces.limits import METRES, RADIANS, SHAPE
-from physic_core.types import Bodies, BodyParameters, Mesh
+from physic_core.types import Bodies, BodyParameters, Hints, Mesh
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+    from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
 __all__ = ["BodyEstimator", "BodyEstimatorRequest", "valid_bodies"]
 
@@ -42,7 +42,7 @@ class BodyEstimatorRequest(Request[Bodies]):
     people: People
     intrinsics: Intrinsics
     keypoints: Keypoints
-    hints: Hints
+    hints: Hints = field(default_factory=Hints)
 
 
 class BodyEstimator(Backend):
@@ -109,13 +109,13 @@ def _limit(name: str) -> tuple[float, str]:
 
 def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
     readable = {}
-    for field in fields(parameters):
-        value = getattr(parameters, field.name)
-        width = _WIDTHS.get(field.name, value.shape[-1] if getattr(value, "ndim", 0) else 0)
-        wrong = list(check_array(field.name, value, (people, width), "float"))
+    for name in (one.name for one in fields(parameters)):
+        value = getattr(parameters, name)
+        width = _WIDTHS.get(name, value.shape[-1] if getattr(value, "ndim", 0) else 0)
+        wrong = list(check_array(name, value, (people, width), "float"))
         yield from wrong
         if not wrong:
-            readable[field.name] = value
+            readable[name] = value
     if people and not valid_rows([(value, _limit(name)[0]) for name, value in readable.items()], people).any():
         for name, value in readable.items():
             yield from check_limit(name, value, *_limit(name))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_camera, check_median, check_notes, check_sigma, is_finite
 from physic_core.interfaces.limits import DEPTH_M
-from physic_core.types import DepthMap
+from physic_core.types import DepthMap, Hints
 
 if TYPE_CHECKING:
-    from physic_core.types import Hints, UInt8Array
+    from physic_core.types import UInt8Array
 
 __all__ = ["MetricDepth", "MetricDepthRequest"]
 
@@ -25,7 +25,7 @@ class MetricDepthRequest(Request[DepthMap]):
     ``people``, ``keypoints`` and ``bodies`` of the hints are limited to people with a finite body.
     """
 
-    hints: Hints
+    hints: Hints = field(default_factory=Hints)
 
 
 class MetricDepth(Backend):

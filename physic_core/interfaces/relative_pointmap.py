@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, get_args
 
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_camera, check_finite, check_median, check_notes
 from physic_core.interfaces.limits import RELATIVE_DEPTH
-from physic_core.types import AffineAmbiguity, Pointmap
+from physic_core.types import AffineAmbiguity, Hints, Pointmap
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Hints, UInt8Array
+    from physic_core.types import FloatArray, UInt8Array
 
 __all__ = ["RelativePointmap", "RelativePointmapRequest"]
 
@@ -25,7 +25,7 @@ class RelativePointmapRequest(Request[Pointmap]):
     ``hole`` of the hints is None for the original photo.
     """
 
-    hints: Hints
+    hints: Hints = field(default_factory=Hints)
 
 
 class RelativePointmap(Backend):

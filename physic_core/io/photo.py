@@ -88,7 +88,8 @@ def read_source(photo: PhotoSource) -> Photo:
 
     Args:
         photo: path or bytes as in :func:`read_photo`; a PIL image of any mode, which is not modified, with the EXIF
-            data that it carries; or an upright array (H, W, 3) of uint8 RGB.
+            data that it carries; or an upright array of uint8: (H, W, 3) RGB, or grey (H, W) or (H, W, 1) and RGBA
+            (H, W, 4), which are converted as PIL images of these modes are.
 
     Raises:
         InputError: it is of another type, or cannot be used.
@@ -100,6 +101,11 @@ def read_source(photo: PhotoSource) -> Photo:
             found = _read(image, source)
     elif isinstance(photo, Image.Image):
         found, digest = _read_image(photo), ""
+    elif _is_grey_or_rgba(photo):
+        array = np.ascontiguousarray(photo).reshape(
+            photo.shape[:2] if photo.size == math.prod(photo.shape[:2]) else photo.shape
+        )
+        found, digest = _read(Image.fromarray(array), ImageSource("given as an array")), ""
     else:
         found, digest = Photo(check_image(photo)), ""
     return replace(found, digest=" ".join(filter(None, (digest, image_digest(found.image)))))
@@ -194,11 +200,11 @@ def check_image(image: Any) -> UInt8Array:
             f"image must be a numpy array (H, W, 3) of uint8 RGB, got {type(image).__name__}: "
             "give a path, the bytes of a file, a PIL image, or convert it"
         )
-    if image.ndim != 3 or image.shape[2] != 3:
-        raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
     if image.dtype != np.uint8:
         advice = "scale it to 0-255 and convert it" if image.dtype.kind == "f" else "convert it"
         raise InputError(f"image must be uint8 with values 0-255, got {image.dtype}: {advice}")
+    if image.ndim != 3 or image.shape[2] != 3:
+        raise InputError(f"image must be (H, W, 3), got {image.shape}: {_shape_advice(image.shape)}")
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
             f"image is {image.shape[1]} x {image.shape[0]} px, and each side must have at least {MIN_SIDE} px: "
@@ -207,17 +213,18 @@ def check_image(image: Any) -> UInt8Array:
     return np.ascontiguousarray(image)
 
 
+def _is_grey_or_rgba(image: object) -> bool:
+    """Return whether an image is an array of uint8, (H, W), (H, W, 1) or (H, W, 4)."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim not in (2, 3):
+        return False
+    return image.ndim == 2 or image.shape[2] in (1, 4)
+
+
 def _shape_advice(shape: tuple[int, ...]) -> str:
-    if len(shape) == 2:
-        return "repeat the grey channel three times"
     if len(shape) == 4 and shape[0] == 1:
         return "drop the batch axis"
     if len(shape) == 4:
         return "give one image at a time"
-    if len(shape) == 3 and shape[2] == 4:
-        return "drop the alpha channel"
-    if len(shape) == 3 and shape[2] == 1:
-        return "repeat the grey channel three times"
     if len(shape) == 3 and shape[0] == 3:
         return "put the channels last"
     return "give one RGB image"

@@ -8,16 +8,21 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from physic_core import errors
+from physic_core.adapters.devices import check_device
+from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import describe_error, message_of
 from physic_core.discovery.plugin_code import plugin_code, plugin_error
+from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pipeline.time_limit import timed_call
 from physic_core.weights.published import require_unchanged_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
+    from physic_core.discovery.registry import Registry
+    from physic_core.interfaces import Backend
 
-__all__ = ["LoadedBackends", "wrap_plugin_errors"]
+__all__ = ["LoadedBackends", "load_backend", "wrap_plugin_errors"]
 
 
 class LoadedBackends:
@@ -54,6 +59,33 @@ class LoadedBackends:
                 except PhysicError as error:
                     failed.append(error)
         return failed
+
+
+def load_backend(
+    interface: str, name: str, /, *, device: str = "cpu", registry: Registry | None = None, **options: object
+) -> Backend:
+    """Load one backend, to call it alone: ``load_backend("inpainter", "telea")(image, mask)``.
+
+    Its arguments are those of ``infer``. ``close`` releases its memory.
+
+    Args:
+        interface: "metric_depth", ...
+        name: as in a configuration: "name", "distribution:name", or "package.module:Class".
+        device: "cpu", "cuda" or "cuda:N".
+        registry: of the backends; None takes the installed plugins.
+        options: of the backend.
+
+    Raises:
+        ConfigError: the interface, the name or the options are invalid; the message lists all errors.
+        WeightsMissingError: files of the backend are missing.
+        DeviceError: the device does not exist.
+        BackendError: the backend cannot be imported, constructed or loaded.
+    """
+    resolved = resolve_one(interface, name, options, discover() if registry is None else registry)
+    check_device(device)
+    with wrap_plugin_errors(f"{resolved.title} cannot be loaded", resolved):
+        LoadedBackends(device).load(resolved)
+    return resolved.backend
 
 
 @contextmanager

@@ -1,0 +1,138 @@
+"""One backend alone: load_backend, options as keyword arguments, checked calls."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from PIL import Image
+from pydantic import Field
+
+from physic_core import BackendOutputError, ConfigError, InputError, Pipeline, WeightsMissingError, load_backend
+from physic_core.interfaces import INTERFACES, MetricDepth, Options
+from physic_core.io.photo import read_source
+from physic_core.types import DepthMap, Hints, People
+from physic_testing.worlds import build_world
+
+
+class FlatOptions(Options):
+    metres: float = Field(2.0, gt=0, description="Depth of all pixels.")
+
+
+class Flat(MetricDepth):
+    Options: ClassVar[type[Options]] = FlatOptions
+
+    def infer(self, image: Any, hints: Hints) -> DepthMap:
+        return DepthMap(np.full(image.shape[:2], self.options.metres))
+
+
+class Initialised(Flat):
+    def __init__(self, options: FlatOptions | None = None) -> None:
+        super().__init__(options)
+        self.ready = True
+
+
+class Behind(Flat):
+    def infer(self, image: Any, hints: Hints) -> DepthMap:
+        return DepthMap(np.full(image.shape[:2], -1.0))
+
+
+IMAGE = np.zeros((64, 80, 3), np.uint8)
+ONE = f"{__name__}:Flat"
+
+
+@pytest.mark.parametrize("kind", [Flat, Initialised])
+def test_options_are_keyword_arguments(kind: Any):
+    assert kind().options == FlatOptions()
+    assert (
+        kind(metres=3.0).options
+        == kind(FlatOptions(metres=3.0)).options
+        == kind(options=FlatOptions(metres=3.0)).options
+    )
+    for wrong, message in (
+        ({"meters": 3.0}, f"{kind.__name__}: no option 'meters'; there are: metres"),
+        ({"metres": -1.0}, f"{kind.__name__}: metres: Input should be greater than 0 (got -1.0)"),
+    ):
+        with pytest.raises(ConfigError) as error:
+            kind(**wrong)
+        assert str(error.value) == message
+    with pytest.raises(ConfigError, match="takes its options as keyword arguments or as one object, not as both"):
+        kind(FlatOptions(), metres=3.0)
+
+
+def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
+    assert (Flat(metres=3.0)(IMAGE).depth == 3).all()
+    assert (Flat()(IMAGE, Hints(hole=np.zeros((64, 80), bool))).depth == 2).all()
+    with pytest.raises(
+        BackendOutputError, match=r"^Behind returned an invalid result: depth must be > 0 m or NaN, the"
+    ):
+        Behind()(IMAGE)
+    with pytest.raises(
+        InputError, match=r"^the image must be a numpy array \(H, W, 3\) of uint8 RGB, got \(64, 80\) uint8"
+    ):
+        Flat()(IMAGE[..., 0])
+    with pytest.raises(
+        InputError, match=r"^metric_depth is called with image, hints: .* unexpected keyword argument 'hint'$"
+    ):
+        Flat()(IMAGE, hint=None)
+    with pytest.raises(InputError, match=r"^inpainter is called with image, mask: missing 1 required .* 'mask'$"):
+        load_backend("inpainter", "telea")(IMAGE)
+
+
+def test_each_interface_can_be_called_alone():
+    world = build_world("stand", 0, (160, 120))
+    image, hints = world.image, Hints()
+    found: dict[str, Any] = {}
+    arguments = {
+        "segmenter": lambda: (),
+        "inpainter": lambda: (found["segmenter"].masks.any(0),),
+        "metric_depth": lambda: (Hints(scene=found["relative_pointmap"]),),
+        "relative_pointmap": lambda: (hints,),
+        "keypoint_detector": lambda: (found["segmenter"],),
+        "body_estimator": lambda: (found["segmenter"], world.intrinsics, found["keypoint_detector"]),
+        "hand_estimator": lambda: (found["segmenter"], found["keypoint_detector"]),
+        "contact_prior": lambda: (found["segmenter"], found["body_estimator"]),
+    }
+    assert set(arguments) == set(INTERFACES)
+    order = sorted(arguments, key=lambda name: name == "metric_depth")
+    for name in order:
+        found[name] = load_backend(name, "mock")(image, *arguments[name]())
+    assert isinstance(found["segmenter"], People)
+    assert len(found["body_estimator"].parameters) == 1
+    assert found["metric_depth"].depth.shape == (120, 160)
+
+
+def test_a_backend_that_cannot_be_loaded():
+    for arguments, options, message in (
+        (("depth", "mock"), {}, r"no interface named 'depth'; there are: segmenter, .*"),
+        (("inpainter", "none-such"), {}, r"inpainter\.backend\s+no inpainter named 'none-such'; installed: .*"),
+        (
+            ("inpainter", "telea"),
+            {"radius": 3},
+            r"inpainter\.options\.radius\s+unknown option\. Did you mean 'radius_px'\?",
+        ),
+        (("inpainter", ""), {}, r"load_backend: name a backend of inpainter, one of .*telea.*"),
+    ):
+        with pytest.raises(ConfigError) as error:
+            load_backend(*arguments, **options)
+        assert re.search(message, str(error.value))
+    with pytest.raises(WeightsMissingError, match="depth-anything-v2-metric-onnx"):
+        load_backend("metric_depth", "depth-anything-v2-metric-onnx")
+
+
+@pytest.mark.parametrize(
+    "config", [{"metric_depth": Flat}, {"metric_depth": {"backend": Flat}}, {"metric_depth": Flat()}]
+)
+def test_a_class_in_a_config_names_the_argument_for_it(config: dict[str, Any]):
+    with pytest.raises(ConfigError, match=re.escape("give Flat as the argument backends={'metric_depth': Flat}")):
+        Pipeline({"extends": "mock", **config})
+
+
+@pytest.mark.parametrize("shape", [(64, 80), (64, 80, 1), (64, 80, 4)])
+def test_grey_and_rgba_arrays_are_converted_as_pil_images(shape: tuple[int, ...]):
+    array = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    given, image = read_source(array), read_source(Image.fromarray(array.squeeze()))
+    assert np.array_equal(given.image, image.image)
+    assert (given.notes, given.digest) == (image.notes, image.digest)
