@@ -53,12 +53,15 @@ class PhotoItem:
         settings: of the table ``[photo]`` for this photo alone.
         stamp: size in bytes and modification time in ns of the file at some time before it is read, by
             :func:`stamped`; None if it is unknown, or there is no file.
+        replaces: names of files of an earlier result, of which some are lost: the others are deleted before the new
+            result is saved.
     """
 
     id: str
     path: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     stamp: tuple[int, int] | None = field(default=None, compare=False)
+    replaces: tuple[str, ...] = field(default=(), compare=False)
 
 
 def stamped(item: PhotoItem) -> PhotoItem:

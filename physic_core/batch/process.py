@@ -113,6 +113,8 @@ class PhotoProcessor:
 
     def _save(self, result: Reconstruction, item: PhotoItem) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
+        for name in item.replaces:
+            (out / folder / name).unlink(missing_ok=True)
         save_photo(result, out / folder, self.job.saving, Path(item.path).name)
         if self.job.saving.thumbnails:
             write_thumbnail(result, out, folder)

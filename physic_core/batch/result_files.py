@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from physic_core.io.result_folder import (
 )
 from physic_core.io.results import read_document
 
-__all__ = ["file_sizes", "is_complete", "names_thumbnail", "result_digest"]
+__all__ = ["file_sizes", "is_complete", "names_of_files", "names_thumbnail", "result_digest"]
 
 _THUMBNAIL = "thumbnail"
 
@@ -76,6 +77,12 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
         return not different  # the caller compares the digest of the one main file
     names = different if sizes and not verify else {*sizes, *_names(out / folder)}
     return not names or _have_their_digests(out / folder, names)
+
+
+def names_of_files(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the files in a photo's folder that its row of the journal states."""
+    names = (text.partition("=")[0] for text in str(row.get("files", "")).split())
+    return tuple(name for name in names if name != _THUMBNAIL and os.path.basename(name) == name)
 
 
 def names_thumbnail(row: Mapping[str, Any]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from physic_core.batch.journal import Journal, read_journals
 from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.result_files import is_complete, result_digest
+from physic_core.batch.result_files import is_complete, names_of_files, result_digest
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
@@ -78,7 +78,7 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             todo.append(item)
             count["changed"] += 1
         elif not _has_its_files(row, item, job, verify=verify):
-            todo.append(item)
+            todo.append(replace(item, replaces=names_of_files(row)))
             count["lost"] += 1
         elif row["state"] == "failed" and (retry_failed or item.id in journals.unsure):
             todo.append(item)

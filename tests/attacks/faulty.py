@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,18 @@ def error_of(deviation: Deviation) -> str:
 Fault = tuple[str, str, Callable[[Any], Any]]
 """Interface, class of the error or "" for a result, and what becomes of the result of the mock backend."""
 
+REPLACED = "replaced while it is reconstructed"
+"""The file of the photo is replaced by the next one of its name; see :func:`numbered`."""
+
+REAL = "no world"
+"""A photo of a camera, for which the mock backends return what they know of a world of its size."""
+
+FOLDER = "BROKEN_BATCH_FOLDER"
+"""Environment variable: folder of the photos that replace others, called NUMBER.png."""
+
 FAULTS: dict[str, Fault] = {
+    REPLACED: ("segmenter", "", lambda result: result),
+    REAL: ("segmenter", "", lambda result: result),
     **{name: ("segmenter", error, lambda _, deed=deed: deed()) for name, (deed, error) in RAISING.items()},
     **{name: ("segmenter", "WorkerDied", lambda _, deed=deed: deed()) for name, deed in ENDING.items()},
     **{name: ("segmenter", "Timeout", lambda _, deed=deed: deed()) for name, deed in HANGING.items()},
@@ -114,6 +126,25 @@ def mark(fault: str) -> np.ndarray:
     """Return a photo (H, W, 3) uint8 RGB that has a fault."""
     number = (list(FAULTS).index(fault) << 12) | MARK
     return with_last_pixel(photo(), [number >> 16, number >> 8 & 255, number & 255])
+
+
+def as_real(image: np.ndarray) -> np.ndarray:
+    """Return a photo of a camera (H, W, 3) with the mark :data:`REAL`."""
+    return with_last_pixel(image, mark(REAL)[-1, -1])
+
+
+def numbered(image: np.ndarray, number: int) -> np.ndarray:
+    """Return a photo whose file is replaced by that of a number as soon as it is read."""
+    changed = with_last_pixel(image, mark(REPLACED)[-1, -1])
+    changed[-1, -2] = list(number.to_bytes(3))
+    return changed
+
+
+def replace_file(image: np.ndarray) -> None:
+    number = int.from_bytes(image[-1, -2].tobytes())
+    folder = Path(os.environ[FOLDER])
+    for source in folder.glob(f"{number}.png"):
+        os.replace(source, (folder / f"{number}.txt").read_text())
 
 
 def with_last_pixel(image: np.ndarray, color: Any) -> np.ndarray:
@@ -136,6 +167,10 @@ def _faulty(interface: str) -> type:
             return mock.infer(self, image, *arguments)
         # The mock backends refuse a photo that is not of their world.
         unmarked = with_last_pixel(image, photo(*image.shape[:2])[-1, -1])
+        if fault in (FAULTS[REAL], FAULTS[REPLACED]):
+            unmarked = photo(*image.shape[:2])
+        if fault is FAULTS[REPLACED] and interface == "segmenter":
+            replace_file(image)
         result = mock.infer(self, unmarked, *arguments)
         if fault[0] == interface:
             return fault[2](result)

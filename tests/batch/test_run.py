@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 
 from fuzzing.tiny_result import tiny_result
+from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
 from physic_core.batch.photos import find_photos, photo_folder, stamped
@@ -326,6 +327,25 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving:
         assert (path.name, len(plan.todo), plan.lost, plan.changed) == (path.name, 1, 1, 0)
         path.write_bytes(content)
     assert todo(job, photos) == []
+
+
+@pytest.mark.parametrize("damage", ["deleted", "cut"])
+@pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz", "preview.png"])
+def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: str, damage: str):
+    photos = make_photos(tmp_path / "photos", "a")
+    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", preview=True))
+    run_tiny(photos, job)
+    (path,) = out.glob(f"photos/*/*/{name}")
+    (mine := path.parent / "mine.txt").write_text("mine")
+    content = path.read_bytes()
+    path.unlink()
+    if damage == "cut":
+        path.write_bytes(content[: len(content) // 2])
+    (item,) = plan_batch(find_photos([str(photos)]), job).todo
+    row = PhotoProcessor(job, tiny)(item)
+    assert (row["state"], row["message"]) == ("done", "")
+    assert load_reconstruction(out / row["folder"]).photo == tiny_result().photo
+    assert mine.read_text() == "mine"
 
 
 def test_changed_bytes_are_found_where_that_is_asked(tmp_path: Path, out: Path):

@@ -120,7 +120,7 @@ class JsonActor:
 
 def encode_item(item: PhotoItem) -> str:
     """Return a photo as ASCII text; names that are not UTF-8 survive, which Arrow's strings do not allow."""
-    return json.dumps([item.id, item.path, dict(item.settings)])
+    return json.dumps([item.id, item.path, dict(item.settings), None, item.replaces])
 
 
 def decode_item(text: str) -> PhotoItem:
