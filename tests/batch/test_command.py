@@ -91,7 +91,7 @@ def test_without_pyarrow_the_command_says_what_to_install(tmp_path: Path, monkey
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     done = physic(".", "-o", "out", "--table", "parquet")
     assert (done.exit_code, done.stderr) == (
-        2,
+        4,
         "Error: summary.parquet needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)\n",
     )
 
