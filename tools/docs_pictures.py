@@ -56,7 +56,7 @@ WORLDS = {
     "world-step": "climb_step",
     "world-outdoors": "outdoor_steps",
 }
-WIDTH, QUALITY = 1400, 78
+WIDTH, QUALITY = 1280, 78
 """Of a preview, px, and JPEG's scale; colours of contact keep their full resolution."""
 WINDOW = (1280, 760)
 """Of the browser, px."""
