@@ -83,7 +83,7 @@ def run_tests(python: Path, copy: Path, tests: Sequence[str]) -> tuple[int, str]
 
 def apply(copy: Path, mutant: Mutant, *options: str) -> str:
     """Apply a patch to the copy; return git's message, "" if it applies."""
-    command = ["git", "apply", "--whitespace=nowarn", *options, str(mutant.patch)]
+    command = ["git", "apply", "-C1", "--whitespace=nowarn", *options, str(mutant.patch)]
     done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
     return done.stderr.strip() if done.returncode else ""
 

@@ -19,6 +19,7 @@ BLOCK = 4096
 
 KINDS: dict[str, tuple[str, dict]] = {
     "baseline": ("JPEG", {"quality": 90}),
+    "fine": ("JPEG", {"quality": 98}),
     "optimised": ("JPEG", {"quality": 90, "optimize": True}),
     "progressive": ("JPEG", {"quality": 90, "progressive": True}),
     "restarts": ("JPEG", {"quality": 90, "restart_marker_rows": 1}),
