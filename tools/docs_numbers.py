@@ -42,7 +42,7 @@ def numbers_of(result: Reconstruction) -> dict[str, Any]:
             {
                 "grade": str(person.grade),
                 "failed_checks": _failed(result, i),
-                "distance_m": round(float(person.joints[0, 2]), 1) if len(person.joints) else None,
+                "distance_m": round(float(np.linalg.norm(person.joints[0])), 1) if len(person.joints) else None,
                 "contact_percent": round(100 * float(np.mean(person.contact)), 1),
             }
             for i, person in enumerate(result.people)
