@@ -118,9 +118,9 @@ def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
 
 
 def _distance(person: Mapping[str, Any]) -> float | None:
-    """Return the depth of a person's pelvis, metres; None without a body."""
+    """Return the distance of a person's pelvis from the camera, metres; None without a body."""
     pelvis = from_json(person["pelvis"])
-    return pelvis[2] if pelvis is not None and math.isfinite(pelvis[2]) else None
+    return math.hypot(*pelvis) if pelvis is not None and all(map(math.isfinite, pelvis)) else None
 
 
 def _no_body(one: Mapping[str, Any]) -> str:

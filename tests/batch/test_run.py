@@ -300,7 +300,7 @@ def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
 @pytest.mark.parametrize(
     "saving",
     [
-        Saving("full", report=True),
+        Saving("numbers", report=True),
         Saving("numbers", preview=True),
         Saving("people", thumbnails=False),
         Saving("summary", preview=True, report=True),
