@@ -54,7 +54,8 @@ def converted(result: Reconstruction, file: Path, model: BodyModel) -> Reconstru
         parameters = convert_bodies(Bodies(person.parameters, "embedded"), model).parameters
         vertices, joints = posed(model, parameters)
         contact = np.zeros(len(vertices), bool)
-        people.append(replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact))
+        own = replace(person, parameters=parameters, vertices=vertices, joints=joints, contact=contact)
+        people.append(replace(own, contact_partner=np.full(len(vertices), -1, np.int16)))
     faces = model.faces.numpy().astype(np.int32)
     people = [replace(person, faces=faces) for person in people]
     config = {"body_model": {"path": str(file)}}

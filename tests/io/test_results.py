@@ -175,8 +175,8 @@ def test_the_files_of_a_result(tmp_path, reconstruction):
     names = [
         "reconstruction.json",
         "reconstruction.npz",
-        "scene.glb",
         "combined.glb",
+        "scene.glb",
         "person_0.glb",
         "person_1.glb",
         "preview.png",

@@ -183,7 +183,7 @@ class TestProviders:
         with caplog.at_level(logging.INFO, logger="physic_core.adapters.onnx_sessions"):
             open_network(doubler(), OnnxOptions(), "cpu")
         assert [record.getMessage() for record in caplog.records] == [
-            f"double.onnx runs on CPU (onnxruntime {onnxruntime.__version__})"
+            f"double.onnx runs on CPU, onnxruntime {onnxruntime.__version__}"
         ]
 
 

@@ -119,7 +119,7 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     if options.no_cache and options.cache is not None:
         raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
     trial, others = _split(options.overrides)
-    config, noisy = _configs(options.preset, _mock_options(options), trial, others)
+    config, noisy = _configs(options, trial, others)
 
     from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
@@ -197,22 +197,21 @@ def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
     return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
 
 
-def _mock_options(options: _AccuracyOptions) -> dict[str, int]:
-    """Return the options of every mock; version 3 is their default, and unknown to mocks of other plugins."""
-    version = {} if options.noise_version == 3 else {"version": options.noise_version}
-    return {"noise_seed": options.noise_seed, **version}
-
-
-def _configs(preset: str, mocks: dict[str, int], trial: list[str], others: list[str]) -> tuple[Config, Config]:
+def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> tuple[Config, Config]:
     """Return the trial's config, and the config of the estimators, which all rows share.
 
-    ``mocks`` are options of every mock.
+    Backends of other plugins have a noise seed, and no version of the noise.
     """
     from physic_core.configuration.model import load_config
     from physic_core.interfaces import INTERFACES
 
-    noise = {name: {"options": mocks} for name in INTERFACES}
-    engine = {"engine": {"preset": preset}}
+    usual, chosen = load_config(preset="mock"), load_config(preset="mock", overrides=others)
+    noise: dict[str, dict[str, dict[str, int]]] = {}
+    for name in INTERFACES:
+        noise[name] = {"options": {"noise_seed": options.noise_seed}}
+        if chosen.choice(name).backend == usual.choice(name).backend:
+            noise[name]["options"]["version"] = options.noise_version
+    engine = {"engine": {"preset": options.preset}}
     return (
         load_config(
             preset="mock",
