@@ -45,6 +45,7 @@ def physic_backends() -> list[BackendRecord]:
             "physic_opencv.from_file:DepthFile",
             api=1,
             summary="A depth map of yours: .npy, 16-bit .png or .exr",
+            needs=("a depth map of yours",),
         ),
         BackendRecord(
             "relative_pointmap",
@@ -52,5 +53,6 @@ def physic_backends() -> list[BackendRecord]:
             "physic_opencv.from_file:PointmapFile",
             api=1,
             summary="A point map of yours: .npy or .npz",
+            needs=("a point map of yours",),
         ),
     ]
