@@ -114,7 +114,7 @@ def main() -> int:
         return 0
     if given.one is not None:
         resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
-        if given.random:
+        if given.random or not chosen[0].guided:
             ran, failed = attack_for(chosen[0], given.one, given.seed, given.keep)
             print(f"{chosen[0].name}: {ran} inputs, {failed} failed", flush=True)
             return 0
