@@ -1,4 +1,4 @@
-"""The size of the frames in an AVIF file, which may be larger than the image that its container promises.
+"""The streams of an AVIF or HEIC file, and the size of AV1 frames, which may be larger than the container promises.
 
 The decoder allocates whole frames and scales them to the size in the container. Boxes follow ISO/IEC 14496-12, and the
 units of the stream (OBU) the AV1 Bitstream Specification, sections 5.3 to 5.5.
@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import BinaryIO
 
-__all__ = ["frame_pixels"]
+__all__ = ["frame_pixels", "picture_streams"]
 
 _SEQUENCE_HEADER = 1
 _FRAMES = (3, 6)  # a frame header, and a header with its frame
 _MAX_FRAMES = 9  # the 8 references of a stream, and the frame being decoded
 _MAX_UNITS = 100_000  # of all streams together
+_METADATA = (b"Exif", b"II*\x00", b"MM\x00*")
 _PARENTS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 
 
@@ -27,21 +28,27 @@ def frame_pixels(file: BinaryIO) -> int:
     Raises:
         ValueError: the boxes or units are damaged, overlap many times or are more than a hundred thousand.
     """
-    file.seek(0)
-    data = file.read()
-    largest = length = count = 0
-    for stream in _streams(data):
-        length += len(stream)
+    largest = count = 0
+    for stream in _streams_of(file):
         frame = frames = 0
         for kind, unit in _units(stream):
             count += 1
             if kind == _SEQUENCE_HEADER:
                 frame = max(frame, _largest_frame(unit))
             frames += kind in _FRAMES
-            if count > _MAX_UNITS or length > 4 * len(data):
+            if count > _MAX_UNITS:
                 raise ValueError("too many units")
         largest = max(largest, frame * min(max(frames, 1), _MAX_FRAMES))
     return largest
+
+
+def picture_streams(file: BinaryIO) -> Iterator[bytes]:
+    """Yield the data of each item of an AVIF or HEIC file but EXIF data, and of the first sample of each track.
+
+    Raises:
+        ValueError: the boxes are damaged, or items overlap many times.
+    """
+    return (stream for stream in _streams_of(file) if not any(start in stream[:16] for start in _METADATA))
 
 
 class _Bits:
@@ -68,6 +75,17 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
         after = start + max(size, header) if size else end
         yield kind, start + header, min(after, end)
         start = after
+
+
+def _streams_of(file: BinaryIO) -> Iterator[bytes]:
+    file.seek(0)
+    data = file.read()
+    length = 0
+    for stream in _streams(data):
+        length += len(stream)
+        if length > 4 * len(data):
+            raise ValueError("items overlap many times")
+        yield stream
 
 
 def _streams(data: bytes) -> Iterator[bytes]:

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from physic_core.files.av1_frame import frame_pixels
+from physic_core.files.av1_frame import frame_pixels, picture_streams
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -22,6 +22,9 @@ _MAX_NUMBERS = 2_000_000
 
 _LOST_BLOCK = 4096
 """Zeros that a lossy WebP has at a lost block, bytes. One colour in 12 megapixels gives up to 1,140."""
+
+_LOST_SECTOR = 512
+"""Zeros that a picture of AVIF or HEIC has at a lost sector of a disk, bytes. HEVC forbids three; AV1 needs no 64."""
 
 _TIFF_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8}
 """TIFF type -> bytes of a value."""
@@ -67,11 +70,11 @@ def check_parts(kind: str, file: BinaryIO) -> None:
     """Raise ValueError if a file has so many parts that reading them takes much memory or time, or lacks some.
 
     Args:
-        kind: "JPEG", "PNG", "TIFF" or "WEBP"; others are not checked.
+        kind: "AVIF", "HEIF", "JPEG", "PNG", "TIFF" or "WEBP"; others are not checked.
         file: its content.
 
     Raises:
-        ValueError: the header has too many parts, or a WebP has lost a block.
+        ValueError: the header has too many parts, or a picture has lost a block.
         Exception: the header is damaged.
     """
     check = _PARTS.get(kind)
@@ -160,6 +163,12 @@ def _check_webp(file: BinaryIO) -> None:
         file.seek(size + size % 2, 1)
 
 
+def _check_items(file: BinaryIO) -> None:
+    """Find a lost sector in the pictures, for which decoders invent pixels without a word."""
+    if any(bytes(_LOST_SECTOR) in stream for stream in picture_streams(file)):
+        raise ValueError(f"{_LOST_SECTOR} bytes of zeros in the picture")
+
+
 def _check_tiff(file: BinaryIO) -> None:
     """Count the values of the tags of the first image."""
     file.seek(0)
@@ -192,6 +201,8 @@ def _check_tiff(file: BinaryIO) -> None:
 
 
 _PARTS: dict[str, Callable[[BinaryIO], None]] = {
+    "AVIF": _check_items,
+    "HEIF": _check_items,
     "JPEG": _check_jpeg,
     "PNG": _check_png,
     "TIFF": _check_tiff,

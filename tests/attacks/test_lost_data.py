@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from physic_core.files.jpeg_data import MAX_SCANS
 from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import read_photo, read_source
 
+CORPUS = Path(__file__).parent / "corpus"
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 
@@ -52,6 +54,33 @@ def test_a_short_block_of_zeros_is_found(kind: str):
     for at in range(picture_start(whole), len(whole) - 600, 997):
         data = whole[:at] + bytes(512) + whole[at + 512 :]
         assert message_of(data) == of_bytes(data)
+
+
+HEIC = (CORPUS / "photo.heic").read_bytes()
+
+
+def avif(**options) -> bytes:
+    file = io.BytesIO()
+    Image.open(PHOTO).convert("RGB").save(file, "AVIF", speed=9, **options)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("kind", ["avif", "heic"])
+def test_zeros_in_an_avif_or_heic_are_found(kind: str):
+    if kind == "heic":
+        pytest.importorskip("pi_heif")
+    whole = HEIC if kind == "heic" else avif()
+    assert read_photo(whole).image.any()
+    for at in range(len(whole) // 5, len(whole) - 600, 997):
+        for data in (whole[:at] + bytes(512) + whole[at + 512 :], whole[:at] + bytes(len(whole) - at)):
+            assert message_of(data) == of_bytes(data)
+
+
+def test_zeros_in_the_metadata_of_an_avif_are_no_damage():
+    """Cameras write their own notes, which have long runs of zeros."""
+    data = avif(exif=Image.Exif().tobytes() + bytes(5000))
+    assert bytes(5000) in data
+    np.testing.assert_array_equal(read_photo(data).image, read_photo(avif()).image)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -106,7 +135,7 @@ def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
 
 @pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}, {"quality": 5}], ids=str)
-@pytest.mark.parametrize("kind", ["JPEG", "WEBP"])
+@pytest.mark.parametrize("kind", ["JPEG", "WEBP", "AVIF"])
 def test_one_colour_is_no_damage(mode: str, options: dict, kind: str):
     """Large plain areas give long runs of zeros."""
     file = io.BytesIO()
