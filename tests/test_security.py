@@ -138,3 +138,13 @@ def test_a_message_cannot_control_a_terminal(tmp_path: Path):
     assert done.exit_code == 3
     assert "a\\x1b[2Jb\\u202ec.png" in done.output
     assert "\x1b" not in done.output
+
+
+def test_a_warning_cannot_control_a_terminal():
+    """In a process of its own: where pytest has handlers of logs, warnings are left to them."""
+    code = (
+        "import warnings; from physic_core.cli.output import printed_logs\n"
+        "with printed_logs(): warnings.warn('a\\x1b[2Jb')"
+    )
+    done = subprocess.run([sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "<string>:2: UserWarning: a\\x1b[2Jb\n"

@@ -34,13 +34,15 @@ def echo_json(value: object) -> None:
 
 @contextmanager
 def printed_logs() -> Iterator[None]:
-    """Print warnings and errors of loggers as all other lines, unless the program has handlers of its own."""
+    """Print Python's warnings, and those and errors of loggers, as all other lines, unless the program has handlers."""
     root, handler = logging.getLogger(), _EchoHandler(logging.WARNING)
     if not root.handlers:  # also of logging.basicConfig, which adds none then
         root.addHandler(handler)
+        logging.captureWarnings(True)
     try:
         yield
     finally:
+        logging.captureWarnings(False)
         root.removeHandler(handler)
 
 
@@ -49,4 +51,4 @@ class _EchoHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""
-        echo(self.format(record), err=True)
+        echo(self.format(record).rstrip("\n"), err=True)
