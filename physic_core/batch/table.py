@@ -18,7 +18,8 @@ __all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "de
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a text begins that a spreadsheet computes
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
 _ROWS = 10_000  # of one group of a Parquet file
 
 

@@ -214,16 +214,21 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
 
 
 def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
-    ids = ["=cmd|'calc'!A0", "@SUM(1)", "-o", "+1", "\tx", "\rx", "'quoted", "plain", "a=b"]
+    ids = ["=cmd|'calc'!A0", "@SUM(1)", "-o", "+1", "\tx", "\rx", "\nx", "\uff1d1", "'quoted", "plain", "a=b"]
     job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ids:
             journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
     with write_table(tmp_path, "csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert not [text for row in rows for text in row.values() if text.startswith(("=", "+", "-", "@", "\t", "\r"))]
+    assert not [
+        text
+        for row in rows
+        for text in row.values()
+        if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d"))
+    ]
     assert [row["id"].removeprefix("'") for row in rows] == ids
-    assert [row["id"][0] == "'" for row in rows] == [True] * 7 + [False] * 2
+    assert [row["id"][0] == "'" for row in rows] == [True] * 9 + [False] * 2
     assert {row["message"] for row in rows} == {"'=1+1"}
     if find_spec("pyarrow"):
         assert parquet_column(write_table(tmp_path, "parquet"), "id") == ids
