@@ -262,7 +262,7 @@ def _kind(start: bytes) -> str | None:
 def _register_heif(source: ImageSource) -> None:
     """Let Pillow read HEIC, the format of many phones, with the optional package ``pi-heif``."""
     try:
-        from pi_heif import register_heif_opener  # type: ignore[import-not-found, unused-ignore]
+        from pi_heif import register_heif_opener  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         raise PackageMissingError(
             f"cannot read the {source}: it is HEIC, which needs one more package; "
