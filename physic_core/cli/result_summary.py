@@ -97,10 +97,10 @@ def _row(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> tuple[str,
 
 
 def _contact(person: Mapping[str, Any]) -> str:
-    """Return the share of the vertices in contact, and with what: "12 %: floor, person 1"."""
+    """Return the share of the vertices in contact, and with what they are likely to be: "12 %: floor, person 1"."""
     if _distance(person) is None:
         return "-"
-    partners = [one.partner for one in parse_contacts(person) if one.partner.kind != "self"]
+    partners = [one.partner for one in parse_contacts(person) if one.partner.kind != "self" and one.likely]
     names = dict.fromkeys(p.title if p.person is None else f"person {p.person}" for p in partners)
     share = f"{100 * person['contact_vertices'] / max(1, person['vertices']):.0f} %"
     return ": ".join(filter(None, (share, ", ".join(names))))

@@ -33,7 +33,11 @@ def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, A
             first,
             grade=Grade.GOOD,
             support=support,
-            contacts=(*feet, BodyContact("right_hand", own, 0.8, 9)),
+            contacts=(
+                *feet,
+                BodyContact("right_hand", own, 0.8, 9),
+                BodyContact("left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9),
+            ),
             contact=np.arange(vertices) < vertices / 4,
             joints=np.broadcast_to([0.0, 1.8, 2.4], first.joints.shape),
         ),
