@@ -158,6 +158,11 @@ def is_inside(path: str) -> bool:
     return plain and bool(parts) and ".." not in parts and not path.endswith("/")
 
 
+def _printable(path: str) -> str:
+    """Return a path for messages, with control characters escaped."""
+    return path if path.isprintable() else ascii(path)[1:-1]
+
+
 @functools.lru_cache(maxsize=64)
 def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     import tomllib
@@ -222,8 +227,8 @@ def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
         if (file := _file(entry, f"files[{i}] ", faults)) is not None:
             files.append(file)
     for twice in sorted({f.path for f in files if sum(f.path == g.path for g in files) > 1}):
-        faults.append(f"has the file {twice} more than once")
-    by_hand = [file.path for file in files if not file.source]
+        faults.append(f"has the file {_printable(twice)} more than once")
+    by_hand = [_printable(file.path) for file in files if not file.source]
     if by_hand and not table.get("advice"):
         faults.append(f"has no source for {', '.join(by_hand)}: write in 'advice' how to get it")
     return WeightSet(

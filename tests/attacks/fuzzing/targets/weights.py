@@ -64,7 +64,7 @@ def attack_manifest(data: bytes, folder: Path) -> None:
         assert all(line.isprintable() for line in lines)
         assert all(str(path) in line for line in lines[1:])
         return
-    tables = tomllib.loads(data.decode())
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
     assert list(sets) == list(tables)
     for name, weights in sets.items():
         rows = tables[name]["files"]
