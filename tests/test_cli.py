@@ -15,7 +15,6 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.cli.config import full_toml, resolved_toml
-from physic_core.cli.doctor import diagnose, try_backend
 from physic_core.cli.listing import plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
 from physic_core.cli.template import config_template
@@ -511,61 +510,7 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     ]
 
 
-# ---- doctor and new --------------------------------------------------------------------------------------------------
-
-SICK = (
-    "import os, time\n"
-    "from physic_core import BackendRecord, hookimpl\n"
-    "from physic_core.errors import BackendError\n"
-    "from physic_core.interfaces import Inpainter\n"
-    "@hookimpl\n"
-    "def physic_backends():\n"
-    "    names = ('well', 'lacking', 'failing', 'dying', 'hanging', 'unclosed')\n"
-    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}', api=1) for n in names]\n"
-    "class Well(Inpainter):\n"
-    "    def infer(self, image, mask): return image\n"
-    "class Lacking(Well):\n"
-    "    def load(self, device='cpu'): raise BackendError('no checkpoint at /x: get it from /y')\n"
-    "class Failing(Well):\n"
-    "    def load(self, device='cpu'): raise ValueError('bad magic number')\n"
-    "class Dying(Well):\n"
-    "    def load(self, device='cpu'): os._exit(9)\n"
-    "class Hanging(Well):\n"
-    "    def load(self, device='cpu'): time.sleep(600)\n"
-    "class Unclosed(Well):\n"
-    "    def close(self): raise RuntimeError('still open')\n"
-)
-
-
-def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-bad")
-    site.install("physic-sick", SICK)
-    site.install("physic-bad", "import no_such_module\n", version="0.3")
-    done = physic("plugins", "doctor", "--timeout", "8")
-    assert done.exit_code == 5
-    assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
-        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no output",
-        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: "
-        "ValueError: bad magic number (physic_sick.py:14)",
-        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not finished after 8 s",
-        "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
-        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open (physic_sick.py:20)",
-        "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
-        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-        "7 checked: 1 ok, 1 missing, 5 broken",
-    ]
-
-
-def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick")
-    site.install("physic-sick", SICK)
-    done = physic("plugins", "doctor", "lacking", "--json")
-    assert done.exit_code == 0
-    (finding,) = json.loads(done.stdout)
-    assert (finding["state"], finding["message"]) == ("missing", "no checkpoint at /x: get it from /y")
-
-
-def test_a_class_that_no_plugin_registers_is_shown_and_looked_at(monkeypatch, tmp_path):
+def test_a_class_that_no_plugin_registers_is_shown(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "own_fill.py").write_text(
         "from physic_core.interfaces import Inpainter\n"
@@ -578,37 +523,6 @@ def test_a_class_that_no_plugin_registers_is_shown_and_looked_at(monkeypatch, tm
         "  plugin    a class that no plugin registers",
         "  class     own_fill:Fill",
     ]
-    done = physic("plugins", "doctor", "own_fill:Fill")
-    assert done.exit_code == 0
-    assert done.stdout.startswith("ok       inpainter 'own_fill:Fill' (named in the config): ")
-
-
-def test_the_doctor_tells_what_is_refused_or_cannot_be_imported_without_loading(site):
-    gone, refused = (c for c in offers() if c.record.name in ("new", "gone"))
-    registry = Registry([refused, gone], installed=False)
-    found = list(diagnose(registry, [refused, gone], lambda claim: try_backend(registry, claim, "cpu")))
-    assert [str(f) for f in found] == [
-        "BROKEN   segmenter 'new' (physic-a 1.0): needs plugin API 2, this physic-core has 1",
-        "BROKEN   segmenter 'gone' (physic-a 1.0): cannot be imported from json.gone:C: "
-        "ModuleNotFoundError: No module named 'json.gone'",
-    ]
-
-
-def test_new_refuses_names_that_do_not_serve():
-    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept").splitlines()[-1] == (
-        "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
-        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
-    )
-    assert refusal("plugins", "new", "telea", "--interface", "inpainter").splitlines()[-1] == (
-        "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
-    )
-    assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
-        "a backend's name has only a-z, 0-9 and hyphens, such as my-depth, and is not 'none' (got 'My Depth')"
-    )
-    Path("physic-mine").mkdir()
-    assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
-        "physic-mine exists already: choose another name, or another --folder"
-    )
 
 
 # ---- config ----------------------------------------------------------------------------------------------------------

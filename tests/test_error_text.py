@@ -135,7 +135,7 @@ def test_compare_names_the_line_and_shows_the_traceback_on_demand(broken: Path, 
 def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(broken: Path, debug: bool, monkeypatch):
     source = BROKEN.replace("    return [", "    1 / 0\n    return [")
     (broken / "physic_broken.py").write_text(source)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
     for command in ("doctor",), ():
         done = CliRunner().invoke(main, ["plugins", *command])
         assert "ZeroDivisionError: division by zero (physic_broken.py:19)\n" in done.output
@@ -147,7 +147,7 @@ def test_doctor_names_the_line_of_a_backend_that_does_not_load(broken: Path, deb
         "class Camera", "    def load(self, device='cpu'):\n        open('/no/file')\n\nclass Camera"
     )
     (broken / "physic_broken.py").write_text(source)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
     done = CliRunner().invoke(main, ["plugins", "doctor"])
     assert (
         "BROKEN   inpainter 'raises' (physic-broken 1.0): load('cpu') fails: "

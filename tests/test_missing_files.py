@@ -12,7 +12,6 @@ from click.testing import CliRunner, Result
 
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
-from physic_core.cli.doctor import try_backend
 from physic_core.configuration.resolve import missing_files, missing_gpu, require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import missing_requirements
@@ -21,6 +20,7 @@ from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
 from physic_core.pipeline.run import reconstruct_photo
 from physic_testing import check_backend
+from physic_testing.commands.doctor import try_backend
 from physic_testing.conformance.compare import compare
 
 PLUGIN = """

@@ -97,7 +97,7 @@ def of_plugin(name: str, site: Any, monkeypatch: pytest.MonkeyPatch) -> str:
     source, arguments = PLUGINS[name]
     site.install("physic-mine", source)
     if "config" not in arguments:  # else the table of the others, too, would be here
-        monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mine,physic-opencv" if "else has" in name else "physic-mine")
+        monkeypatch.setenv("PHYSIC_PLUGINS", f"physic-mine,physic-testing{',physic-opencv' * ('else has' in name)}")
     return f"{source}\n{told(arguments)}"
 
 

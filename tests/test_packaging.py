@@ -14,6 +14,8 @@ import pytest
 from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
+from physic_core.interfaces import INTERFACES
+
 ROOT = Path(__file__).parents[1]
 PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {"physic-core": ROOT}
 
@@ -182,8 +184,12 @@ NOTICES = {
 def test_the_core_wheel_holds_presets_and_the_body():
     files = wheel_files(ROOT)
     assert {f"physic_core/configuration/presets/{name}.toml" for name in ("embedded", "light-cpu", "mock")} <= files
-    assert "physic_core/scaffold/metric_depth.py" in files
     assert any(f.startswith("physic_core/body/") and f.endswith(".npz") for f in files)
+
+
+def test_the_wheel_of_physic_testing_holds_the_templates_of_plugins():
+    files = wheel_files(ROOT / "plugins" / "physic-testing")
+    assert {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES} <= files
 
 
 def test_the_embedded_wheel_holds_the_networks_and_their_notices():

@@ -285,18 +285,6 @@ def test_a_distribution_that_is_no_lost_plugin_is_left_alone(site, distribution,
     assert find_misregistered(distributions(path=[str(site.folder)]), environment={}) == ()
 
 
-def test_doctor_names_the_lost_plugins_and_what_to_do(site, monkeypatch):
-    installed_as(site, "heuristics", "physic_plugins")
-    installed_as(site, "physic-mine", "")
-    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine")
-    done = CliRunner().invoke(main, ["plugins", "doctor"])
-    assert (
-        f"BROKEN   heuristics 1.0: its entry points are in the group 'physic_plugins', which is not read: {CURE}\n"
-        in (done.output)
-    )
-    assert "missing  physic-mine 1.0: it has no entry point in the group 'physic.plugins'" in done.output
-
-
 def test_the_listing_names_plugins_of_another_group_in_one_line(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine,physic-mock")
     installed_as(site, "physic-mine", "")

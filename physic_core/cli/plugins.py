@@ -17,9 +17,7 @@ __all__ = ["details", "list_", "plugins", "show"]
 
 
 _COMMANDS = {
-    "doctor": ("physic_core.cli.doctor:doctor", "Load each installed backend and report what is missing or broken."),
     "list": ("physic_core.cli.plugins:list_", "List installed backends, as `physic plugins` does."),
-    "new": ("physic_core.cli.scaffold:new", "Create a plugin with one backend that passes the conformance kit."),
     "show": ("physic_core.cli.plugins:show", "Show the options, licence and source of a backend."),
 }
 

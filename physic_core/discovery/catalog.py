@@ -67,7 +67,10 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
 """Backend names by distribution and interface; a test compares them with the installed distributions."""
 
 COMMANDS = {
-    **dict.fromkeys(("bench", "plugins check", "plugins compare"), "physic-testing"),
+    **dict.fromkeys(
+        ("bench", "plugins check", "plugins compare", "plugins doctor", "plugins new"),
+        "physic-testing",
+    ),
     "evaluate": "physic-evaluate",
     "serve": "physic-serve",
     "view": "physic-viewer",

@@ -1,4 +1,4 @@
-"""Synthetic worlds with ground truth, the conformance kit of backends, and the benchmark of the engine."""
+"""Synthetic worlds with ground truth, tools for authors of plugins, and the benchmark of the engine."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _ON_FIRST_USE = {
 
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
-    """Return the commands "bench", "plugins check" and "plugins compare"."""
+    """Return the command "bench", and those below "plugins" for authors of plugins."""
     return [
         CommandRecord(
             "bench", "physic_testing.commands.bench:bench", "Measure the accuracy and the speed of the engine."
@@ -40,6 +40,16 @@ def physic_commands() -> list[CommandRecord]:
             "plugins compare",
             "physic_testing.commands.conformance:compare",
             "Compare the accuracy of backends on synthetic worlds.",
+        ),
+        CommandRecord(
+            "plugins doctor",
+            "physic_testing.commands.doctor:doctor",
+            "Load each installed backend and report what is missing or broken.",
+        ),
+        CommandRecord(
+            "plugins new",
+            "physic_testing.commands.scaffold:new",
+            "Create a plugin with one backend that passes the conformance kit.",
         ),
     ]
 

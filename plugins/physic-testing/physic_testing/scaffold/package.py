@@ -130,7 +130,7 @@ def plugin_files(names: PluginNames, core: str, api: int) -> dict[str, str]:
         core: version of physic-core, the lower bound of the requirement.
         api: version of the interface.
     """
-    source = (resources.files("physic_core.scaffold") / f"{names.interface}.py").read_text(encoding="utf-8")
+    source = (resources.files("physic_testing.scaffold") / f"{names.interface}.py").read_text(encoding="utf-8")
     summary = source.partition('"""')[2].partition(".")[0]
     words = {
         "backend": names.backend,

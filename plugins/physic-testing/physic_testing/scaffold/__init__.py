@@ -1,4 +1,4 @@
 """Templates of a new plugin: one example backend for each interface, which passes the conformance kit.
 
-:mod:`physic_core.scaffold.package` writes a template under the names of the new plugin.
+:mod:`physic_testing.scaffold.package` writes a template under the names of the new plugin.
 """

@@ -23,7 +23,7 @@ def new(name: str, interface: str, folder: Path | None) -> None:
     """
     from physic_core.discovery.plugins import core_version, discover
     from physic_core.interfaces import INTERFACES
-    from physic_core.scaffold.package import PluginNames, write_plugin
+    from physic_testing.scaffold.package import PluginNames, write_plugin
 
     require_interface(interface)
     backend = name.removeprefix("physic-")

@@ -16,8 +16,8 @@ from hatchling.plugin.manager import PluginManager
 from physic_core.cli import main
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.interfaces import INTERFACES
-from physic_core.scaffold.package import PluginNames, plugin_files
 from physic_testing import check_backend
+from physic_testing.scaffold.package import PluginNames, plugin_files
 
 
 def install(package: Path) -> Path:
@@ -54,7 +54,7 @@ def test_a_new_package_passes_its_own_tests(interface: str, tmp_path, monkeypatc
 
 @pytest.mark.parametrize("interface", INTERFACES)
 def test_what_a_new_package_begins_with_passes_the_kit(interface: str):
-    kind = importlib.import_module(f"physic_core.scaffold.{interface}").Template
+    kind = importlib.import_module(f"physic_testing.scaffold.{interface}").Template
     registry = Registry(installed=False)
     registry.register(BackendRecord(interface, "begun", kind, api=1))
     report = check_backend("begun", interface, registry=registry)
@@ -87,3 +87,27 @@ def test_a_new_package_is_the_authors_to_build(tmp_path):
         (tmp_path / path).write_text(text)
     held = {f.distribution_path for f in WheelBuilder(str(tmp_path)).recurse_included_files()}
     assert held == {f"physic_my_thing/{name}" for name in ("__init__.py", "inpainter.py", "py.typed")}
+
+
+def refusal(*arguments: str) -> str:
+    done = CliRunner().invoke(main, list(arguments))
+    assert (done.exit_code, done.stdout) == (2, ""), done.output
+    return done.stderr.removeprefix("Error: ").rstrip("\n")
+
+
+def test_names_that_do_not_serve_are_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert refusal("plugins", "new", "my-depth", "--interface", "metric_dept").splitlines()[-1] == (
+        "Error: no interface named 'metric_dept'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
+        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'metric_depth'?"
+    )
+    assert refusal("plugins", "new", "telea", "--interface", "inpainter").splitlines()[-1] == (
+        "Error: inpainter 'telea' (physic-opencv 0.1.0) is installed already: choose another name"
+    )
+    assert refusal("plugins", "new", "My Depth", "--interface", "metric_depth") == (
+        "a backend's name has only a-z, 0-9 and hyphens, such as my-depth, and is not 'none' (got 'My Depth')"
+    )
+    Path("physic-mine").mkdir()
+    assert refusal("plugins", "new", "mine", "--interface", "inpainter") == (
+        "physic-mine exists already: choose another name, or another --folder"
+    )

@@ -1,0 +1,111 @@
+"""``physic plugins doctor``: every backend is loaded, whatever the others do."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+
+from click.testing import CliRunner, Result
+
+from physic_core.cli import main
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+SICK = (
+    "import os, time\n"
+    "from physic_core import BackendRecord, hookimpl\n"
+    "from physic_core.errors import BackendError\n"
+    "from physic_core.interfaces import Inpainter\n"
+    "@hookimpl\n"
+    "def physic_backends():\n"
+    "    names = ('well', 'lacking', 'failing', 'dying', 'hanging', 'unclosed')\n"
+    "    return [BackendRecord('inpainter', n, f'physic_sick:{n.capitalize()}', api=1) for n in names]\n"
+    "class Well(Inpainter):\n"
+    "    def infer(self, image, mask): return image\n"
+    "class Lacking(Well):\n"
+    "    def load(self, device='cpu'): raise BackendError('no checkpoint at /x: get it from /y')\n"
+    "class Failing(Well):\n"
+    "    def load(self, device='cpu'): raise ValueError('bad magic number')\n"
+    "class Dying(Well):\n"
+    "    def load(self, device='cpu'): os._exit(9)\n"
+    "class Hanging(Well):\n"
+    "    def load(self, device='cpu'): time.sleep(600)\n"
+    "class Unclosed(Well):\n"
+    "    def close(self): raise RuntimeError('still open')\n"
+)
+
+
+def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-bad,physic-testing")
+    site.install("physic-sick", SICK)
+    site.install("physic-bad", "import no_such_module\n", version="0.3")
+    done = physic("plugins", "doctor", "--timeout", "8")
+    assert done.exit_code == 5
+    assert [re.sub(r"\d+\.\d s$", "0.0 s", line) for line in done.stdout.splitlines()] == [
+        "BROKEN   inpainter 'dying' (physic-sick 1.0): it ended Python with code 9: no output",
+        "BROKEN   inpainter 'failing' (physic-sick 1.0): load('cpu') fails: "
+        "ValueError: bad magic number (physic_sick.py:14)",
+        "BROKEN   inpainter 'hanging' (physic-sick 1.0): not finished after 8 s",
+        "missing  inpainter 'lacking' (physic-sick 1.0): no checkpoint at /x: get it from /y",
+        "BROKEN   inpainter 'unclosed' (physic-sick 1.0): close() fails: RuntimeError: still open (physic_sick.py:20)",
+        "ok       inpainter 'well' (physic-sick 1.0): 0.0 s",
+        "BROKEN   physic-bad 0.3: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
+        "7 checked: 1 ok, 1 missing, 5 broken",
+    ]
+
+
+def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
+    site.install("physic-sick", SICK)
+    done = physic("plugins", "doctor", "lacking", "--json")
+    assert done.exit_code == 0
+    (finding,) = json.loads(done.stdout)
+    assert (finding["state"], finding["message"]) == ("missing", "no checkpoint at /x: get it from /y")
+
+
+def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "own_fill.py").write_text(
+        "from physic_core.interfaces import Inpainter\n"
+        "class Fill(Inpainter):\n"
+        "    def infer(self, image, mask): return image\n"
+    )
+    done = physic("plugins", "doctor", "own_fill:Fill")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("ok       inpainter 'own_fill:Fill' (named in the config): ")
+
+
+def test_a_refused_record_and_a_missing_module_are_broken(site):
+    site.install(
+        "physic-sick",
+        "from physic_core import BackendRecord, hookimpl\n"
+        "@hookimpl\n"
+        "def physic_backends():\n"
+        "    return [BackendRecord('segmenter', 'new', 'm:C', api=2),\n"
+        "            BackendRecord('segmenter', 'gone', 'json.gone:C', api=1)]\n",
+    )
+    done = physic("plugins", "doctor", "--interface", "segmenter")
+    assert [line for line in done.stdout.splitlines() if "physic-sick" in line] == [
+        "BROKEN   segmenter 'gone' (physic-sick 1.0): cannot be imported from json.gone:C: "
+        "ModuleNotFoundError: No module named 'json.gone'",
+        "BROKEN   segmenter 'new' (physic-sick 1.0): written for version 2 of the interface segmenter, and this "
+        "physic-core has version 1: upgrade physic-core",
+    ]
+
+
+def test_plugins_of_another_entry_point_group_are_named_with_the_cure(site, monkeypatch):
+    for distribution, points in (("heuristics", "[physic_plugins]\nx = heuristics\n"), ("physic-mine", "")):
+        module = site.install(distribution, "")
+        (site.folder / f"{module}-1.0.dist-info" / "entry_points.txt").write_text(points)
+    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine,physic-testing")
+    done = physic("plugins", "doctor")
+    assert (
+        "BROKEN   heuristics 1.0: its entry points are in the group 'physic_plugins', which is not read: "
+        'write [project.entry-points."physic.plugins"] in its pyproject.toml, and install it again\n' in done.output
+    )
+    assert "missing  physic-mine 1.0: it has no entry point in the group 'physic.plugins'" in done.output
