@@ -69,6 +69,19 @@ def few_steps() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session")
+def saved_pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a result of a mock world with two people who sit side by side."""
+    from physic_core import load_config, reconstruct
+    from physic_testing.worlds import build_world
+
+    world = build_world("sit_side_by_side", 0, (160, 120))
+    overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]  # enough for the files
+    folder = tmp_path_factory.mktemp("saved") / "out"
+    reconstruct(world.image, load_config(preset="mock", overrides=overrides)).save(str(folder), preview=False)
+    return folder
+
+
 @pytest.fixture
 def repository() -> Path:
     return Path(__file__).parent

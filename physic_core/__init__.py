@@ -24,9 +24,10 @@ from physic_core.errors import (
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config, load_config
+    from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hookspecs import hookimpl
     from physic_core.discovery.plugins import discover
-    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord, ExporterRecord
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
         Reconstruction,
         Scene,
     )
+    from physic_core.types.exports import ExportedFiles
+    from physic_core.visual.export.request import ExportRequest
     from physic_core.visual.export.write import export_reconstruction
     from physic_core.visual.preview import preview_png
     from physic_core.visual.report.page import report_html
@@ -56,6 +59,9 @@ __all__ = [
     "ConfigError",
     "DeviceError",
     "ExecutorRecord",
+    "ExportRequest",
+    "ExportedFiles",
+    "ExporterRecord",
     "InputError",
     "Intrinsics",
     "KnownLength",
@@ -72,6 +78,8 @@ __all__ = [
     "WeightsMissingError",
     "discover",
     "export_reconstruction",
+    "find_exporter",
+    "find_exporters",
     "hookimpl",
     "load_backend",
     "load_config",
@@ -90,6 +98,9 @@ _ON_FIRST_USE = {
     "CommandRecord": "physic_core.discovery.records",
     "Config": "physic_core.configuration.model",
     "ExecutorRecord": "physic_core.discovery.records",
+    "ExportRequest": "physic_core.visual.export.request",
+    "ExportedFiles": "physic_core.types.exports",
+    "ExporterRecord": "physic_core.discovery.records",
     "Intrinsics": "physic_core.types",
     "PeoplePrompt": "physic_core.types",
     "KnownLength": "physic_core.types",
@@ -99,6 +110,8 @@ _ON_FIRST_USE = {
     "Registry": "physic_core.discovery.registry",
     "Scene": "physic_core.types",
     "discover": "physic_core.discovery.plugins",
+    "find_exporter": "physic_core.discovery.exporters",
+    "find_exporters": "physic_core.discovery.exporters",
     "hookimpl": "physic_core.discovery.hookspecs",
     "load_backend": "physic_core.pipeline.loaded_backends",
     "load_config": "physic_core.configuration.model",

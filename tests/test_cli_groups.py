@@ -13,7 +13,8 @@ from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.discovery.catalog import COMMANDS, how_to_install
-from physic_core.discovery.commands import find_commands
+from physic_core.discovery.installed import find_installed
+from physic_core.discovery.records import CommandRecord
 
 PLUGIN = """
 from physic_core import CommandRecord, hookimpl
@@ -142,7 +143,7 @@ def test_a_known_command_that_is_not_installed_names_its_distribution(name: str,
 
 
 def test_the_catalog_lists_the_commands_of_our_distributions():
-    assert {c.record.name: c.origin.distribution for c in find_commands(environment={})} == COMMANDS
+    assert {c.record.name: c.origin.distribution for c in find_installed(CommandRecord, environment={})} == COMMANDS
 
 
 def test_every_own_command_can_be_imported_under_its_name():

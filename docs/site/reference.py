@@ -24,6 +24,10 @@ MODULES = {
     "physic_core.body": "Body model",
     "physic_core.geometry": "Geometry",
     "physic_core.adapters": "Helpers for adapters",
+    "physic_core.visual.export.request": "Requests of exports",
+    "physic_core.visual.surface": "Meshes of scene and floor",
+    "physic_core.visual.palette": "Colours",
+    "physic_core.visual.rig": "Skeletons and skins",
     "physic_testing": "Worlds and conformance",
 }
 """The public modules, by the title of their page."""

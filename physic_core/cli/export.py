@@ -14,13 +14,15 @@ __all__ = ["export"]
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from physic_core.visual.export.formats import FORMATS
+    from physic_core.discovery.exporters import find_exporters
 
     rows = [("format", "suffix", "for", "content", "needs")]
-    for each in FORMATS:
+    for exporter in find_exporters():
+        each = exporter.record
         needs = [each.needs] if each.needs else []
-        if each.extra:
-            needs.insert(0, f"the extra '{each.extra}' ({'installed' if each.available else 'not installed'})")
+        if each.packages:
+            what = f"the extra '{each.extra}'" if each.extra else ", ".join(each.packages)
+            needs.insert(0, f"{what} ({'not installed' if each.missing_packages else 'installed'})")
         rows.append((each.name, " ".join(each.suffixes), each.audience, each.content, "; ".join(needs) or "-"))
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     for row in rows:
@@ -53,12 +55,12 @@ def export(
     overwrite: bool,
 ) -> None:
     """Export the result in folder OUT to a format of another program."""
-    from physic_core.visual.export.formats import find_format
+    from physic_core.discovery.exporters import find_exporter
 
     if name is None and path is None:
         raise click.UsageError("no format is given: name one with --to, or a file with -o; --list prints the formats")
     # An unknown format is reported before numpy is imported, and a file that exists before the result is read.
-    find_format(name, "" if path is None or path.is_dir() else path.suffix)
+    find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
     from physic_core.io.results import load_reconstruction, read_document
     from physic_core.visual.export.write import check_target, export_reconstruction

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from physic_core.discovery.commands import InstalledCommand
+    from physic_core.discovery.installed import Installed
+    from physic_core.discovery.records import CommandRecord
 
 __all__ = ["ExtensibleGroup"]
 
@@ -32,11 +33,12 @@ class ExtensibleGroup(click.Group):
         self.path = path
         self.own = dict(own or {})
 
-    def _plugin_commands(self) -> dict[str, InstalledCommand]:
-        from physic_core.discovery.commands import find_commands
+    def _plugin_commands(self) -> dict[str, Installed[CommandRecord]]:
+        from physic_core.discovery.installed import find_installed
+        from physic_core.discovery.records import CommandRecord
 
-        added: dict[str, InstalledCommand] = {}
-        for command in find_commands():
+        added: dict[str, Installed[CommandRecord]] = {}
+        for command in find_installed(CommandRecord):
             path, _, name = command.record.name.rpartition(" ")
             if path == self.path and name not in self.own:
                 added.setdefault(name, command)
@@ -66,11 +68,12 @@ class ExtensibleGroup(click.Group):
         name = args[0]
         if not name.startswith("-") and self.get_command(ctx, name) is None:
             from physic_core.discovery.catalog import COMMANDS, how_to_install
+            from physic_core.discovery.installed import why_unavailable
 
             full_name = f"{self.path} {name}".strip()
             if (distribution := COMMANDS.get(full_name)) is not None:
                 raise click.UsageError(
-                    f"'physic {full_name}' is a command of {distribution}, which is {_why_unavailable(distribution)}: "
+                    f"'physic {full_name}' is a command of {distribution}, which is {why_unavailable(distribution)}: "
                     f"{how_to_install(distribution)}"
                 )
             raise click.exceptions.NoSuchCommand(name, possibilities=self.list_commands(ctx), ctx=ctx)
@@ -84,41 +87,19 @@ class ExtensibleGroup(click.Group):
             formatter.write_dl(sorted(summaries.items()))
 
 
-def _why_unavailable(distribution: str) -> str:
-    """Return the reason why the commands of a known distribution are not available."""
-    from physic_core.discovery.entry_points import find_plugins
-
-    found = find_plugins()
-    for broken in found.broken:
-        if broken.origin.distribution == distribution:
-            return f"broken ({broken.cause})"
-    if found.restriction is not None:
-        return f"not installed, or hidden by PHYSIC_PLUGINS='{found.restriction}'"
-    return "not installed"
-
-
-def _load(command: InstalledCommand) -> click.Command:
+def _load(command: Installed[CommandRecord]) -> click.Command:
     """Import a plugin's command.
 
     Raises:
         PluginError: it cannot be imported, or is not a ``click.Command``.
     """
-    from physic_core.discovery.error_text import describe_error
-    from physic_core.discovery.plugin_code import plugin_code
+    from physic_core.discovery.installed import import_target
     from physic_core.errors import PluginError
 
-    record = command.record
-    module, _, attribute = record.target.partition(":")
-    try:
-        with plugin_code():
-            found = getattr(import_module(module), attribute)
-    except Exception as error:
-        raise PluginError(
-            f"the command '{record.name}' of {command.origin} cannot be imported: {describe_error(error, module)}"
-        ) from error
+    found = import_target(command, "command")
     if not isinstance(found, click.Command):
         raise PluginError(
-            f"the command '{record.name}' of {command.origin} should be a click.Command, "
-            f"but {record.target} is a {type(found).__name__}"
+            f"the command '{command.record.name}' of {command.origin} should be a click.Command, "
+            f"but {command.record.target} is a {type(found).__name__}"
         )
     return found

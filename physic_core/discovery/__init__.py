@@ -1,1 +1,1 @@
-"""Find installed plugins, and their backends, weights and commands."""
+"""Find installed plugins, and their backends, weights, commands, executors and exporters."""

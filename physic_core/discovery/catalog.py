@@ -1,8 +1,8 @@
-"""Known distributions with their backends, commands, executors and install commands; only for hints in messages."""
+"""Known distributions: backends, commands, executors, export formats, install commands; only for hints in messages."""
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "COMMANDS", "EXECUTORS", "distribution_for", "how_to_install", "known_names"]
+__all__ = ["CATALOG", "COMMANDS", "EXECUTORS", "EXPORTERS", "distribution_for", "how_to_install", "known_names"]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -80,6 +80,20 @@ COMMANDS = {
 EXECUTORS = {"ray": "physic-ray"}
 """Distribution of each known executor of ``physic batch``; a test compares them with the distribution."""
 
+EXPORTERS: dict[str, dict[str, tuple[str, ...]]] = {
+    "physic-export": {
+        "amass": (".npz",),
+        "bvh": (".bvh",),
+        "coco": (".json",),
+        "hot": (".json",),
+        "mjcf": (".xml", ".mjcf"),
+        "obj": (".obj",),
+        "ply": (".ply",),
+        "usd": (".usdc", ".usda", ".usd", ".usdz"),
+    },
+}
+"""Export formats and their suffixes, by distribution; a test compares them with the distribution."""
+
 _IN_CONTRIB = ("physic-omnieraser", "physic-ray")
 
 
@@ -102,9 +116,11 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
     return tuple(name for names in offers.values() for name in names)
 
 
-def how_to_install(distribution: str) -> str:
+def how_to_install(distribution: str, extra: str = "") -> str:
     """Return the install command of a distribution; distributions of this project are installed from a checkout."""
-    if distribution not in {*CATALOG, *COMMANDS.values(), *EXECUTORS.values()}:
-        return f"`pip install {distribution}`"
+    own = distribution in {*CATALOG, *COMMANDS.values(), *EXECUTORS.values(), *EXPORTERS}
     folder = "contrib" if distribution in _IN_CONTRIB else "plugins"
-    return f"`pip install -e {folder}/{distribution}` in a checkout of PhySIC"
+    source = f"{folder}/{distribution}" if own else distribution
+    if extra:
+        source = f"'{source}[{extra}]'"
+    return f"`pip install -e {source}` in a checkout of PhySIC" if own else f"`pip install {source}`"

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.installed import RECORD_HOOKS
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
+from physic_core.discovery.records import BackendRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
     InvalidPluginError,
@@ -74,8 +75,8 @@ def find_plugins(
             with plugin_code(), redirect_stdout(sys.stderr):
                 manager = load_plugin(entry)
                 records = call_hook(manager, "physic_backends", BackendRecord)
-                call_hook(manager, "physic_commands", CommandRecord)  # only checked here
-                call_hook(manager, "physic_executors", ExecutorRecord)
+                for kind, hook in RECORD_HOOKS.items():
+                    call_hook(manager, hook, kind)  # only checked here
                 weights, complaints = _manifests(manager, entry)
             origin = origin_of(entry, clock() - start)
             offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]

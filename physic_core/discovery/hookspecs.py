@@ -1,4 +1,4 @@
-"""Hooks that a plugin may implement: they return its backends, weight manifests, commands and executors.
+"""Hooks that a plugin may implement: they return its backends, weight manifests, commands, executors and exporters.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
 hooks of that module return its backends::
@@ -29,6 +29,13 @@ A plugin adds a value of ``physic batch --executor`` with a function, which is i
     @hookimpl
     def physic_executors():
         return [ExecutorRecord("my-cluster", "my_pkg.cluster:my_executor", summary="Runs on ...")]
+
+A plugin adds a format of ``physic export`` with a function, which is imported when a result is exported. The function
+gets an :class:`physic_core.ExportRequest` and returns :class:`physic_core.ExportedFiles`::
+
+    @hookimpl
+    def physic_exporters():
+        return [ExporterRecord("my-format", (".my",), "my_pkg.export:export_my_format", audience="My program")]
 """
 
 from __future__ import annotations
@@ -41,9 +48,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord, ExporterRecord
 
-__all__ = ["PROJECT", "hookimpl", "physic_backends", "physic_commands", "physic_executors", "physic_weights"]
+__all__ = [
+    "PROJECT",
+    "hookimpl",
+    "physic_backends",
+    "physic_commands",
+    "physic_executors",
+    "physic_exporters",
+    "physic_weights",
+]
 
 PROJECT = "physic"
 
@@ -64,6 +79,11 @@ def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
 @hookspec
 def physic_executors() -> Sequence[ExecutorRecord]:  # type: ignore[empty-body]
     """Return the executors that this plugin adds to ``physic batch``."""
+
+
+@hookspec
+def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
+    """Return the formats that this plugin adds to ``physic export``."""
 
 
 @hookspec

@@ -1,14 +1,15 @@
-"""Records of backends, commands and executors, which plugin hooks return."""
+"""Records of backends, commands, executors and exporters, which plugin hooks return."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
-__all__ = ["BackendRecord", "CommandRecord", "ExecutorRecord"]
+__all__ = ["BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord"]
 
 
 @dataclass(frozen=True)
@@ -71,3 +72,55 @@ class ExecutorRecord:
     name: str
     target: str
     summary: str = ""
+
+
+@dataclass(frozen=True)
+class ExporterRecord:
+    """A format of ``physic export``.
+
+    Attributes:
+        name: as in ``physic export --to NAME``, lower case with hyphens.
+        suffixes: of its files, lower case with the dot, the default first.
+        target: "package.module:function" of a function that gets a
+            :class:`physic_core.ExportRequest` and returns :class:`physic_core.ExportedFiles`; imported when a result is
+            exported.
+        audience: programs that read it.
+        content: what is in it.
+        ups: up axes that it can be written with ("y", "z", "camera"), the default first. The axes are described in
+            docs/exports.md.
+        stem: file name without suffix, if no path is given; empty for ``name``.
+        bodies: which people it writes: "any" without a body too, "optional" only those with a body, "required" the
+            same, and at least one.
+        per_person: whether each person is a file of their own.
+        needs: what the user must have, or empty.
+        packages: import names of required packages, such as those of an extra.
+        extra: extra of the distribution that installs ``packages``, or empty.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    target: str
+    audience: str = ""
+    content: str = ""
+    ups: tuple[str, ...] = ("y",)
+    stem: str = ""
+    bodies: Literal["any", "optional", "required"] = "optional"
+    per_person: bool = False
+    needs: str = ""
+    packages: tuple[str, ...] = ()
+    extra: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.suffixes or isinstance(self.suffixes, str) or not all(s.startswith(".") for s in self.suffixes):
+            raise ValueError(f"suffixes of the exporter {self.name!r} should be like ('.fbx',), got {self.suffixes!r}")
+        if self.bodies not in ("any", "optional", "required"):
+            raise ValueError(
+                f"bodies of the exporter {self.name!r} should be 'any', 'optional' or 'required', got {self.bodies!r}"
+            )
+        if not self.ups or isinstance(self.ups, str) or set(self.ups) - {"y", "z", "camera"}:
+            raise ValueError(f"ups of the exporter {self.name!r} should be of 'y', 'z' and 'camera', got {self.ups!r}")
+
+    @property
+    def missing_packages(self) -> tuple[str, ...]:
+        """The required packages that are not installed."""
+        return tuple(package for package in self.packages if find_spec(package) is None)

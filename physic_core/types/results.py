@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.contacts import BodyContact, ContactPartner
     from physic_core.types.depth import Plane
+    from physic_core.types.exports import Exported
     from physic_core.types.people import UnposedPerson
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
     from physic_core.types.support import Support
-    from physic_core.visual.export.write import Exported
 
 __all__ = ["Person", "Reconstruction", "Scene"]
 
@@ -247,7 +247,7 @@ class Reconstruction(ShortRepr):
         save_report(self, path, title)
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
-        """Write a file of another program's format: skinned GLB, SMPL-X npz, PLY, OBJ, BVH, USD, MJCF, COCO, HOT.
+        """Write a file of another program's format: a skinned GLB, or a format of an installed plugin.
 
         Args:
             path: of the file, or a folder, which then needs ``format``.

@@ -18,12 +18,12 @@ import torch
 
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.meshes import floor_square, vertex_normals
-from physic_core.visual.export.request import ExportedFiles, ExportRequest, camera_pose, export_frame
-from physic_core.visual.export.rig import Rig, rigs
+from physic_core.types.exports import ExportedFiles
+from physic_core.visual.export.request import ExportRequest, camera_pose, export_frame
 from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
 from physic_core.visual.palette import FLOOR_RGB, contact_colors, contact_legend, linear_from_srgb
-from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
+from physic_core.visual.rig import Rig, rigs
+from physic_core.visual.surface import SceneMesh, depth_limit, floor_square, mesh_scene, vertex_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

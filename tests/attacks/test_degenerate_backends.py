@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from degenerate import CONFIG, DEVIATIONS, Deviation, deviating_backends, record
-from physic_core import Pipeline, Reconstruction
+from physic_core import Pipeline, Reconstruction, find_exporters
 from physic_core.errors import BackendOutputError
-from physic_core.visual.export.formats import FORMATS
 from physic_testing.worlds import build_world
 
 REFUSED = [deviation for deviation in DEVIATIONS if deviation.refused]
@@ -73,6 +72,6 @@ def write_everything(result: Reconstruction, folder: Path) -> None:
     result.report(str(folder / "report.html"))
     json.loads((folder / "reconstruction.json").read_text(), parse_constant=pytest.fail)
     assert len(Reconstruction.load(str(folder)).people) == len(result.people)
-    for kind in FORMATS:
-        if kind.name != "amass":  # needs a model file of the user's
-            result.export(str(folder / kind.name), kind.name)
+    for name in (exporter.record.name for exporter in find_exporters()):
+        if name != "amass":  # needs a model file of the user's
+            result.export(str(folder / name), name)

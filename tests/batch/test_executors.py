@@ -10,7 +10,8 @@ from click.testing import CliRunner, Result
 
 from physic_core.batch.executors import ExecutorSettings, open_executor
 from physic_core.cli import main
-from physic_core.discovery.executors import find_executors
+from physic_core.discovery.installed import find_installed
+from physic_core.discovery.records import ExecutorRecord
 from physic_core.errors import ConfigError, PluginError
 
 PLUGIN = """
@@ -72,7 +73,7 @@ def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
 
 def test_executors_of_broken_plugins_are_left_out(plugin: Any):
     plugin.install("physic-broken", "raise ValueError('broken')")
-    assert "queue" in {executor.record.name for executor in find_executors(environment={})}
+    assert "queue" in {executor.record.name for executor in find_installed(ExecutorRecord, environment={})}
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_an_unknown_name_lists_what_is_installed(monkeypatch: pytest.MonkeyPatch
     [
         (
             "lost",
-            "the executor 'lost' of physic-queue cannot be imported: "
+            "the executor 'lost' of physic-queue 1.0 cannot be imported: "
             "ModuleNotFoundError: No module named 'physic_queue_nowhere'",
         ),
         ("number", "the executor 'number' should return a function, got int"),

@@ -1,1 +1,1 @@
-"""Export a reconstruction to the formats of other programs; ``formats.FORMATS`` is the list."""
+"""Export a reconstruction: the request that an exporter gets, and the files that it returns."""

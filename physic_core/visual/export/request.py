@@ -1,4 +1,4 @@
-"""What an exporter gets and returns, and the frame that it writes in."""
+"""What an exporter gets, and the frame that it writes in."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import Person, Plane, Reconstruction
 
-__all__ = ["ExportRequest", "ExportedFiles", "Frame", "camera_pose", "export_frame"]
+__all__ = ["ExportRequest", "Frame", "camera_pose", "export_frame"]
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -73,19 +73,6 @@ class ExportRequest:
     def file_of(self, person: int) -> str:
         """Return the name of the file of one person: the stem, with the person's number if there are several."""
         return f"{self.stem}{self.suffix}" if len(self.people) == 1 else f"{self.stem}_{person}{self.suffix}"
-
-
-@dataclass(frozen=True)
-class ExportedFiles:
-    """Files of one export.
-
-    Attributes:
-        files: file name -> content.
-        notes: sentences for the user.
-    """
-
-    files: dict[str, bytes]
-    notes: tuple[str, ...] = ()
 
 
 def export_frame(floor: Plane | None, up: str) -> Frame:

@@ -4,35 +4,25 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.errors import InputError, OutputError, PackageMissingError
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.exporters import find_exporter
+from physic_core.discovery.installed import Installed, import_target
+from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.records import ExporterRecord
+from physic_core.errors import InputError, OutputError, PhysicError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.visual.export.formats import Format, find_format
-from physic_core.visual.export.request import ExportedFiles, ExportRequest, export_frame
+from physic_core.types.exports import Exported, ExportedFiles
+from physic_core.visual.export.request import ExportRequest, export_frame
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["Exported", "check_target", "export_reconstruction"]
-
-
-@dataclass(frozen=True)
-class Exported:
-    """Result of an export.
-
-    Attributes:
-        files: paths of the written files.
-        notes: sentences about frame, fit errors and what was left out.
-    """
-
-    files: tuple[Path, ...]
-    notes: tuple[str, ...]
+__all__ = ["check_target", "export_reconstruction"]
 
 
 def export_reconstruction(
@@ -63,15 +53,16 @@ def export_reconstruction(
         InputError: the format is unknown, the result does not have what it needs, or a library is missing.
         OutputError: a file exists already, or cannot be written.
         BodyModelError: the body model file cannot be used.
+        PluginError: the exporter of a plugin cannot be imported, or fails.
     """
-    kind, folder, stem, suffix = _target(Path(path), format)
+    exporter, folder, stem, suffix = _target(Path(path), format)
+    kind = exporter.record
     people, notes = _people(result, person, kind)
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
     request = ExportRequest(
         result, people, frame, stem, suffix, scene, None if body_model is None else Path(os.path.expanduser(body_model))
     )
-    module, _, function = kind.target.partition(":")
-    made: ExportedFiles = getattr(import_module(module), function)(request)
+    made = _call(exporter, request)
     return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
 
 
@@ -90,31 +81,54 @@ def check_target(
         InputError: the format is unknown, the path has another suffix, or a package is missing.
         OutputError: a file exists already.
     """
-    kind, folder, stem, suffix = _target(Path(path), format)
-    many = kind.per_person and len(people) > 1
+    exporter, folder, stem, suffix = _target(Path(path), format)
+    many = exporter.record.per_person and len(people) > 1
     names = [f"{stem}_{person}{suffix}" for person in people] if many else [f"{stem}{suffix}"]
     if not overwrite:
         _refuse_existing([folder / name for name in names])
 
 
-def _target(path: Path, format: str | None) -> tuple[Format, Path, str, str]:
-    """Return the format, and folder, stem and suffix of the files.
+def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], Path, str, str]:
+    """Return the exporter, and folder, stem and suffix of the files.
 
     Raises:
         InputError: the format is unknown, the path has another suffix, or a package is missing.
     """
     is_folder = path.is_dir() or (format is not None and not path.suffix)
-    kind = find_format(format, "" if is_folder else path.suffix)
-    target = (path, kind.stem, kind.suffixes[0]) if is_folder else _split(path, kind)
-    if not kind.available:
-        raise PackageMissingError(
-            f"export to {kind.name} needs the package that has the module '{kind.module}': install it with "
-            f"`pip install -e '.[{kind.extra}]'` in a checkout of PhySIC"
+    exporter = find_exporter(format, "" if is_folder else path.suffix)
+    kind = exporter.record
+    if is_folder:
+        return exporter, path, kind.stem or kind.name, kind.suffixes[0]
+    return exporter, *_split(path, kind)
+
+
+def _call(exporter: Installed[ExporterRecord], request: ExportRequest) -> ExportedFiles:
+    """Call the function of an exporter.
+
+    Raises:
+        PluginError: it cannot be imported, fails, or does not return files.
+        PhysicError: raised by the exporter itself.
+    """
+    function = import_target(exporter, "exporter")
+    try:
+        with plugin_code():
+            made = function(request)
+    except (PhysicError, MemoryError):
+        raise
+    except Exception as error:
+        module = exporter.record.target.partition(":")[0]
+        raise PluginError(
+            f"the exporter '{exporter.record.name}' of {exporter.origin} fails: {describe_error(error, module)}"
+        ) from error
+    if not isinstance(made, ExportedFiles):
+        raise PluginError(
+            f"the exporter '{exporter.record.name}' of {exporter.origin} should return physic_core.ExportedFiles, "
+            f"got {type(made).__name__}"
         )
-    return kind, *target
+    return made
 
 
-def _split(path: Path, kind: Format) -> tuple[Path, str, str]:
+def _split(path: Path, kind: ExporterRecord) -> tuple[Path, str, str]:
     """Return folder, stem and suffix of the file.
 
     Raises:
@@ -129,7 +143,7 @@ def _split(path: Path, kind: Format) -> tuple[Path, str, str]:
 
 
 def _people(
-    result: Reconstruction, person: int | Sequence[int] | None, kind: Format
+    result: Reconstruction, person: int | Sequence[int] | None, kind: ExporterRecord
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Return the indices of the people to write, and notes about those left out.
 
@@ -143,22 +157,22 @@ def _people(
         if not 0 <= index < count:
             there = f"people are numbered 0 to {count - 1}" if count else "nobody is in this result"
             raise InputError(f"there is no person {index}: {there}")
-        if person is not None and index in bodiless and kind.name != "coco":
+        if person is not None and index in bodiless and kind.bodies != "any":
             raise InputError(
                 f"person {index} has no body, only a box and keypoints: the body estimator returned no finite values "
                 "for them; export them with --to coco, or choose another person"
             )
-    if kind.name == "coco":
+    if kind.bodies == "any":
         return tuple(wanted), ()
     kept = tuple(index for index in wanted if index not in bodiless)
-    if kind.bodies and not kept:
+    if kind.bodies == "required" and not kept:
         why = "nobody in this result has a body" if count else "nobody is in this result"
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
     return kept, tuple(f"person {index} has no body and is left out" for index in left)
 
 
-def _up_axis(kind: Format, up: str | None) -> str:
+def _up_axis(kind: ExporterRecord, up: str | None) -> str:
     if up is not None and up not in kind.ups:
         raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
     return up or kind.ups[0]

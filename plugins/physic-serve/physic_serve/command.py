@@ -108,14 +108,13 @@ def serve(
 
 
 def _formats(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the formats to export: those named, or those of the default whose libraries are installed."""
-    from physic_core.visual.export.formats import find_format
+    """Return the formats to export: those named, or those of the default that are installed with their libraries."""
+    from physic_core import find_exporter, find_exporters
 
-    found = [find_format(name, "") for name in names or _EXPORTS]
-    for each in found:
-        if names and not each.available:
-            raise click.UsageError(f"--export {each.name} needs the extra '{each.extra}' of physic-core: install it")
-    return tuple(dict.fromkeys(each.name for each in found if each.available))
+    if names:
+        return tuple(dict.fromkeys(find_exporter(name).record.name for name in names))
+    installed = {each.record.name for each in find_exporters() if not each.record.missing_packages}
+    return tuple(name for name in _EXPORTS if name in installed)
 
 
 def _end_at_signals() -> None:

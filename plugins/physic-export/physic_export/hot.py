@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core.visual.export.coco import png
-from physic_core.visual.export.meshes import vertex_normals
-from physic_core.visual.export.request import ExportedFiles, ExportRequest
-from physic_core.visual.export.rig import body_of_result
-from physic_core.visual.export.rle import polygons
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.visual.rig import body_of_result
+from physic_core.visual.surface import vertex_normals
+from physic_export.coco import png
+from physic_export.rle import polygons
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -36,9 +36,9 @@ json.dump(found, open('found.json', 'w'))
 
 @pytest.mark.skipif(find_spec("bpy") is None, reason="needs `pip install bpy`")
 def test_the_fbx_of_the_documented_command_holds_the_objects_of_the_result(
-    saved: Path, result: Reconstruction, repository: Path, tmp_path: Path
+    saved_pair: Path, result: Reconstruction, repository: Path, tmp_path: Path
 ):
-    shutil.copy(saved / "combined.glb", tmp_path / "skinned.glb")
+    shutil.copy(saved_pair / "combined.glb", tmp_path / "skinned.glb")
     text = (repository / "docs" / "exports.md").read_text()
     (convert,) = re.findall(r'blender --background --python-expr "(.*?)"\n', text, re.S)
     for script in (convert, READ_BACK):

@@ -100,14 +100,14 @@ def test_contact_is_an_attribute_and_a_colour(tree, result: Reconstruction):
     assert "no_skeleton" not in tree.scenes[0].extras
 
 
-def test_the_combined_file_of_a_saved_result_is_the_exported_one(file: Path, saved: Path):
-    assert (saved / "combined.glb").read_bytes() == file.read_bytes()
+def test_the_combined_file_of_a_saved_result_is_the_exported_one(file: Path, saved_pair: Path):
+    assert (saved_pair / "combined.glb").read_bytes() == file.read_bytes()
 
 
-def test_the_parts_of_a_saved_result_hold_the_posed_bodies(saved: Path, result: Reconstruction):
+def test_the_parts_of_a_saved_result_hold_the_posed_bodies(saved_pair: Path, result: Reconstruction):
     frame = export_frame(result.scene.floor, "y")
     for index, person in enumerate(result.people):
-        mesh = trimesh.load_scene(saved / f"person_{index}.glb").geometry[f"person_{index}"]
+        mesh = trimesh.load_scene(saved_pair / f"person_{index}.glb").geometry[f"person_{index}"]
         np.testing.assert_allclose(mesh.vertices, transform_points(frame.from_camera, person.vertices), atol=1e-6)
 
 
@@ -137,8 +137,8 @@ def test_trimesh_opens_it(file: Path, result: Reconstruction):
     assert len(scene.geometry["person_0"].vertices) == len(result.people[0].vertices)
 
 
-def test_without_the_scene_only_people_and_the_camera_are_left(export):
-    scene = trimesh.load_scene(export("a.glb", scene=False, person=1).files[0])
+def test_without_the_scene_only_people_and_the_camera_are_left(result: Reconstruction, tmp_path: Path):
+    scene = trimesh.load_scene(result.export(str(tmp_path / "a.glb"), scene=False, person=1).files[0])
     assert set(scene.geometry) == {"person_1"}
 
 

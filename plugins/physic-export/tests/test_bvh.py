@@ -10,8 +10,8 @@ import pytest
 from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.bvh import bvh_name
 from physic_core.visual.export.request import export_frame
+from physic_export.bvh import bvh_name
 
 
 def read_bvh(path: Path) -> dict[str, np.ndarray]:

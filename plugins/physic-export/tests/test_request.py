@@ -1,4 +1,4 @@
-"""Formats, people, frames and files of an export, and what is refused."""
+"""Formats, people and files of the exports, and what is refused."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from physic_core import Reconstruction
+from physic_core import Reconstruction, find_exporter
 from physic_core.cli import main
+from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.export import write
-from physic_core.visual.export.formats import FORMATS, find_format
-from physic_core.visual.export.request import camera_pose, export_frame
+from physic_export import physic_exporters
 
 NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd"
 
@@ -43,8 +41,12 @@ def test_the_list_names_every_format_with_suffix_and_needs():
     done = physic("export", "--list")
     assert done.exit_code == 0
     lines = done.output.splitlines()
-    assert [line.split()[0] for line in lines] == ["format", *(each.name for each in FORMATS)]
+    assert [line.split()[0] for line in lines] == ["format", *NAMES.split(", ")]
     assert "SMPL-X file of yours (--body-model)" in lines[1]
+
+
+def test_the_catalog_lists_the_formats():
+    assert {each.name: each.suffixes for each in physic_exporters()} == EXPORTERS["physic-export"]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +54,7 @@ def test_the_list_names_every_format_with_suffix_and_needs():
     [(".npz", "amass"), (".bvh", "bvh"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply"), (".usdz", "usd")],
 )
 def test_a_suffix_selects_a_format(suffix: str, name: str):
-    assert find_format(None, suffix).name == name
+    assert find_exporter(None, suffix).record.name == name
 
 
 @pytest.mark.parametrize(
@@ -87,22 +89,11 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
 )
 def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: str):
     with pytest.raises(InputError) as refused:
-        find_format(name, suffix)
+        find_exporter(name, suffix)
     assert str(refused.value) == message
 
 
-def test_a_missing_library_names_its_extra(result: Reconstruction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    absent = replace(find_format("usd"), module="no_such_module")
-    monkeypatch.setattr(write, "find_format", lambda *_: absent)
-    with pytest.raises(InputError) as refused:
-        result.export(str(tmp_path / "a.usda"))
-    assert str(refused.value) == (
-        "export to usd needs the package that has the module 'no_such_module': install it with "
-        "`pip install -e '.[usd]'` in a checkout of PhySIC"
-    )
-
-
-# --- people and frames ------------------------------------------------------------------------------------------------
+# --- people -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -152,27 +143,6 @@ def test_z_up_needs_a_floor(result: Reconstruction, tmp_path: Path):
     )
 
 
-def test_y_up_without_a_floor_is_the_camera_and_says_so(result: Reconstruction, export):
-    done = export("a.glb", of=without_floor(result))
-    assert done.notes == ("the result has no floor: y is the camera's up axis, and the origin is the camera",)
-
-
-@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
-def test_frames_are_rigid_and_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
-    floor = result.scene.floor
-    assert floor is not None
-    frame = export_frame(floor, up)
-    turn = frame.from_camera[:3, :3]
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(turn) == pytest.approx(1)
-    points = np.random.default_rng(0).normal(size=(5, 3))
-    heights = points @ floor.normal + floor.offset
-    np.testing.assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)
-    # The camera looks along its -z: a point ahead of it in the photo is there.
-    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1)
-    np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
-
-
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
@@ -188,10 +158,10 @@ def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):
     [(("--to", "glb"), "skinned.glb"), (("-o", "a.obj"), "a.obj"), (("--to", "bvh"), "skeleton_1.bvh")],
 )
 def test_an_existing_file_is_refused_before_the_arrays_are_read(
-    saved: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], existing: str
+    saved_pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], existing: str
 ):
     monkeypatch.chdir(tmp_path)
-    copy = shutil.copytree(saved, tmp_path / "copy")
+    copy = shutil.copytree(saved_pair, tmp_path / "copy")
     (copy / "reconstruction.npz").unlink()
     target = tmp_path / existing if "-o" in arguments else copy / existing
     target.write_text("mine")
@@ -224,16 +194,16 @@ def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
     )
 
 
-def test_the_command_writes_into_the_result_and_prints_the_files(saved: Path):
-    done = physic("export", saved, "--to", "coco", "--person", 1)
+def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):
+    done = physic("export", saved_pair, "--to", "coco", "--person", 1)
     assert done.exit_code == 0, done.output
     names = [Path(line.split("  (")[0]).name for line in done.output.splitlines()]
     assert names == ["coco.json", "coco.png"]
-    again = physic("export", saved, "--to", "coco", "--person", 1)
+    again = physic("export", saved_pair, "--to", "coco", "--person", 1)
     assert (again.exit_code, again.output.startswith("Error: ")) == (2, True)
     for name in names:
-        os.remove(saved / name)
-    Reconstruction.load(str(saved))
+        os.remove(saved_pair / name)
+    Reconstruction.load(str(saved_pair))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.visual.export.meshes import ColoredMesh, floor_square, person_meshes, scene_mesh
-from physic_core.visual.export.request import ExportedFiles, ExportRequest, camera_pose
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.visual.export.request import camera_pose
 from physic_core.visual.palette import FLOOR_RGB, contact_legend, linear_from_srgb
+from physic_core.visual.surface import floor_square
+from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

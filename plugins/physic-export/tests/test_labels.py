@@ -15,8 +15,8 @@ from PIL import Image
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
-from physic_core.visual.export.hot import HOT_PARTS, hot_part_of_vertex
-from physic_core.visual.export.rle import run_lengths
+from physic_export.hot import HOT_PARTS, hot_part_of_vertex
+from physic_export.rle import run_lengths
 
 
 def document(files: tuple[Path, ...]) -> dict:

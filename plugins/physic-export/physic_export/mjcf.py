@@ -11,11 +11,12 @@ import numpy as np
 import roma
 import torch
 
+from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import ExportedFiles, ExportRequest, camera_pose
-from physic_core.visual.export.rig import body_of_result
-from physic_core.visual.export.tiles import convex_tiles
+from physic_core.visual.export.request import camera_pose
+from physic_core.visual.rig import body_of_result
+from physic_export.tiles import convex_tiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core import ExportedFiles, ExportRequest
 from physic_core.types.skeletons import SKELETONS, skeleton_named
-from physic_core.visual.export.request import ExportedFiles, ExportRequest
-from physic_core.visual.export.rle import run_lengths
+from physic_export.rle import run_lengths
 
 if TYPE_CHECKING:
     from physic_core.types import Person, UInt8Array

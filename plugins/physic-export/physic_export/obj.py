@@ -6,8 +6,8 @@ import io
 
 import numpy as np
 
-from physic_core.visual.export.meshes import contact_lines, person_meshes, scene_mesh
-from physic_core.visual.export.request import ExportedFiles, ExportRequest
+from physic_core import ExportedFiles, ExportRequest
+from physic_export.meshes import contact_lines, person_meshes, scene_mesh
 
 __all__ = ["export_obj"]
 

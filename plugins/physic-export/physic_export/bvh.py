@@ -8,8 +8,8 @@ import numpy as np
 import roma
 import torch
 
-from physic_core.visual.export.request import ExportedFiles, ExportRequest
-from physic_core.visual.export.rig import Rig, rigs
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.visual.rig import Rig, rigs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from physic_core import Reconstruction
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_core.visual.export.tiles import FLAT_M, FLOOR_M, convex_tiles
+from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
 
 RADIUS = 0.05
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.meshes import ColoredMesh, contact_lines, person_meshes
-from physic_core.visual.export.request import ExportedFiles, ExportRequest
 from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_export.meshes import ColoredMesh, contact_lines, person_meshes
 
 if TYPE_CHECKING:
     from physic_core.types import Plane

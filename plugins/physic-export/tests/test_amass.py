@@ -13,7 +13,7 @@ import trimesh
 from other_body import OtherBody, smplx_file_arrays
 from scipy.spatial import cKDTree
 
-from physic_core import Reconstruction, load_config, reconstruct
+from physic_core import Reconstruction
 from physic_core.body import load_body
 from physic_core.body.conversion import convert_bodies
 from physic_core.body.model import BodyModel
@@ -21,9 +21,8 @@ from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types import Bodies, BodyParameters
-from physic_core.visual.export.amass import read_amass
 from physic_core.visual.export.request import export_frame
-from physic_testing.worlds import build_world
+from physic_export.amass import read_amass
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +31,6 @@ def file(other: OtherBody, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     np.savez(path, **smplx_file_arrays(other))
     yield path
     path.unlink()  # pytest keeps folders of old runs
-
-
-@pytest.fixture(scope="module")
-def result() -> Reconstruction:
-    world = build_world("sit_side_by_side", 0, (160, 120))
-    overrides = ["run.cache=false", "engine.joint.optimiser.steps=3"]
-    return reconstruct(world.image, load_config(preset="mock", overrides=overrides))
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +88,7 @@ def test_smplfitter_poses_the_same_body_from_the_file(converted: Reconstruction,
 
 
 def test_embedded_bodies_are_fitted_and_the_error_is_stated(
-    result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path, maps: None
+    result: Reconstruction, file: Path, model: BodyModel, tmp_path: Path
 ):
     done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
     vertices, joints = posed(model, read_amass(done.files[0]))
@@ -131,9 +123,12 @@ def test_without_a_file_the_message_says_what_is_needed_and_why(result: Reconstr
     )
 
 
-def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction, smplx_v10: Path, tmp_path: Path):
+def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction, other: OtherBody, tmp_path: Path):
+    arrays = smplx_file_arrays(other)
+    taller = tmp_path / "SMPLX_MALE.npz"
+    np.savez(taller, **(arrays | {"v_template": 1.1 * arrays["v_template"]}))
     with pytest.raises(InputError, match=r"^the body model gives vertices \d+ mm from those of the result: give the "):
-        converted.export(str(tmp_path / "a.npz"), body_model=smplx_v10)
+        converted.export(str(tmp_path / "a.npz"), body_model=taller)
 
 
 def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction, tmp_path: Path):
@@ -157,3 +152,11 @@ def test_what_is_no_amass_file_is_refused(tmp_path: Path):
     with pytest.raises(InputError) as refused:
         read_amass(path)
     assert str(refused.value) == f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"
+
+
+def test_the_old_place_of_the_reader_forwards(file: Path, converted: Reconstruction, tmp_path: Path):
+    (written,) = converted.export(str(tmp_path / "a.npz"), person=0).files
+    with pytest.warns(DeprecationWarning, match=r"read_amass is now physic_export\.amass\.read_amass$"):
+        from physic_core.visual.export.amass import read_amass as old
+
+    assert old(written).betas.tolist() == read_amass(written).betas.tolist()

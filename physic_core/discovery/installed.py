@@ -1,0 +1,99 @@
+"""Find the commands, executors and exporters that installed plugins add."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout, suppress
+from importlib import import_module
+from importlib.metadata import EntryPoint
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+
+from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.records import CommandRecord, ExecutorRecord, ExporterRecord
+from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
+
+if TYPE_CHECKING:
+    from physic_core.discovery.offers import Origin
+
+__all__ = ["RECORD_HOOKS", "Installed", "find_installed", "import_target", "why_unavailable"]
+
+RECORD_HOOKS: dict[type[Any], str] = {
+    CommandRecord: "physic_commands",
+    ExecutorRecord: "physic_executors",
+    ExporterRecord: "physic_exporters",
+}
+"""The hook that returns each kind of record."""
+
+_Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord)
+
+
+class Installed(NamedTuple, Generic[_Record]):
+    """A record, and the entry point of the plugin that returned it."""
+
+    record: _Record
+    entry: EntryPoint
+
+    @property
+    def origin(self) -> Origin:
+        """The plugin; this reads the metadata of its distribution."""
+        from physic_core.discovery.entry_points import origin_of
+
+        return origin_of(self.entry)
+
+
+def find_installed(
+    kind: type[_Record], installed: Iterable[EntryPoint] | None = None, *, environment: Mapping[str, str] = os.environ
+) -> tuple[Installed[_Record], ...]:
+    """Call the hook for one kind of record of every installed plugin; broken plugins are skipped.
+
+    No backend is checked and no metadata is read, so that ``physic --help`` is fast.
+
+    Args:
+        kind: class of the records.
+        installed: entry points; None for those of this Python.
+        environment: may restrict the plugins with ``PHYSIC_PLUGINS``.
+    """
+    found: list[Installed[_Record]] = []
+    for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
+        with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
+            records = call_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
+            found += [Installed(record, entry) for record in records]
+    return tuple(found)
+
+
+def import_target(found: Installed[Any], role: str) -> Any:
+    """Import what the target of a record names.
+
+    Args:
+        found: the record.
+        role: what the record is, for the message: "command", "executor" or "exporter".
+
+    Raises:
+        PluginError: it cannot be imported.
+    """
+    module, _, attribute = found.record.target.partition(":")
+    try:
+        with plugin_code():
+            return getattr(import_module(module), attribute)
+    except Exception as error:
+        from physic_core.discovery.error_text import describe_error
+        from physic_core.errors import PluginError
+
+        raise PluginError(
+            f"the {role} '{found.record.name}' of {found.origin} cannot be imported: {describe_error(error, module)}"
+        ) from error
+
+
+def why_unavailable(distribution: str) -> str:
+    """Return the reason why nothing of a known distribution is found, such as "not installed"."""
+    from physic_core.discovery.entry_points import find_plugins
+
+    found = find_plugins()
+    for broken in found.broken:
+        if broken.origin.distribution == distribution:
+            return f"broken ({broken.cause})"
+    if found.restriction is not None:
+        return f"not installed, or hidden by PHYSIC_PLUGINS='{found.restriction}'"
+    return "not installed"

@@ -1,0 +1,95 @@
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, HOT, MJCF, OBJ, PLY and USD."""
+
+from __future__ import annotations
+
+from physic_core import ExporterRecord, hookimpl
+
+__all__: list[str] = []
+
+
+@hookimpl
+def physic_exporters() -> list[ExporterRecord]:
+    """Return one record per format."""
+    return [
+        ExporterRecord(
+            "amass",
+            (".npz",),
+            "physic_export.amass:export_amass",
+            "Blender's SMPL-X add-on, AMASS tools",
+            "SMPL-X parameters, one file per person",
+            ups=("z", "y", "camera"),
+            bodies="required",
+            per_person=True,
+            needs="an SMPL-X file of yours (--body-model)",
+        ),
+        ExporterRecord(
+            "bvh",
+            (".bvh",),
+            "physic_export.bvh:export_bvh",
+            "Blender, Maya, MotionBuilder",
+            "skeleton and one pose, one file per person",
+            ups=("y", "z"),
+            stem="skeleton",
+            bodies="required",
+            per_person=True,
+        ),
+        ExporterRecord(
+            "coco",
+            (".json",),
+            "physic_export.coco:export_coco",
+            "labelling and evaluation tools",
+            "boxes, masks, 17 keypoints, and the image",
+            ups=("camera",),
+            bodies="any",
+        ),
+        ExporterRecord(
+            "hot",
+            (".json",),
+            "physic_export.hot:export_hot",
+            "contact labels of papers (HOT)",
+            "contact of each body part, as polygons and areas",
+            ups=("camera",),
+            stem="contact",
+            bodies="required",
+        ),
+        ExporterRecord(
+            "mjcf",
+            (".xml", ".mjcf"),
+            "physic_export.mjcf:export_mjcf",
+            "MuJoCo",
+            "closed collision meshes of scene and people, floor, gravity",
+            ups=("z",),
+            stem="mujoco",
+            needs="a floor in the result",
+        ),
+        ExporterRecord(
+            "obj",
+            (".obj",),
+            "physic_export.obj:export_obj",
+            "MeshLab, Blender, 3ds Max",
+            "meshes of scene and people with colours and normals",
+            ups=("y", "z", "camera"),
+            stem="meshes",
+        ),
+        ExporterRecord(
+            "ply",
+            (".ply",),
+            "physic_export.ply:export_ply",
+            "MeshLab, CloudCompare, Open3D",
+            "all scene points, meshes, colours, normals, contact",
+            ups=("y", "z", "camera"),
+            stem="points",
+        ),
+        ExporterRecord(
+            "usd",
+            (".usdc", ".usda", ".usd", ".usdz"),
+            "physic_export.usd:export_usd",
+            "Omniverse, Isaac Sim, Houdini",
+            "meshes, colliders, contact, camera",
+            ups=("z", "y"),
+            stem="stage",
+            needs="a floor in the result, for z up",
+            packages=("pxr",),
+            extra="usd",
+        ),
+    ]

@@ -1,0 +1,161 @@
+"""SMPL-X parameters as an AMASS npz: one frame per person, as Blender's SMPL-X add-on and AMASS tools read it."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import roma
+import torch
+
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.errors import InputError
+from physic_core.files.npz import read_arrays, write_arrays
+from physic_core.types import Bodies, BodyParameters
+from physic_core.visual.rig import body_of_result, pose_rig
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.body.model import BodyModel
+    from physic_core.visual.export.request import Frame
+
+__all__ = ["export_amass", "read_amass"]
+
+_FRAME_RATE = 30.0
+"""Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by default."""
+
+_PIVOT = (
+    "trans is added after posing, and the root turns about the pelvis joint of the shaped body in its rest pose "
+    "(array pelvis): the pelvis is at pelvis + trans"
+)
+
+
+def export_amass(request: ExportRequest) -> ExportedFiles:
+    """Return one npz per person, with the keys of AMASS and what they mean in words.
+
+    Embedded bodies are fitted with SMPL-X on their surface; the error is in the file (``fit_error_m``) and the notes.
+
+    Raises:
+        InputError: no SMPL-X file is given.
+        BodyModelError: the file is no SMPL-X model.
+    """
+    file = _smplx_file(request)
+    model, parameters, errors = _smplx_parameters(request, file)
+    gender = _gender(file)
+    files, notes = {}, []
+    for row, index in enumerate(request.people):
+        error = errors[row]
+        arrays = _arrays(model, parameters[row : row + 1], request.frame, gender)
+        arrays["fit_error_m"] = np.array(error)
+        stream = io.BytesIO()
+        write_arrays(stream, arrays)
+        files[request.file_of(index)] = stream.getvalue()
+        if error > 0:
+            notes.append(f"person {index}: fitted with SMPL-X, surface within {1000 * error:.0f} mm on average")
+    notes.append(f"frame: {request.frame.axes}; the root turns about the pelvis joint; gender {gender}, from the file")
+    return ExportedFiles(files, tuple(notes))
+
+
+def read_amass(path: str | os.PathLike[str]) -> BodyParameters:
+    """Read SMPL-X parameters from an AMASS npz of any number of frames, in the frame of the file.
+
+    Raises:
+        InputError: the file cannot be read, or holds no SMPL-X poses.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            arrays = read_arrays(stream)
+    except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for damaged files
+        raise InputError(f"cannot read {path}: it is no npz file of arrays ({error})") from error
+    missing = [name for name in ("poses", "betas", "trans") if name not in arrays]
+    if missing or arrays["poses"].ndim != 2 or arrays["poses"].shape[1] != 165:
+        raise InputError(f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans")
+    poses, rows = np.asarray(arrays["poses"], np.float64), len(arrays["poses"])
+    parts = np.split(poses, [3, 66, 69, 72, 75, 120], axis=1)
+    names = ("global_orient", "body_pose", "jaw_pose", "leye_pose", "reye_pose", "left_hand_pose", "right_hand_pose")
+    return BodyParameters(
+        **dict(zip(names, parts, strict=True)),
+        betas=np.tile(np.asarray(arrays["betas"], np.float64).reshape(-1), (rows, 1)),
+        expression=np.asarray(arrays.get("expression", np.zeros((rows, 0))), np.float64),
+        transl=np.asarray(arrays["trans"], np.float64),
+    )
+
+
+def _smplx_file(request: ExportRequest) -> Path:
+    """Return the path of the SMPL-X file.
+
+    Raises:
+        InputError: none is given, and the result's configuration names none.
+    """
+    named = request.body_file or (request.result.config.get("body_model") or {}).get("path")
+    if not named:
+        raise InputError(
+            "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, which PhySIC may not "
+            "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz (--body-model FILE, or "
+            "body_model= in Python). The file is free for research from the SMPL-X project, after registration. "
+            "Without it, --to glb and --to bvh have the same pose"
+        )
+    return Path(named)
+
+
+def _smplx_parameters(request: ExportRequest, file: Path) -> tuple[BodyModel, BodyParameters, NDArray[np.float64]]:
+    """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit errors in metres."""
+    from physic_core.body.conversion import convert_with_residuals
+    from physic_core.body.smplx_file import load_smplx
+    from physic_core.cache.correspondences import cached_correspondence
+
+    people = [person.parameters for _, person in request.chosen()]
+    stacked = BodyParameters(**{name: np.concatenate([getattr(p, name) for p in people]) for name in vars(people[0])})
+    if request.result.body_model == "smplx":
+        model = body_of_result(request.result, file)
+        for _, person in request.chosen():
+            pose_rig(model, person, request.frame)  # checks that the file is that of the result
+        return model, stacked, np.zeros(len(people))
+    if request.result.body_model != "embedded":
+        raise InputError(f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X")
+    model = load_smplx(file)
+    found = convert_with_residuals(Bodies(stacked, "embedded"), model, cached_correspondence)
+    errors = found.joints_m if found.surface_m is None else found.surface_m
+    return model.to(dtype=torch.float64), found.bodies.parameters, errors
+
+
+def _arrays(model: BodyModel, person: BodyParameters, frame: Frame, gender: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the file of one person."""
+    shape = torch.from_numpy(np.concatenate([person.betas, person.expression], 1).astype(np.float64))
+    pelvis = model.kinematics.rest_joints(shape)[0, 0].numpy()
+    turn, shift = frame.from_camera[:3, :3], frame.from_camera[:3, 3]
+    root = roma.rotvec_to_rotmat(torch.from_numpy(person.global_orient.astype(np.float64)))
+    orient = roma.rotmat_to_rotvec(torch.from_numpy(turn.copy()) @ root).numpy()
+    # The pelvis joint moves to where the frame has it; trans is what is left after the rest position.
+    trans = (person.transl[0].astype(np.float64) + pelvis) @ turn.T + shift - pelvis
+    eyes = np.concatenate([person.leye_pose, person.reye_pose], 1)
+    hands = np.concatenate([person.left_hand_pose, person.right_hand_pose], 1)
+    return {
+        "poses": np.concatenate([orient, person.body_pose, person.jaw_pose, eyes, hands], 1).astype(np.float64),
+        "root_orient": orient,
+        "pose_body": person.body_pose.astype(np.float64),
+        "pose_jaw": person.jaw_pose.astype(np.float64),
+        "pose_eye": eyes.astype(np.float64),
+        "pose_hand": hands.astype(np.float64),
+        "trans": trans[None],
+        "betas": person.betas[0].astype(np.float64),
+        "num_betas": np.array(person.betas.shape[1]),
+        "expression": person.expression.astype(np.float64),
+        "gender": np.array(gender),
+        "surface_model_type": np.array("smplx"),
+        "mocap_frame_rate": np.array(_FRAME_RATE),
+        "mocap_time_length": np.array(1 / _FRAME_RATE),
+        "pelvis": pelvis,
+        "pivot": np.array(_PIVOT),
+        "frame": np.array(f"{frame.axes}; metres; hands are relative to flat hands"),
+    }
+
+
+def _gender(file: Path) -> str:
+    """Return the gender that the name of the model file states; neutral if it states none."""
+    name = file.stem.lower()
+    return "female" if "female" in name else "male" if "male" in name else "neutral"

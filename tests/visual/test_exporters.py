@@ -1,0 +1,186 @@
+"""Exporters of plugins: how they are found and called, messages about missing ones, and the frame that they get."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core import Reconstruction, discover, find_exporter
+from physic_core.cli import main
+from physic_core.errors import InputError, PackageMissingError, PluginError
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import camera_pose, export_frame
+
+PLUGIN = """
+from physic_core import ExporterRecord, hookimpl
+
+@hookimpl
+def physic_exporters():
+    target = "physic_box_export:"
+    return [
+        ExporterRecord("box", (".box",), target + "box", "Boxes", "corners", needs="a ruler"),
+        ExporterRecord("fbx", (".fbx",), target + "box", ups=("camera",), per_person=True),
+        ExporterRecord("far", (".far",), target + "box", packages=("no_such_module",), extra="far"),
+        ExporterRecord("lost", (".lost",), "physic_box_nowhere:lost"),
+        ExporterRecord("ends", (".ends",), target + "ends"),
+        ExporterRecord("text", (".text",), target + "text"),
+    ]
+"""
+EXPORTER = """
+from physic_core import ExportedFiles
+
+def box(request):
+    lines = [f"{i} {request.frame.up} {person.vertices.shape[0]}" for i, person in request.chosen()]
+    return ExportedFiles({f"{request.stem}{request.suffix}": "\\n".join(lines).encode()}, ("corners are round",))
+
+def ends(request):
+    raise SystemExit(3)
+
+def text(request):
+    return "text"
+"""
+
+
+@pytest.fixture
+def plugin(site: Any) -> Any:
+    site.install("physic-box", PLUGIN)
+    (site.folder / "physic_box_export.py").write_text(EXPORTER)
+    return site
+
+
+def physic(*arguments: object) -> Result:
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+# --- plugins ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path):
+    (line,) = [line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")]
+    assert line.split("  ")[-1].strip() == "a ruler"
+    file = tmp_path / "a.box"
+    done = physic("export", saved_pair, "-o", file)
+    assert (done.exit_code, done.output.splitlines()) == (0, ["note: corners are round", f"{file}  (0 kB)"])
+    count = len(result.people[0].vertices)
+    assert file.read_text() == f"0 y {count}\n1 y {count}"
+    assert result.export(str(tmp_path), "box").files == (tmp_path / "box.box",)
+
+
+def test_a_plugin_may_write_a_format_that_the_core_explains(plugin: Any, result: Reconstruction, tmp_path: Path):
+    assert result.export(str(tmp_path / "a.fbx"), person=1).files == (tmp_path / "a.fbx",)
+
+
+def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
+    with pytest.raises(PackageMissingError) as refused:
+        find_exporter("far")
+    assert str(refused.value) == (
+        "export to far needs no_such_module, which is not installed: `pip install 'physic-box[far]'`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "lost",
+            "the exporter 'lost' of physic-box 1.0 cannot be imported: "
+            "ModuleNotFoundError: No module named 'physic_box_nowhere'",
+        ),
+        ("ends", "the exporter 'ends' of physic-box 1.0 fails: SystemExit: 3 (physic_box_export.py:9)"),
+        ("text", "the exporter 'text' of physic-box 1.0 should return physic_core.ExportedFiles, got str"),
+    ],
+)
+def test_a_broken_exporter_names_its_plugin(
+    plugin: Any, result: Reconstruction, tmp_path: Path, name: str, message: str
+):
+    with pytest.raises(PluginError) as refused:
+        result.export(str(tmp_path / "out"), name)
+    assert str(refused.value) == message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
+    plugin.install("physic-other", PLUGIN)
+    message = "the export format box is offered by physic-box and physic-other: uninstall one of them"
+    for wanted in (("box", ""), (None, ".box")):
+        with pytest.raises(InputError) as refused:
+            find_exporter(*wanted)
+        assert str(refused.value) == message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("'bad', '.bad', 'm:f'", "suffixes of the exporter 'bad' should be like ('.fbx',), got '.bad'"),
+        (
+            "'bad', ('.bad',), 'm:f', ups=('x',)",
+            "ups of the exporter 'bad' should be of 'y', 'z' and 'camera', got ('x',)",
+        ),
+        (
+            "'bad', ('.bad',), 'm:f', bodies=True",
+            "bodies of the exporter 'bad' should be 'any', 'optional' or 'required', got True",
+        ),
+    ],
+)
+def test_a_plugin_with_a_wrong_record_is_a_broken_plugin(plugin: Any, arguments: str, message: str):
+    source = "from physic_core import ExporterRecord, hookimpl\n@hookimpl\ndef physic_exporters():\n"
+    plugin.install("physic-bad", f"{source}    return [ExporterRecord({arguments})]\n")
+    (cause,) = [broken.cause for broken in discover().broken if broken.origin.distribution == "physic-bad"]
+    assert cause == f"ValueError: {message} (physic_bad.py:4)"
+    assert find_exporter("box").record.name == "box"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--to", "bvh"), "the export format 'bvh' needs"),
+        (("-o", "a.usdz"), "the export to a file .usdz needs"),
+    ],
+)
+def test_a_format_of_a_missing_distribution_names_it(
+    monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...], message: str
+):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    done = physic("export", saved_pair, *arguments)
+    assert done.exit_code == 3
+    assert done.output == (
+        f"Error: {message} physic-export, which is not installed, or hidden by PHYSIC_PLUGINS='physic-mock': "
+        "`pip install -e plugins/physic-export` in a checkout of PhySIC\n"
+    )
+
+
+def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "")
+    assert [line.split()[0] for line in physic("export", "--list").output.splitlines()] == ["format", "glb"]
+    assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
+    assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
+
+
+# --- frames -----------------------------------------------------------------------------------------------------------
+
+
+def test_y_up_without_a_floor_is_the_camera_and_says_so(result: Reconstruction, tmp_path: Path):
+    scene = replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
+    done = replace(result, scene=scene).export(str(tmp_path / "a.glb"))
+    assert done.notes == ("the result has no floor: y is the camera's up axis, and the origin is the camera",)
+
+
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_frames_are_rigid_and_stand_on_the_floor(result: Reconstruction, up: str, axis: int):
+    floor = result.scene.floor
+    assert floor is not None
+    frame = export_frame(floor, up)
+    turn = frame.from_camera[:3, :3]
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    heights = points @ floor.normal + floor.offset
+    np.testing.assert_allclose(transform_points(frame.from_camera, points)[:, axis], heights, atol=1e-6)
+    # The camera looks along its -z: a point ahead of it in the photo is there.
+    ahead = np.linalg.inv(camera_pose(frame)) @ np.append(transform_points(frame.from_camera, np.array([0, 0, 2.0])), 1)
+    np.testing.assert_allclose(ahead[:3], [0, 0, -2], atol=1e-9)
