@@ -247,6 +247,7 @@ def one_nan(array: np.ndarray) -> np.ndarray:
             ["unknown must be one of scale, scale_shift, inverse_scale_shift, got 'metres'"],
         ),
         (POINTMAP, {"intrinsics": np.eye(3)}, ["intrinsics must be Intrinsics, got ndarray"]),
+        (POINTMAP, {"shift_sigma": -0.1}, ["shift_sigma must be finite and at least 0, or None, got -0.1"]),
         (
             *(POINTMAP, camera(fx=np.nan)),
             ["intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got nan, 9, 3.5, 2.5"],

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, get_args
 
 from physic_core.interfaces.backend import Backend, Request
-from physic_core.interfaces.checks import check_array, check_camera, check_finite, check_median, check_notes
+from physic_core.interfaces.checks import (
+    check_array,
+    check_camera,
+    check_finite,
+    check_median,
+    check_notes,
+)
 from physic_core.interfaces.limits import RELATIVE_DEPTH
 from physic_core.types import AffineAmbiguity, Hints, Pointmap
 
@@ -48,7 +55,7 @@ class RelativePointmap(Backend):
 
     @classmethod
     def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:
-        """Check points (H, W, 3), within limits and in front of the camera where valid; camera and notes."""
+        """Check points (H, W, 3), within limits and in front of the camera where valid; and the rest."""
         height, width = request.image.shape[:2]
         wrong = [
             *check_array("points", result.points, (height, width, 3), "float"),
@@ -59,6 +66,8 @@ class RelativePointmap(Backend):
             yield from _check_points(result.points[result.valid])
         if result.unknown not in get_args(AffineAmbiguity):
             yield f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {result.unknown!r}"
+        if result.shift_sigma is not None and not 0 <= result.shift_sigma < math.inf:
+            yield f"shift_sigma must be finite and at least 0, or None, got {result.shift_sigma!r}"
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
 

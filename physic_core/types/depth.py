@@ -41,6 +41,7 @@ class Pointmap(ShortRepr):
         unknown: unknown transformation from these points to metric ones.
         intrinsics: the camera of the points, or None if the backend does not know it.
         notes: plain sentences for the user ("focal length is a default").
+        shift_sigma: standard deviation of the unknown shift of 1 / z, in 1 / unit of the points; None if not estimated.
     """
 
     points: FloatArray
@@ -48,6 +49,7 @@ class Pointmap(ShortRepr):
     unknown: AffineAmbiguity
     intrinsics: Intrinsics | None = None
     notes: tuple[str, ...] = ()
+    shift_sigma: float | None = None
 
 
 @dataclass(frozen=True)

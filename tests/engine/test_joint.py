@@ -16,8 +16,10 @@ from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.paper import PaperOptimisation
 from physic_core.errors import PhysicError
+from physic_core.geometry.camera import project
 
 from .adjusted import adjusted, with_options
+from .conftest import FLOOR_Y
 
 pytestmark = pytest.mark.kernels
 
@@ -481,3 +483,17 @@ def test_legs_are_alike_only_where_nobody_sees_them(two):
     unlike = energy()["symmetry"].tolist()
     assert unlike[0] > 0.5
     assert unlike[1] == 0.0
+
+
+def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_ones(make_stage):
+    stage = make_stage([({}, (-0.6, 0.0, 3.3)), ({}, (0.6, 0.0, 3.5)), ({}, (0.2, 0.0, 6.5))])
+    problem = stage.problem
+    # The body of the small one is as large as the others', and so 1.5 times as far as the floor at these feet.
+    feet = torch.stack([problem.transl0[2, 0], torch.tensor(FLOOR_Y), problem.transl0[2, 2]])
+    transl = problem.transl0.clone()
+    transl[2] += 0.5 * feet
+    body = problem.model(problem.rotations0, problem.betas0, transl)
+    keypoints = project(problem.model.landmarks(body, problem.skeleton), problem.K)
+    result = optimize(replace(problem, transl0=transl, keypoints=keypoints), SETTINGS)
+    assert result.scene_scale == pytest.approx(1.0, abs=0.1)
+    assert sole_mm(result, stage)[:2].abs().max() < 30

@@ -20,6 +20,7 @@ from physic_core.geometry.camera import project
 
 __all__ = ["JointEnergy"]
 
+_LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
 
 
@@ -51,6 +52,7 @@ class JointEnergy:
         self.evaluations = 0
         self.context = precompute(problem, settings.energy_options, settings.weigh_keypoints)
         self.state = settings.initial_state(self.context)
+        self._people = _visible_sizes(problem.masks) if self.context.options.people_by_size else None
         # What the user knows holds in every preset.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
@@ -141,6 +143,8 @@ class JointEnergy:
             scale = float(estimate.log_scale.detach().exp())
             self._update(bodies.vertices.detach(), scale, estimate.warp.detach())
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
+        if self._people is not None:
+            energies = {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
         return {name: value for name, value in energies.items() if name not in self.excluded}
 
     def _posed_bodies(self) -> PosedBodies:
@@ -149,3 +153,9 @@ class JointEnergy:
         posed = self.context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         people, scale = self.state.deviation()
         return PosedBodies(posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale)
+
+
+def _visible_sizes(masks: Tensor) -> Tensor:
+    """Return the side of the area of each mask (B, H, W), relative to the largest: (B,) in [0.1, 1]."""
+    sides = masks.flatten(1).sum(1).sqrt()
+    return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)

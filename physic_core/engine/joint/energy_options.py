@@ -27,6 +27,8 @@ class EnergyOptions:
         floor: "plane" uses the fitted plane, "points" adds samples of it to the scene, "ignored" neither.
         along_normals: distances are along normals: scene points without one are left out.
         free_space: vertices nearer than the depth map at their pixel do not penetrate.
+        people_by_size: people count in the energy by their visible size in the photo, so that the scene's scale follows
+            the best visible ones; else all count alike.
         nearest: strategy of the search for nearest points.
         nearest_every_step: nearest points are searched at every evaluation, not only when visibility is updated.
     """
@@ -43,5 +45,6 @@ class EnergyOptions:
     floor: Literal["plane", "points", "ignored"] = "plane"
     along_normals: bool = False
     free_space: bool = False
+    people_by_size: bool = False
     nearest: NearestStrategy = "kdtree"
     nearest_every_step: bool = False

@@ -88,7 +88,8 @@ class DefaultOptimisation(JointSettings):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """Options of the energy: vertices weighted by area, distances along normals, and the floor as a plane."""
+        """Options of the energy: vertices weighted by area, distances along normals, the floor as a plane, people by
+        their visible size."""
         return EnergyOptions(
             search_radius_m=max(self.contact.max_distance_m, self.penetration.max_depth_m),
             facing_deg=self.visibility.facing_deg,
@@ -98,6 +99,7 @@ class DefaultOptimisation(JointSettings):
             coarse_self_occlusion=True,
             along_normals=True,
             free_space=True,
+            people_by_size=True,
         )
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:

@@ -11,6 +11,8 @@ from pydantic import Field
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
+from physic_core.types.skeletons import SIDES
+from physic_embedded.scale_vote import ScaleVote, vote_on_scale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +23,10 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 __all__ = ["EmbeddedMetricDepth", "PersonScales", "scale_from_soles", "scale_from_torsos"]
+
+_LIMBS = ("shoulder", "hip", "knee", "ankle")
+_LEAST_SIZE = 0.25  # of people with visible soles, as a share of the size of the best visible torso
+_FARTHEST_M = 1e4
 
 
 class EmbeddedMetricDepthOptions(Options):
@@ -99,9 +105,13 @@ class EmbeddedMetricDepth(MetricDepth):
         nothing = np.full(count, np.nan)
         contact = nothing if hints.floor is None else scale_from_soles(vertices, model, observed, hints.floor)
         size = nothing if hints.original is None else scale_from_torsos(vertices, model, hints)
-        scale, sigma, notes = self._combine_people(PersonScales(contact, size))
-        depth = np.where(hints.scene.valid, hints.scene.points[..., 2] * scale, np.nan).astype(np.float32)
-        return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, sigma, tuple(notes))
+        vote, notes = self._vote(
+            PersonScales(contact, size), vertices[..., 2].mean(1), _visible_evidence(hints, count), hints.scene
+        )
+        with np.errstate(divide="ignore"):
+            inverse = (1 / np.where(hints.scene.valid, hints.scene.points[..., 2], np.nan) + vote.shift) / vote.scale
+            depth = np.where(inverse > 1 / _FARTHEST_M, 1 / inverse, np.nan).astype(np.float32)
+        return DepthMap(depth, hints.scene.intrinsics or hints.intrinsics, vote.sigma, tuple(notes))
 
     def _pose_bodies(self, bodies: Bodies) -> tuple[FloatArray, BodyModel]:
         """Return the vertices of the bodies and their model."""
@@ -129,49 +139,70 @@ class EmbeddedMetricDepth(MetricDepth):
             out = self._model(rotations, tensor(p.betas), tensor(p.transl))
         return out.vertices.double().numpy(), self._model
 
-    def _combine_people(self, people: PersonScales) -> tuple[float, float, list[str]]:
-        """Return the scale, the standard deviation of its logarithm, and notes."""
+    def _vote(
+        self, people: PersonScales, depths: FloatArray, weights: FloatArray, scene: Pointmap
+    ) -> tuple[ScaleVote, list[str]]:
+        """Let the soles on the floor vote on the scale, else the torsos, and return notes on the vote.
 
+        Args:
+            people: scales of N people.
+            depths: (N,) metres.
+            weights: (N,) how well the photo shows each person.
+            scene: its unknown shift.
+        """
         options = self.options
         contact, size = people.contact, people.body_size
-        notes: list[str] = []
-        if options.rule != "body_size" and np.isfinite(contact).any():
-            with np.errstate(invalid="ignore"):
-                off = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
-            if off.any() and not off[np.isfinite(contact)].all():
-                others = _count_people(int(off.sum()))
-                notes.append(f"{others} not used for the scale: their soles are not on the floor that was found")
-                contact = np.where(off, np.nan, contact)
-            scale, sigma = _median_scale(contact, options.contact_sigma)
-            notes.insert(
-                0, f"the scale is from the soles of {_count_people(int(np.isfinite(contact).sum()))} on the floor"
-            )
-        elif options.rule != "contact" and np.isfinite(size).any():
-            scale, sigma = _median_scale(size, options.body_size_sigma)
-            seen = _count_people(int(np.isfinite(size).sum()))
-            notes.append(
-                f"the scale is from the body size of {seen}: soles on a visible floor would give it more exactly"
-            )
-        else:
+        with np.errstate(invalid="ignore"):
+            elsewhere = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
+        if elsewhere[np.isfinite(contact)].all():
+            elsewhere[:] = False
+        contact = np.where(elsewhere, np.nan, contact)
+        soles = options.rule == "contact" or (options.rule == "auto" and _are_seen_well(contact, size, weights))
+        scales, sigma = (contact, options.contact_sigma) if soles else (size, options.body_size_sigma)
+        if not np.isfinite(scales).any():
             raise BackendError(
                 "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
                 "give hints.floor or hints.original, or choose a metric depth network"
             )
-        return scale, sigma, notes
+        shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
+        vote = vote_on_scale(scales, depths, weights, sigma, shift_sigma or 0.0)
+        voters = _count_people(int((np.isfinite(scales) & ~vote.outliers).sum()))
+        notes = [
+            f"the scale is from the soles of {voters} on the floor"
+            if soles
+            else f"the scale is from the body size of {voters}: soles on a visible floor would give it more exactly"
+        ]
+        if soles and elsewhere.any():
+            others = _count_people(int(elsewhere.sum()))
+            notes.append(f"{others} not used for the scale: their soles are not on the floor that was found")
+        if vote.outliers.any():
+            others = _count_people(int(vote.outliers.sum()))
+            split = ", about as well visible as the others: the scale is that of the best visible" if vote.split else ""
+            notes.append(f"{others} would give the scene another scale{split}")
+        return vote, notes
+
+
+def _visible_evidence(hints: Hints, count: int) -> FloatArray:
+    """Return how well the photo shows each person, (N,): side of the mask's area times mean keypoint confidence."""
+    weights = np.ones(count)
+    if hints.people is not None:
+        weights *= np.sqrt(np.maximum(np.asarray(hints.people.masks).sum((1, 2)), 1))
+    if hints.keypoints is not None:
+        row = {name: i for i, name in enumerate(hints.keypoints.joint_set.names)}
+        used = [row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row]
+        weights *= np.maximum(hints.keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
+    return weights
+
+
+def _are_seen_well(contact: FloatArray, size: FloatArray, weights: FloatArray) -> bool:
+    """Return whether soles are seen of a person who is not much smaller in the photo than the best seen torso."""
+    best = weights[np.isfinite(contact)].max(initial=0.0)
+    return bool(best > _LEAST_SIZE * weights[np.isfinite(size)].max(initial=0.0))
 
 
 def _count_people(count: int) -> str:
     """Format a number of people."""
     return "1 person" if count == 1 else f"{count} people"
-
-
-def _median_scale(scales: FloatArray, sigma: float) -> tuple[float, float]:
-    """Return the geometric median of scales, and its log standard deviation: a shared ``sigma`` and the spread."""
-
-    logs = np.log(scales[np.isfinite(scales)])
-    middle = float(np.median(logs))
-    spread = 1.48 * float(np.median(np.abs(logs - middle))) / np.sqrt(len(logs)) if len(logs) > 1 else 0.0
-    return float(np.exp(middle)), float(np.hypot(sigma, spread))
 
 
 def scale_from_soles(vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], floor: Plane) -> FloatArray:

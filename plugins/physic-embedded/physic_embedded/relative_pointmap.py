@@ -121,10 +121,11 @@ class EmbeddedPointmap(RelativePointmap):
         span = max(float(np.percentile(raw, 99) - low), 1e-6)
 
         found = _match_to_scene(raw, hints) if hints.scene is not None else None
+        disparity_sigma = None
         if found is None:
             if hints.scene is not None:
                 notes.append("the photo's depth could not be matched to the scene's outside the people")
-            infinity, rule = self._disparity_at_infinity(raw, camera, edges, hints)
+            infinity, disparity_sigma, rule = self._disparity_at_infinity(raw, camera, edges, hints)
             notes.append(rule)
         else:
             infinity = found.infinity
@@ -141,7 +142,8 @@ class EmbeddedPointmap(RelativePointmap):
         points[..., 0] = depth * ((columns - camera.cx) / camera.fx)[None, :]
         points[..., 1] = depth * ((rows - camera.cy) / camera.fy)[:, None]
         points[..., 2] = depth
-        return Pointmap(points, valid, "inverse_scale_shift", camera, tuple(notes))
+        shift_sigma = None if disparity_sigma is None else disparity_sigma / unit
+        return Pointmap(points, valid, "inverse_scale_shift", camera, tuple(notes), shift_sigma)
 
     def _camera(self, image: NDArray[np.uint8], hints: Hints) -> tuple[Intrinsics, _EdgeCues, list[str]]:
         """Return the known, edge-based or default camera, the edge cues, and notes."""
@@ -173,8 +175,8 @@ class EmbeddedPointmap(RelativePointmap):
 
     def _disparity_at_infinity(
         self, raw: FloatArray, camera: Intrinsics, edges: _EdgeCues, hints: Hints
-    ) -> tuple[float, str]:
-        """Estimate the disparity at infinity from the photo's cues, and describe the cues used."""
+    ) -> tuple[float, float, str]:
+        """Estimate the disparity at infinity from the photo's cues, with its deviation, and describe the cues used."""
         rows, columns = raw.shape
         focal = camera.fx * columns / camera.width
         surfaces = None if hints.people is None else hints.people.surfaces
@@ -197,7 +199,8 @@ class EmbeddedPointmap(RelativePointmap):
             bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         )
         factor = f"{np.exp(infinity.sigma):.2g}"
-        return infinity.disparity, f"the depth of the background may be off by a factor of {factor}: {infinity.rule}"
+        rule = f"the depth of the background may be off by a factor of {factor}: {infinity.rule}"
+        return infinity.disparity, infinity.disparity_sigma, rule
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.conversion import replace_mesh_with_joints
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.errors import BackendError, NoPersonError
-from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, People, Plane, Pointmap
+from physic_core.types import Bodies, BodyParameters, Hints, Intrinsics, Keypoints, People, Plane, Pointmap
 from physic_embedded.metric_depth import EmbeddedMetricDepth
 
 HEIGHT, WIDTH = 180, 160
@@ -128,6 +128,78 @@ def test_people_who_disagree_make_the_scale_less_sure(world: World) -> None:
     answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=replace(world.bodies, parameters=moved)))
     assert answer.scale_sigma is not None
     assert answer.scale_sigma > 0.1
+
+
+def move_away(world: World, person: int, factor: float) -> Hints:
+    """Hints that put the feet of one person this many times as far away, at the same pixels."""
+    places = world.bodies.parameters.transl.copy()
+    feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
+    places[person] += (factor - 1) * feet
+    parameters = replace(world.bodies.parameters, transl=places)
+    return replace(world.hints, bodies=replace(world.bodies, parameters=parameters))
+
+
+def test_a_small_person_does_not_move_the_scale_of_two_large_ones() -> None:
+    world = World([(-0.6, 2.5), (0.7, 2.8), (0.3, 7.5)])
+    answer = EmbeddedMetricDepth().infer(IMAGE, move_away(world, 2, 1.8))
+    assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.01)
+    assert answer.scale_sigma is not None
+    assert answer.scale_sigma < 0.15
+    assert answer.notes == (
+        "the scale is from the soles of 2 people on the floor",
+        "1 person would give the scene another scale",
+    )
+
+
+def test_a_split_vote_keeps_the_scale_of_the_best_visible_person_and_is_unsure() -> None:
+    world = World([(-0.6, 2.5), (0.7, 3.0)])
+    answer = EmbeddedMetricDepth().infer(IMAGE, move_away(world, 1, 1.8))
+    assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.05)
+    assert answer.scale_sigma is not None
+    assert answer.scale_sigma > 0.15
+    assert answer.notes[1] == (
+        "1 person would give the scene another scale, about as well visible as the others: "
+        "the scale is that of the best visible"
+    )
+
+
+def test_unsure_keypoints_count_less() -> None:
+    world = World([(-0.6, 2.5), (0.7, 2.8)])
+    hints = move_away(world, 0, 1.8)
+    for confidence, factor in (([1.0, 0.3], 1.8), ([0.3, 1.0], 1.0)):
+        points, sure = np.zeros((2, 17, 2), np.float32), np.array(confidence, np.float32)[:, None].repeat(17, 1)
+        answer = EmbeddedMetricDepth().infer(IMAGE, replace(hints, keypoints=Keypoints(points, sure, "coco17")))
+        assert np.nanmedian(answer.depth / world.depth) == pytest.approx(factor, rel=0.05)
+
+
+def test_soles_of_a_tiny_person_do_not_outvote_a_large_one_without_visible_feet() -> None:
+    world = World([(-0.2, 1.6), (0.9, 7.5)])
+    observed = np.ones((2, 55), bool)
+    observed[0, [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]] = False
+    hints = move_away(world, 1, 1.8)
+    assert hints.bodies is not None
+    answer = EmbeddedMetricDepth().infer(IMAGE, replace(hints, bodies=replace(hints.bodies, observed=observed)))
+    assert np.nanmedian(answer.depth / world.depth) == pytest.approx(1, abs=0.03)
+    assert answer.notes[0].startswith("the scale is from the body size of 1 person")
+
+
+def test_people_at_several_depths_show_the_shift_of_the_inverse_depth() -> None:
+    world = World([(-0.6, 2.5), (0.7, 4.0), (0.3, 7.5)])
+    shift = 0.2
+    shifted = 1 / (1 / world.depth + shift / UNIT)  # 1 / Z' = UNIT / Z + shift
+    plane = np.array([0.0, UNIT / CAMERA_HEIGHT, shift])
+    assert world.hints.original is not None
+    original = world.hints.original.points[..., 2] * UNIT
+    hints = replace(
+        world.hints,
+        scene=replace(as_pointmap(shifted), shift_sigma=0.3),
+        original=as_pointmap(1 / (1 / original + shift / UNIT)),
+        floor=Plane(-plane / np.linalg.norm(plane), 1 / float(np.linalg.norm(plane))),
+    )
+    ratio = EmbeddedMetricDepth().infer(IMAGE, hints).depth / world.depth
+    assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.05)
+    known = replace(hints, scene=as_pointmap(shifted))
+    assert np.nanquantile(EmbeddedMetricDepth().infer(IMAGE, known).depth / world.depth, 0.02) < 0.9
 
 
 def test_what_is_not_known_of_the_scene_stays_unknown(world: World) -> None:

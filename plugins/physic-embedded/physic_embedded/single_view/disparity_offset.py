@@ -46,6 +46,7 @@ class InfinityEstimate:
         gap: from it to the farthest pixels, in ranges of the map.
         outdoors: probability that the farthest pixels are as good as infinitely far.
         sigma: standard deviation of log(gap).
+        disparity_sigma: standard deviation of ``disparity``.
         rule: what decided, in words.
     """
 
@@ -53,6 +54,7 @@ class InfinityEstimate:
     gap: float
     outdoors: float
     sigma: float
+    disparity_sigma: float
     rule: str
 
 
@@ -115,8 +117,11 @@ def disparity_at_infinity(
     far = f"the farthest pixels are taken as {'infinitely far' if outdoors > 0.5 else 'a wall'}"
     rule = f"{far}; also used: {', '.join(cues)}" if cues else f"{far}, since the photo has no other cue"
     weight = np.exp(-(cost - cost[best]) / 2)
-    sigma = np.sqrt(np.average(np.log(gaps / gaps[best]) ** 2, weights=weight))
-    return InfinityEstimate(float(candidates[best]), float(gaps[best]), outdoors, float(sigma), rule)
+    sigma, disparity_sigma = (
+        float(np.sqrt(np.average((values - values[best]) ** 2, weights=weight)))
+        for values in (np.log(gaps), candidates)
+    )
+    return InfinityEstimate(float(candidates[best]), float(gaps[best]), outdoors, sigma, disparity_sigma, rule)
 
 
 def _floor_cues(
