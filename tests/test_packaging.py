@@ -130,6 +130,12 @@ def test_every_plugin_is_installed_by(file: str):
     assert "-c constraints.txt" in lines
 
 
+def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
+    """The networks of physic-human come from checkouts and accounts of the user."""
+    full = {name.partition(">=")[0] for name in project(ROOT)["optional-dependencies"]["full"]}
+    assert full == PROJECTS.keys() - {"physic-core", "physic-human"}
+
+
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
 def test_the_tests_of_make_quick_are_there():
     done = subprocess.run(["make", "-n", "quick"], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.installed import RECORD_HOOKS
 from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import BackendRecord
+from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
     InvalidPluginError,

@@ -11,20 +11,13 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import CommandRecord, ExecutorRecord, ExporterRecord
+from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExecutorRecord, ExporterRecord
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
 
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = ["RECORD_HOOKS", "Installed", "find_installed", "import_target", "why_unavailable"]
-
-RECORD_HOOKS: dict[type[Any], str] = {
-    CommandRecord: "physic_commands",
-    ExecutorRecord: "physic_executors",
-    ExporterRecord: "physic_exporters",
-}
-"""The hook that returns each kind of record."""
+__all__ = ["Installed", "find_installed", "import_target", "why_unavailable"]
 
 _Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
-__all__ = ["BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord"]
+__all__ = ["RECORD_HOOKS", "BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord"]
 
 
 @dataclass(frozen=True)
@@ -124,3 +124,11 @@ class ExporterRecord:
     def missing_packages(self) -> tuple[str, ...]:
         """The required packages that are not installed."""
         return tuple(package for package in self.packages if find_spec(package) is None)
+
+
+RECORD_HOOKS: dict[type[Any], str] = {
+    CommandRecord: "physic_commands",
+    ExecutorRecord: "physic_executors",
+    ExporterRecord: "physic_exporters",
+}
+"""The hook that returns each kind of record but backends."""

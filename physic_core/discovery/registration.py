@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
 from typing import Any, TypeVar
 
 import pluggy
@@ -36,13 +37,15 @@ class InvalidPluginError(Exception):
 
 
 class _PluginManager(pluggy.PluginManager):
-    """Looks for hooks without executing the ``__getattr__`` of a module, which may import something heavy.
+    """Looks for hooks among the functions of a plugin alone.
 
-    pluggy before 1.7 reads every name that ``dir`` lists.
+    pluggy before 1.7 reads every name that ``dir`` lists, and so executes the ``__getattr__`` of a module, which may
+    import something heavy; later versions look at every name slowly.
     """
 
     def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
-        if inspect.getattr_static(plugin, name, None) is None:
+        found = vars(plugin).get(name) if isinstance(plugin, ModuleType) else inspect.getattr_static(plugin, name, None)
+        if not inspect.isroutine(found):
             return None
         return super().parse_hookimpl_opts(plugin, name)
 

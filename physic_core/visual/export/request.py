@@ -50,7 +50,7 @@ class ExportRequest:
 
     Attributes:
         result: the reconstruction.
-        people: indices of the people to write; each has a finite body, if the format needs bodies.
+        people: indices of the people to write; each has a finite body, unless ``bodies`` of the record is "any".
         frame: of the file.
         stem: file name without suffix.
         suffix: of the file, with its dot.
