@@ -27,7 +27,13 @@ if TYPE_CHECKING:
     from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hookspecs import hookimpl
     from physic_core.discovery.plugins import discover
-    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord, ExporterRecord
+    from physic_core.discovery.records import (
+        BackendRecord,
+        CommandRecord,
+        ExecutorRecord,
+        ExporterRecord,
+        ReportRecord,
+    )
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
@@ -46,7 +52,7 @@ if TYPE_CHECKING:
     from physic_core.visual.export.request import ExportRequest
     from physic_core.visual.export.write import export_reconstruction
     from physic_core.visual.preview import preview_png
-    from physic_core.visual.report.page import report_html
+    from physic_core.visual.report import report_html
 
 __all__ = [
     "BackendError",
@@ -74,6 +80,7 @@ __all__ = [
     "Pipeline",
     "Reconstruction",
     "Registry",
+    "ReportRecord",
     "Scene",
     "WeightsMissingError",
     "discover",
@@ -108,6 +115,7 @@ _ON_FIRST_USE = {
     "Person": "physic_core.types",
     "Reconstruction": "physic_core.types",
     "Registry": "physic_core.discovery.registry",
+    "ReportRecord": "physic_core.discovery.records",
     "Scene": "physic_core.types",
     "discover": "physic_core.discovery.plugins",
     "find_exporter": "physic_core.discovery.exporters",
@@ -119,7 +127,7 @@ _ON_FIRST_USE = {
     "load_reconstruction": "physic_core.io.results",
     "export_reconstruction": "physic_core.visual.export.write",
     "preview_png": "physic_core.visual.preview",
-    "report_html": "physic_core.visual.report.page",
+    "report_html": "physic_core.visual.report",
     "save_reconstruction": "physic_core.io.results",
     "save_report": "physic_core.io.report_file",
     "Pipeline": "physic_core.pipeline.run",

@@ -106,6 +106,25 @@ def test_run_ends_with_the_path_of_the_page(pipeline):
     assert Path("photo-physic/report.html").is_file()
 
 
+def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    default = [argument for argument in run() if argument != "--no-report"]
+    done = physic(*default)
+    line = (
+        "report.html is made by physic-viewer, which is not installed, or hidden by PHYSIC_PLUGINS='physic-mock': "
+        "`pip install -e plugins/physic-viewer` in a checkout of PhySIC"
+    )
+    assert (done.exit_code, done.stdout) == (0, SUMMARY)
+    assert done.stderr == f"no page: {line}\n[1/2] people\n[2/2] scene\n"
+    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
+    assert physic(*default, "-q").stderr == "warning: no floor was found\n"
+    assert physic(*run()).stderr == "[1/2] people\n[2/2] scene\n"
+    pipeline.calls.clear()
+    for option in ("--report", "--open"):
+        assert refusal(*default, option, code=4) == line
+    assert pipeline.calls == []
+
+
 def test_a_quiet_run_prints_warnings_alone(pipeline):
     done = physic(*run("-q"))
     assert (done.exit_code, done.stdout, done.stderr) == (0, "", "warning: no floor was found\n")

@@ -33,6 +33,7 @@ PUBLIC = [
     "Pipeline",
     "Reconstruction",
     "Registry",
+    "ReportRecord",
     "Scene",
     "WeightsMissingError",
     "discover",

@@ -28,7 +28,7 @@ CANNOT_RUN_CODE = {
         "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone"
     ),
     "`report.html`, made from names and results of others": (
-        "tests/io/test_report.py::test_only_the_scripts_of_the_page_may_run"
+        "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run"
     ),
     "the values of a config": "tests/test_config.py::test_hostile_values_are_one_short_error",
     "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults",

@@ -1,4 +1,4 @@
-"""Bundle what the report page uses of three.js to ``physic_core/visual/report/page/three.js``.
+"""Bundle what the report page uses of three.js to ``plugins/physic-viewer/physic_viewer/report/page/three.js``.
 
 Needs node and npm, and fetches the packages ``three`` and ``esbuild`` in the versions below to a temporary folder. Run
 from the repository's root:
@@ -22,7 +22,7 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-PAGE = Path(__file__).resolve().parents[1] / "physic_core" / "visual" / "report" / "page"
+PAGE = Path(__file__).resolve().parents[1] / "plugins" / "physic-viewer" / "physic_viewer" / "report" / "page"
 ENTRY = """
 export {
   Box3, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, Float32BufferAttribute,

@@ -13,6 +13,7 @@ from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.files.atomic import check_writable
+from physic_core.visual.report import require_report
 
 if TYPE_CHECKING:
     from physic_core.batch.saving import Saving
@@ -44,9 +45,12 @@ def prepare_job(
     Raises:
         ConfigError: the configuration is invalid.
         WeightsMissingError: weights are missing.
+        PackageMissingError: pages are to be written, and no installed plugin makes them.
         OutputError: the folder cannot be written.
     """
     registry = discover() if registry is None else registry
     settings = batch_config(as_config(config), registry, cache=cache)
     require_available(resolve(settings, registry))
+    if saving.report:
+        require_report()
     return BatchJob(settings, str((check_writable(Path(out)) if write else Path(out)).resolve()), saving)

@@ -28,7 +28,11 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
     if (out is not None or title) and len(results) > 1:
         raise click.UsageError(f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}")
     from physic_core.errors import InputError, OutputError
+    from physic_core.io.report_file import is_result
+    from physic_core.visual.report import require_report
 
+    if out is not None or each or any(map(is_result, results)):
+        require_report()
     first: PhysicError | None = None
     for folder in results:
         try:

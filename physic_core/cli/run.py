@@ -78,6 +78,8 @@ _OUT = (
     "Folder for the results.  [default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
 )
 
+_REPORT = "Write report.html, a page in 3D for a browser, or not.  [default: if physic-viewer is installed]"
+
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 
 
@@ -86,7 +88,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.option("-o", "--out", type=_Path(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)
-@click.option("--report/--no-report", default=True, help="Write report.html, a page in 3D for a browser, or not.")
+@click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
 @click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
@@ -130,7 +132,7 @@ def run(
     out: Path | None,
     overwrite: bool,
     level: str,
-    report: bool,
+    report: bool | None,
     open_page: bool,
     file: Path | None,
     preset: str | None,
@@ -145,11 +147,12 @@ def run(
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
-    if open_page and not report:
+    if open_page and report is False:
         raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
     if verbose and quiet:
         raise click.UsageError("--verbose prints more and --quiet less: give one of them")
     photo = one_photo(photos)
+    report = _writes_report(report, required=open_page, quiet=quiet)
 
     settings = {"preset": preset, "overrides": overrides, "flags": flags}
     timeout_s = _timeout_s(file, settings)
@@ -177,6 +180,28 @@ def run(
         print_summary(folder, verbose=verbose, as_json=as_json)
     if open_page:
         _open(folder / "report.html")
+
+
+def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:
+    """Return whether to write the page: by default, if a plugin makes it; otherwise print a line that names the plugin.
+
+    Raises:
+        PackageMissingError: the page is wanted or required, and no plugin makes it.
+    """
+    from physic_core.errors import ConfigError
+    from physic_core.visual.report import require_report
+
+    if wanted is False:
+        return False
+    try:
+        require_report()
+    except ConfigError as error:
+        if wanted or required:
+            raise
+        if not quiet:
+            echo(f"no page: {error}", err=True)
+        return False
+    return True
 
 
 def _open(page: Path) -> None:

@@ -1,4 +1,4 @@
-"""Hooks that a plugin may implement: they return its backends, weight manifests, commands, executors and exporters.
+"""Hooks that a plugin may implement: they return its backends, weight manifests, commands, exporters and the like.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
 hooks of that module return its backends::
@@ -36,6 +36,12 @@ gets an :class:`physic_core.ExportRequest` and returns :class:`physic_core.Expor
     @hookimpl
     def physic_exporters():
         return [ExporterRecord("my-format", (".my",), "my_pkg.export:export_my_format", audience="My program")]
+
+A plugin makes ``report.html``, the page of a result, with a function, which is imported when a page is written::
+
+    @hookimpl
+    def physic_reports():
+        return [ReportRecord("my-page", "my_pkg.page:my_page", summary="Shows ...")]
 """
 
 from __future__ import annotations
@@ -48,7 +54,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from physic_core.discovery.records import BackendRecord, CommandRecord, ExecutorRecord, ExporterRecord
+    from physic_core.discovery.records import (
+        BackendRecord,
+        CommandRecord,
+        ExecutorRecord,
+        ExporterRecord,
+        ReportRecord,
+    )
 
 __all__ = [
     "PROJECT",
@@ -57,6 +69,7 @@ __all__ = [
     "physic_commands",
     "physic_executors",
     "physic_exporters",
+    "physic_reports",
     "physic_weights",
 ]
 
@@ -84,6 +97,11 @@ def physic_executors() -> Sequence[ExecutorRecord]:  # type: ignore[empty-body]
 @hookspec
 def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
     """Return the formats that this plugin adds to ``physic export``."""
+
+
+@hookspec
+def physic_reports() -> Sequence[ReportRecord]:  # type: ignore[empty-body]
+    """Return the page of a result that this plugin makes."""
 
 
 @hookspec

@@ -1,4 +1,4 @@
-"""Find the commands, executors and exporters that installed plugins add."""
+"""Find the commands, executors, exporters and pages that installed plugins add."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExecutorRecord, ExporterRecord
+from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExecutorRecord, ExporterRecord, ReportRecord
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Installed", "find_installed", "import_target", "why_unavailable"]
 
-_Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord)
+_Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord | ReportRecord)
 
 
 class Installed(NamedTuple, Generic[_Record]):
@@ -61,7 +61,7 @@ def import_target(found: Installed[Any], role: str) -> Any:
 
     Args:
         found: the record.
-        role: what the record is, for the message: "command", "executor" or "exporter".
+        role: what the record is, for the message: "command", "executor", "exporter" or "page".
 
     Raises:
         PluginError: it cannot be imported.

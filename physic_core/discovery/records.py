@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
-__all__ = ["RECORD_HOOKS", "BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord"]
+__all__ = ["RECORD_HOOKS", "BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord", "ReportRecord"]
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,27 @@ class ExporterRecord:
         return tuple(package for package in self.packages if find_spec(package) is None)
 
 
+@dataclass(frozen=True)
+class ReportRecord:
+    """The page of a result, ``report.html``; only one installed plugin may make it.
+
+    Attributes:
+        name: of the page, lower case with hyphens.
+        target: "package.module:function" of a function that gets a :class:`physic_core.Reconstruction`, or the
+            :class:`physic_core.InputError` that says why it cannot be read, and a title, and returns HTML as text. The
+            HTML has :data:`physic_core.visual.report.GENERATOR` in its first 500 bytes. Imported when it is used.
+        summary: one line for messages.
+    """
+
+    name: str
+    target: str
+    summary: str = ""
+
+
 RECORD_HOOKS: dict[type[Any], str] = {
     CommandRecord: "physic_commands",
     ExecutorRecord: "physic_executors",
     ExporterRecord: "physic_exporters",
+    ReportRecord: "physic_reports",
 }
 """The hook that returns each kind of record but backends."""

@@ -29,7 +29,14 @@ __all__ = [
 GROUP = "physic.plugins"
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
 _Record = TypeVar("_Record")
-_HOOKS = ("physic_backends", "physic_commands", "physic_executors", "physic_exporters", "physic_weights")
+_HOOKS = (
+    "physic_backends",
+    "physic_commands",
+    "physic_executors",
+    "physic_exporters",
+    "physic_reports",
+    "physic_weights",
+)
 
 
 class InvalidPluginError(Exception):

@@ -12,14 +12,12 @@ from physic_core.files.atomic import atomic_write, check_writable, committed_pat
 from physic_core.io.document import encode_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, digest_of
 from physic_core.io.results import load_reconstruction, read_document
-from physic_core.visual.report.page import GENERATOR, failure_html, report_html
+from physic_core.visual.report import GENERATOR, HEAD_BYTES, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
 __all__ = ["REPORT_FILE", "add_report", "is_result", "save_report"]
-
-_HEAD = 500  # bytes, of which the element that names our pages is one of the first
 
 
 def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:
@@ -32,6 +30,7 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
 
     Raises:
         OutputError: the file cannot be written, or is not a page of PhySIC.
+        PackageMissingError: no installed plugin makes pages.
     """
     path = Path(path)
     _check_own(path)
@@ -52,6 +51,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     Raises:
         InputError: there is no result in the folder, or its files are damaged.
         OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
+        PackageMissingError: no installed plugin makes pages.
     """
     folder = Path(folder)
     finish_interrupted_write(folder)
@@ -60,11 +60,11 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
     _check_own(folder / REPORT_FILE)
     try:
-        page = report_html(load_reconstruction(folder) if reconstruction is None else reconstruction, title)
+        shown = load_reconstruction(folder) if reconstruction is None else reconstruction
     except InputError as error:
-        _write_listed(folder, failure_html(title, str(error)))
+        _write_listed(folder, report_html(error, title))
         raise
-    _write_listed(folder, page)
+    _write_listed(folder, report_html(shown, title))
     return folder / REPORT_FILE
 
 
@@ -76,7 +76,7 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
 def _check_own(path: Path) -> None:
     try:
         with path.open("rb") as file:
-            own = GENERATOR.encode() in file.read(_HEAD)
+            own = GENERATOR.encode() in file.read(HEAD_BYTES)
     except FileNotFoundError:
         return
     except OSError as error:

@@ -241,6 +241,7 @@ class Reconstruction(ShortRepr):
 
         Raises:
             OutputError: the file cannot be written, or is not a page of PhySIC.
+            PackageMissingError: physic-viewer, which makes the page, is not installed.
         """
         from physic_core import save_report
 

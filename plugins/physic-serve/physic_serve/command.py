@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from physic_core import BackendError
+from physic_core import BackendError, ConfigError
 
 __all__ = ["exposure_warning", "is_loopback", "serve"]
 
@@ -73,6 +73,7 @@ def serve(
     Photos are reconstructed one at a time. All uploads and results are deleted when the server ends.
     """
     from physic_core import load_config
+    from physic_core.visual.report import require_report
     from physic_serve.app import make_app
     from physic_serve.connections import make_server
     from physic_serve.folder import server_folder
@@ -83,6 +84,10 @@ def serve(
     config = load_config(file, preset=preset, overrides=overrides)
     limits = Limits(queue=queue, upload_mb=max_mb, job_s=timeout, results=keep, result_s=keep_hours * 3600)
     formats = _formats(exports)
+    try:
+        require_report()
+    except ConfigError as error:
+        click.echo(f"results are shown without their page: {error}", err=True)
     parent = Path(tempfile.gettempdir()) if folder is None else folder
     parent.mkdir(parents=True, exist_ok=True)
     _end_at_signals()

@@ -10,6 +10,7 @@ from string import Template
 from physic_serve.jobs import Job
 from physic_serve.settings import Limits
 from physic_serve.uploads import KINDS
+from physic_serve.worker import REPORT_FILE
 
 __all__ = ["STATIC", "error_page", "job_page", "start_page"]
 
@@ -143,10 +144,19 @@ def _result(job: Job) -> str:
         for name, why in job.summary.get("missing_exports", {}).items()
     )
     return (
-        f'<iframe src="/reconstructions/{job.id}/report" title="Report"></iframe>\n'
-        f'<p><a href="/reconstructions/{job.id}/report">Open the report alone</a></p>\n'
+        f"{_picture(job, REPORT_FILE in there)}\n"
         f"<h2>Files</h2>\n{links(others)}{missing}\n"
         f"<details><summary>All numbers, for Python and other programs</summary>{links(data)}</details>"
+    )
+
+
+def _picture(job: Job, with_report: bool) -> str:
+    """Return the report of a result, or its preview where no plugin makes reports."""
+    if not with_report:
+        return f'<p><img src="/reconstructions/{job.id}/files/preview.png" alt="Preview"></p>'
+    return (
+        f'<iframe src="/reconstructions/{job.id}/report" title="Report"></iframe>\n'
+        f'<p><a href="/reconstructions/{job.id}/report">Open the report alone</a></p>'
     )
 
 

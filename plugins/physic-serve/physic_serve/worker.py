@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_core import InputError, NoPersonError, OutputError, PhysicError
 from physic_core.batch.workers import report_calls_to
+from physic_core.errors import PackageMissingError
 
 if TYPE_CHECKING:
     from physic_core import Config, Reconstruction
@@ -162,7 +163,8 @@ def _run(
         result = reconstruct(task, progress)
         progress("write the files", 0, 0)
         result.save(str(task.folder))
-        result.report(str(task.folder / REPORT_FILE), task.photo or "Reconstruction")
+        with suppress(PackageMissingError):  # the command says it when it starts
+            result.report(str(task.folder / REPORT_FILE), task.photo or "Reconstruction")
     except Exception as error:
         return Message("failed", _reason(error))
     missing = {}

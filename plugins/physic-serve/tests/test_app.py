@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-import physic_core
 from physic_serve.pages import STATIC
 from physic_serve.worker import Message, Task
 
@@ -353,6 +352,9 @@ def test_the_page_of_a_result_lists_its_files_for_people_first(serve: Serve):
     ]
     assert text.index("points.ply") < text.index("<details>") < text.index("reconstruction.json")
     assert "Not exported to mjcf: the result has no floor." in text
+    # A worker without a plugin that makes reports writes none.
+    assert f'<img src="/reconstructions/{posted}/files/preview.png"' in text
+    assert "<iframe" not in text
 
 
 def test_the_pages_have_the_colours_of_the_report(serve: Serve):
@@ -361,7 +363,7 @@ def test_the_pages_have_the_colours_of_the_report(serve: Serve):
             name: re.findall(rf"--{name}: ([^;]+);", css) for name in ("page", "card", "text", "soft", "line", "bad")
         }
 
-    report = Path(physic_core.__file__).parent / "visual/report/page/report.css"
+    report = Path(__file__).parents[2] / "physic-viewer" / "physic_viewer" / "report" / "page" / "report.css"
     assert colours(serve().client.get("/static/style.css").text) == colours(report.read_text())
 
 

@@ -27,7 +27,12 @@ def view(results: tuple[Path, ...], host: str, port: int, follow: bool, show: bo
 
     OUT is the folder of a result, or a folder of results, such as that of a batch that is running.
     """
-    from physic_core.errors import InputError
+    from importlib.util import find_spec
+
+    from physic_core.errors import InputError, PackageMissingError
+
+    if find_spec("viser") is None:
+        raise PackageMissingError("physic view needs viser, which is not installed: pip install 'physic-viewer[live]'")
     from physic_viewer.sources import Source
 
     sources = [Source(folder) for folder in results]

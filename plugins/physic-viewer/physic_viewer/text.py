@@ -35,7 +35,7 @@ def person_text(index: int, record: Mapping[str, Any], checks: Sequence[CheckRes
 
     Args:
         index: of the person.
-        record: of :func:`physic_core.visual.report.people.people_records`.
+        record: of :func:`physic_viewer.report.people.people_records`.
         checks: of the result.
     """
     lines = [f"**Person {index}**: {record['grade'] or 'no grade'}", ""]

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import viser
 
-from physic_core.visual.report.people import people_records
 from physic_viewer.drawing import PARTS
+from physic_viewer.report.people import people_records
 from physic_viewer.slot import Slot
 from physic_viewer.text import legend_html, person_text
 

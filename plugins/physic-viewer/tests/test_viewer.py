@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import time
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +21,6 @@ from physic_viewer.shapes import build_shapes, nearest_on_ray
 from physic_viewer.sources import Source
 from physic_viewer.text import escape
 from physic_viewer.viewer import Viewer
-
-
-@pytest.fixture(scope="module")
-def rooms():
-    """The module that makes the room with two mannequins."""
-    path = Path(__file__).parents[3] / "tests" / "io" / "conftest.py"
-    spec = spec_from_file_location("rooms", path)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")

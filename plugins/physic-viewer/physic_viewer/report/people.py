@@ -9,7 +9,7 @@ import numpy as np
 from physic_core.errors import PhysicError
 from physic_core.types.contacts import part_words
 from physic_core.visual.palette import contact_color, contact_colors, person_color, person_tint
-from physic_core.visual.report.surfaces import is_posed
+from physic_viewer.report.surfaces import is_posed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,12 +17,13 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.types import CheckResult, UnposedPerson
-from physic_core.visual.report.packing import pack_flags, pack_indices, pack_points
-from physic_core.visual.report.page import GENERATOR, failure_html, report_html
-from physic_core.visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_core.visual.report import GENERATOR
 from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_viewer.report.packing import pack_flags, pack_indices, pack_points
+from physic_viewer.report.page import failure_html, report_html
+from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
 
-PAGE = files("physic_core.visual.report") / "page"
+PAGE = files("physic_viewer.report") / "page"
 ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0 \udce9.jpg"
 
 

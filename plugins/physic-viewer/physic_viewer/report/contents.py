@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
 from physic_core.visual.palette import CAMERA_RGB, CONTACT_RGB, FLOOR_RGB, contact_color, contact_legend
-from physic_core.visual.report.packing import photo_jpeg
-from physic_core.visual.report.people import people_records
-from physic_core.visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_viewer.report.packing import photo_jpeg
+from physic_viewer.report.people import people_records
+from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, Reconstruction, StageRecord

@@ -15,18 +15,22 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from physic_core.visual.report.contents import page_contents
+from physic_core.errors import InputError
+from physic_core.visual.report import GENERATOR
+from physic_viewer.report.contents import page_contents
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["GENERATOR", "failure_html", "report_html"]
-
-GENERATOR = '<meta name="generator" content="PhySIC report">'
-"""Element by which a page of ours is recognised."""
+__all__ = ["failure_html", "report_html", "result_page"]
 
 _SCRIPTS = ("elements.js", "decode.js", "stage.js", "legend.js", "photo.js", "panel.js", "measure.js", "main.js")
 _TOKEN = re.compile(r"@([A-Z]+)@")
+
+
+def result_page(result: Reconstruction | InputError, title: str) -> str:
+    """Return the page of a result, or of the reason why it cannot be read."""
+    return failure_html(title, str(result)) if isinstance(result, InputError) else report_html(result, title)
 
 
 def report_html(reconstruction: Reconstruction, title: str = "") -> str:
@@ -74,7 +78,7 @@ def _text(text: str) -> str:
 
 @cache
 def _part(name: str) -> str:
-    return (files("physic_core.visual.report") / "page" / name).read_text(encoding="utf-8")
+    return (files("physic_viewer.report") / "page" / name).read_text(encoding="utf-8")
 
 
 def _fill(template: str, fields: dict[str, str]) -> str:

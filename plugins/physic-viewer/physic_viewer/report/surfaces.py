@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.visual.report.packing import pack_flags, pack_indices, pack_points
 from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_viewer.report.packing import pack_flags, pack_indices, pack_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

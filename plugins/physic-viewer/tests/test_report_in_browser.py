@@ -13,9 +13,7 @@ from PIL import Image
 
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.visual.palette import CONTACT_PALETTE
-from physic_core.visual.report.page import failure_html, report_html
-
-from .conftest import make_reconstruction
+from physic_viewer.report.page import failure_html, report_html
 
 READY = "document.documentElement.dataset.ready"
 ODD = "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> \u2028 \U0001f3c0.jpg"
@@ -23,14 +21,14 @@ SWITCHES = ["mesh", "points", "people", "contact", "floor", "camera"]
 
 
 @pytest.fixture(scope="module")
-def result():
+def result(rooms):
     checks = (
         CheckResult("floor", "ok", 0.5, 0.15, "at least", "share", "of the searched pixels lie on the floor"),
         CheckResult("floor_mask", "failed", 0.0, 1.0, "at least", "1: yes", ODD),
         CheckResult("lean", "unknown", None, 12.0, "at most", "degrees", "nobody stands", person=1),
     )
     unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
-    made = make_reconstruction(320, 240)
+    made = rooms.make_reconstruction(320, 240)
     low = made.scene.floor.normal, made.scene.floor.offset
     people = tuple(replace(p, contact=p.vertices @ low[0] + low[1] < 0.6, contact_partner=None) for p in made.people)
     return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
@@ -115,9 +113,9 @@ def test_contact_is_red_on_the_bodies_only_while_it_is_switched_on(page):
     assert shown > hidden + 300
 
 
-def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, page):
+def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, page, make):
     assert text(page, "#legend").split("\n") == ["Contact with", "anything"]
-    made = make_reconstruction()
+    made = make()
     path = tmp_path / "report.html"
     path.write_text(report_html(made), encoding="utf-8")
     other = chromium.open(path.as_uri(), 900, 600)
@@ -343,9 +341,9 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
 
 
 @pytest.mark.parametrize("people", [0, 1])
-def test_a_scene_alone_and_one_person_are_shown(chromium, tmp_path, people):
+def test_a_scene_alone_and_one_person_are_shown(chromium, tmp_path, people, make):
     path = tmp_path / "report.html"
-    path.write_text(report_html(make_reconstruction(people=people)), encoding="utf-8")
+    path.write_text(report_html(make(people=people)), encoding="utf-8")
     page = chromium.open(path.as_uri(), 900, 600)
     page.wait(READY)
     assert page.evaluate(READY) == "3d"

@@ -1,0 +1,79 @@
+"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (hook ``physic_reports``)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.discovery.catalog import how_to_install
+from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.installed import Installed, find_installed, import_target, why_unavailable
+from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.records import ReportRecord
+from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
+
+if TYPE_CHECKING:
+    from physic_core.errors import InputError
+    from physic_core.types import Reconstruction
+
+__all__ = ["GENERATOR", "HEAD_BYTES", "report_html", "require_report"]
+
+GENERATOR = '<meta name="generator" content="PhySIC report">'
+"""Element by which a page is recognised, so that a new page may replace it."""
+
+HEAD_BYTES = 500
+"""Bytes at the start of a page that the element lies in."""
+
+_DISTRIBUTION = "physic-viewer"
+
+
+def report_html(reconstruction: Reconstruction | InputError, title: str = "") -> str:
+    """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file, without a network.
+
+    Args:
+        reconstruction: what to show, or the reason why it cannot be read.
+        title: of the page, such as the name of the photo; any text.
+
+    Raises:
+        PackageMissingError: no installed plugin makes pages.
+        ConfigError: several plugins do.
+        PluginError: the plugin cannot be imported, fails, or does not return a page.
+    """
+    found = _find()
+    make = import_target(found, "page")
+    try:
+        with plugin_code():
+            page = make(reconstruction, title or "Reconstruction")
+    except (PhysicError, MemoryError):
+        raise
+    except Exception as error:
+        module = found.record.target.partition(":")[0]
+        raise PluginError(f"the page of {found.origin} fails: {describe_error(error, module)}") from error
+    if not isinstance(page, str) or GENERATOR.encode() not in page.encode()[:HEAD_BYTES]:
+        raise PluginError(
+            f"the page of {found.origin} should be a text with {GENERATOR} in its first {HEAD_BYTES} bytes, "
+            f"got {str(page)[:60]!r} ({type(page).__name__})"
+        )
+    return page
+
+
+def require_report() -> None:
+    """Check that an installed plugin makes pages, without importing it.
+
+    Raises:
+        PackageMissingError: no plugin does.
+        ConfigError: several do.
+    """
+    _find()
+
+
+def _find() -> Installed[ReportRecord]:
+    found = find_installed(ReportRecord)
+    if not found:
+        raise PackageMissingError(
+            f"report.html is made by {_DISTRIBUTION}, which is {why_unavailable(_DISTRIBUTION)}: "
+            f"{how_to_install(_DISTRIBUTION)}"
+        )
+    if len(found) > 1:
+        names = " and ".join(one.origin.distribution for one in found)
+        raise ConfigError(f"report.html is made by {names}: uninstall one of them")
+    return found[0]

@@ -1,0 +1,128 @@
+"""The page of a result comes from one installed plugin; where none makes it, a line names physic-viewer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core import ConfigError, InputError, save_reconstruction
+from physic_core.batch.job import prepare_job
+from physic_core.batch.saving import Saving
+from physic_core.cli import main
+from physic_core.errors import PackageMissingError, PluginError
+from physic_core.io.report_file import add_report
+from physic_core.visual.report import GENERATOR, report_html
+
+from .conftest import make_reconstruction
+
+PAGE = """
+from physic_core import ReportRecord, hookimpl
+
+@hookimpl
+def physic_reports():
+    return [ReportRecord("plain", "{module}:page")]
+
+def page(result, title):
+    {body}
+"""
+PLAIN = f"return '{GENERATOR}<h1>' + title + '</h1>' + str(result)"
+HIDDEN = "physic-mock"
+MISSING = (
+    f"report.html is made by physic-viewer, which is not installed, or hidden by PHYSIC_PLUGINS='{HIDDEN}': "
+    "`pip install -e plugins/physic-viewer` in a checkout of PhySIC"
+)
+
+
+@pytest.fixture
+def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHYSIC_PLUGINS", HIDDEN)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a result, in the current one."""
+    monkeypatch.chdir(tmp_path)
+    save_reconstruction(make_reconstruction(people=0), tmp_path / "results" / "a", preview=False, glb=False)
+    return tmp_path / "results" / "a"
+
+
+def physic(*arguments: object) -> Result:
+    return CliRunner().invoke(main, list(map(str, arguments)))
+
+
+@pytest.mark.usefixtures("hidden")
+def test_without_a_plugin_each_way_to_a_page_names_it(folder: Path):
+    result = make_reconstruction(people=0)
+    saving = Saving("numbers", report=True)
+    ways = (
+        lambda: report_html(result),
+        lambda: result.report("a.html"),
+        lambda: add_report(folder),
+        lambda: prepare_job("mock", folder.parent, saving),
+    )
+    for way in ways:
+        with pytest.raises(PackageMissingError) as error:
+            way()
+        assert str(error.value) == MISSING
+    for arguments in ((folder,), (folder, "-o", "a.html"), ("--each", folder.parent)):
+        done = physic("report", *arguments)
+        assert (done.exit_code, done.stdout, done.stderr) == (4, "", f"Error: {MISSING}\n")
+    assert sorted(path.name for path in folder.iterdir()) == ["reconstruction.json", "reconstruction.npz"]
+
+
+@pytest.mark.usefixtures("hidden")
+def test_a_contact_sheet_needs_no_plugin(folder: Path):
+    done = physic("report", "results")
+    assert (done.exit_code, done.stdout) == (0, "wrote results/contact-sheet.html\n")
+
+
+def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch):
+    site.install("physic-page", PAGE.format(module="physic_page", body=PLAIN))
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
+    assert physic("report", folder, "--title", "mine").exit_code == 0
+    assert (
+        (folder / "report.html").read_text().startswith(f"{GENERATOR}<h1>mine</h1>Reconstruction(0 people, 160 x 120, ")
+    )
+    (folder / "reconstruction.npz").write_bytes(b"PK")
+    with pytest.raises(InputError) as error:
+        add_report(folder)
+    assert (folder / "report.html").read_text() == f"{GENERATOR}<h1>a</h1>{error.value}"
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (
+            "return None",
+            f"the page of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            "got 'None' (NoneType)",
+        ),
+        (
+            f"return 500 * ' ' + '{GENERATOR}'",
+            f"the page of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            f"got {60 * ' '!r} (str)",
+        ),
+        ("return title / 2", "the page of physic-page 1.0 fails: TypeError: unsupported operand type(s) for /"),
+    ],
+    ids=["no text", "no generator", "fails"],
+)
+def test_a_page_that_breaks_the_contract_is_refused(
+    site: Any, monkeypatch: pytest.MonkeyPatch, body: str, message: str
+):
+    site.install("physic-page", PAGE.format(module="physic_page", body=body))
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
+    with pytest.raises(PluginError) as error:
+        report_html(make_reconstruction(people=0))
+    assert str(error.value).startswith(message)
+
+
+def test_two_plugins_that_make_the_page_are_named(site: Any, monkeypatch: pytest.MonkeyPatch):
+    site.install("physic-page", PAGE.format(module="physic_page", body=PLAIN))
+    site.install("physic-sheet", PAGE.format(module="physic_sheet", body=PLAIN))
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page,physic-sheet")
+    with pytest.raises(ConfigError) as error:
+        report_html(make_reconstruction(people=0))
+    assert str(error.value) == "report.html is made by physic-page and physic-sheet: uninstall one of them"
