@@ -53,7 +53,7 @@ def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name: str)
 @pytest.mark.parametrize("name", PROJECTS)
 def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machine(name: str):
     for requirement in requirements(PROJECTS[name]):
-        package, bound = re.fullmatch(r"([a-z0-9-]+)(>=[\w.]+)(?:; .+)?", requirement, re.I).groups()  # type: ignore[union-attr]
+        package, bound = re.fullmatch(r"([a-z0-9-]+)(?:\[[a-z]+\])?(>=[\w.]+)(?:; .+)?", requirement, re.I).groups()  # type: ignore[union-attr]
         assert package.startswith("physic-") or package in pins(), f"{requirement} of {name} is not in constraints.txt"
         assert "<" not in bound
 

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExecutorRecord, ExporterRecord, ReportRecord
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
+from physic_core.errors import PhysicError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = ["Installed", "find_installed", "import_target", "why_unavailable"]
+__all__ = ["Installed", "call_target", "find_installed", "import_target", "why_unavailable"]
 
 _Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord | ReportRecord)
 
@@ -72,10 +73,36 @@ def import_target(found: Installed[Any], role: str) -> Any:
             return getattr(import_module(module), attribute)
     except Exception as error:
         from physic_core.discovery.error_text import describe_error
-        from physic_core.errors import PluginError
 
         raise PluginError(
             f"the {role} '{found.record.name}' of {found.origin} cannot be imported: {describe_error(error, module)}"
+        ) from error
+
+
+def call_target(found: Installed[Any], role: str, *arguments: object) -> Any:
+    """Import the function that the target of a record names, and call it.
+
+    Args:
+        found: the record.
+        role: as of :func:`import_target`.
+        arguments: of the function.
+
+    Raises:
+        PluginError: it cannot be imported, or fails.
+        PhysicError: raised by the function itself.
+    """
+    function = import_target(found, role)
+    try:
+        with plugin_code():
+            return function(*arguments)
+    except (PhysicError, MemoryError):
+        raise
+    except Exception as error:
+        from physic_core.discovery.error_text import describe_error
+
+        module = found.record.target.partition(":")[0]
+        raise PluginError(
+            f"the {role} '{found.record.name}' of {found.origin} fails: {describe_error(error, module)}"
         ) from error
 
 

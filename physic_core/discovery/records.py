@@ -1,4 +1,4 @@
-"""Records of backends, commands, executors and exporters, which plugin hooks return."""
+"""Records of backends, commands, executors, exporters and pages, which plugin hooks return."""
 
 from __future__ import annotations
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.catalog import how_to_install
-from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.installed import Installed, find_installed, import_target, why_unavailable
-from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.installed import Installed, call_target, find_installed, why_unavailable
 from physic_core.discovery.records import ReportRecord
-from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
+from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.errors import InputError
@@ -39,19 +37,12 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
         PluginError: the plugin cannot be imported, fails, or does not return a page.
     """
     found = _find()
-    make = import_target(found, "page")
-    try:
-        with plugin_code():
-            page = make(reconstruction, title or "Reconstruction")
-    except (PhysicError, MemoryError):
-        raise
-    except Exception as error:
-        module = found.record.target.partition(":")[0]
-        raise PluginError(f"the page of {found.origin} fails: {describe_error(error, module)}") from error
-    if not isinstance(page, str) or GENERATOR.encode() not in page.encode()[:HEAD_BYTES]:
+    page = call_target(found, "page", reconstruction, title or "Reconstruction")
+    head = page[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES] if isinstance(page, str) else b""
+    if GENERATOR.encode() not in head:
         raise PluginError(
-            f"the page of {found.origin} should be a text with {GENERATOR} in its first {HEAD_BYTES} bytes, "
-            f"got {str(page)[:60]!r} ({type(page).__name__})"
+            f"the page '{found.record.name}' of {found.origin} should be a text with {GENERATOR} in its first "
+            f"{HEAD_BYTES} bytes, got {str(page)[:60]!r} ({type(page).__name__})"
         )
     return page
 

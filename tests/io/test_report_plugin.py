@@ -97,15 +97,15 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
     [
         (
             "return None",
-            f"the page of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            f"the page 'plain' of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
             "got 'None' (NoneType)",
         ),
         (
             f"return 500 * ' ' + '{GENERATOR}'",
-            f"the page of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            f"the page 'plain' of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
             f"got {60 * ' '!r} (str)",
         ),
-        ("return title / 2", "the page of physic-page 1.0 fails: TypeError: unsupported operand type(s) for /"),
+        ("return title / 2", "the page 'plain' of physic-page 1.0 fails: TypeError: unsupported operand type(s) for /"),
     ],
     ids=["no text", "no generator", "fails"],
 )

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.exporters import find_exporter
-from physic_core.discovery.installed import Installed, import_target
-from physic_core.discovery.plugin_code import plugin_code
+from physic_core.discovery.installed import Installed, call_target
 from physic_core.discovery.records import ExporterRecord
-from physic_core.errors import InputError, OutputError, PhysicError, PluginError
+from physic_core.errors import InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.types.exports import Exported, ExportedFiles
 from physic_core.visual.export.request import ExportRequest, export_frame
@@ -109,17 +107,7 @@ def _call(exporter: Installed[ExporterRecord], request: ExportRequest) -> Export
         PluginError: it cannot be imported, fails, or does not return files.
         PhysicError: raised by the exporter itself.
     """
-    function = import_target(exporter, "exporter")
-    try:
-        with plugin_code():
-            made = function(request)
-    except (PhysicError, MemoryError):
-        raise
-    except Exception as error:
-        module = exporter.record.target.partition(":")[0]
-        raise PluginError(
-            f"the exporter '{exporter.record.name}' of {exporter.origin} fails: {describe_error(error, module)}"
-        ) from error
+    made = call_target(exporter, "exporter", request)
     if not isinstance(made, ExportedFiles):
         raise PluginError(
             f"the exporter '{exporter.record.name}' of {exporter.origin} should return physic_core.ExportedFiles, "
