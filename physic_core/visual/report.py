@@ -38,8 +38,8 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
     """
     found = _find()
     page = call_target(found, "page", reconstruction, title or "Reconstruction")
-    head = page[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES] if isinstance(page, str) else b""
-    if GENERATOR.encode() not in head:
+    head = str(page)[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES]
+    if not isinstance(page, str) or GENERATOR.encode() not in head:
         raise PluginError(
             f"the page '{found.record.name}' of {found.origin} should be a text with {GENERATOR} in its first "
             f"{HEAD_BYTES} bytes, got {str(page)[:60]!r} ({type(page).__name__})"
