@@ -14,7 +14,9 @@ __all__ = ["export"]
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
+    from physic_core.discovery.catalog import EXPORTERS, how_to_install
     from physic_core.discovery.exporters import find_exporters
+    from physic_core.discovery.installed import why_unavailable
 
     rows = [("format", "suffix", "for", "content", "needs")]
     for exporter in find_exporters():
@@ -27,6 +29,11 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
     for row in rows:
         echo("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[4]]))
+    listed = {row[0] for row in rows}
+    for distribution, formats in EXPORTERS.items():
+        if missing := ", ".join(sorted(formats.keys() - listed)):
+            why = why_unavailable(distribution)
+            echo(f"{missing}: in {distribution}, which is {why}: {how_to_install(distribution)}")
     ctx.exit()
 
 
