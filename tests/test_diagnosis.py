@@ -56,6 +56,17 @@ def bent() -> np.ndarray:
     return joints
 
 
+def with_bent_trunk(degrees: float) -> np.ndarray:
+    """A person on straight legs, whose neck and shoulders are turned towards the camera about the hips."""
+    joints = standing()
+    hips = joints[[1, 2]].mean(0)
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    above = joints[:, 1] < hips[1]
+    joints[above] = hips + (joints[above] - hips) @ turn.T
+    return joints
+
+
 def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, moved: int = 0) -> Any:
     """COCO keypoints at the projected joints, ``moved`` of the limbs' displaced."""
     skeleton = skeleton_named("coco17")
@@ -186,6 +197,9 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"lean": 15.0}, ("lean",)),
         ({"lean": -15.0}, ("lean",)),
         ({"lean": 15.0, "legs": False}, ("legs_seen",)),
+        ({"joints": with_bent_trunk(25.0)}, ()),
+        ({"joints": with_bent_trunk(45.0)}, ("bend",)),
+        ({"joints": with_bent_trunk(-45.0)}, ("bend",)),
         ({"told": {"reprojection_share": 0.05, "support_gap_m": 0.2}}, ("reprojection", "floating")),
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],
@@ -329,6 +343,8 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "switched_off"}, "floor", "the settings of the engine search no floor"),
         ({"legs": False}, "floating", "a leg is not visible"),
         ({"legs": False}, "lean", "a leg is not visible"),
+        ({"floor": "no_pixels"}, "bend", "no floor was found"),
+        ({"joints": bent()}, "bend", "this person does not stand on straight legs"),
         ({"joints": standing() @ np.diag([1, 0.2, 1])}, "depth_order", "there is no body, or nothing of it to measure"),
         ({"joints": np.full((55, 3), np.nan)}, "lean", "there is no body, or nothing of it to measure"),
         ({"sigma": None}, "scale_sigma", "the metric depth backend estimates no error of its scale"),

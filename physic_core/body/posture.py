@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-__all__ = ["is_body_straight", "lean_deg", "trunk_tilt_deg"]
+__all__ = ["is_body_straight", "lean_deg", "stands_on_straight_legs", "trunk_tilt_deg"]
 
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
@@ -39,14 +39,26 @@ def is_body_straight(joints: Array) -> bool:
     return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(trunk, hips.mean(0) - ankles.mean(0)) < _STRAIGHT_HIP_DEG
 
 
-def lean_deg(joints: Array, floor: Plane) -> tuple[float, float]:
+def stands_on_straight_legs(joints: Array, up: Array) -> bool:
+    """Return whether both legs are straight and upright, however the trunk is bent.
+
+    Args:
+        joints: (55, 3) metres, any frame.
+        up: (3,) in that frame.
+    """
+    hips, knees, ankles = (np.asarray(joints, np.float64)[pair] for pair in (_HIPS, _KNEES, _ANKLES))
+    bends = [180.0 - _angle_deg(k - h, a - k) for h, k, a in zip(hips, knees, ankles, strict=True)]
+    return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(hips.mean(0) - ankles.mean(0), up) < _STRAIGHT_HIP_DEG
+
+
+def lean_deg(joints: Array, floor: Plane, of: Literal["body", "trunk"] = "body") -> tuple[float, float]:
     """Return the angle between body and floor normal, and its signed component towards the camera, in degrees.
 
-    The body is the line from the midpoint of the ankles to the neck. The signed part is measured in the vertical plane
-    through camera and ankles: positive if the neck is nearer to the camera than the ankles.
+    The body is the line from the midpoint of the ankles to the neck, the trunk that from the midpoint of the hips. The
+    signed part is measured in the vertical plane through camera and ankles or hips: positive if the neck is nearer.
     """
     normal = np.asarray(floor.normal, np.float64)
-    foot = np.asarray(joints, np.float64)[_ANKLES].mean(0)
+    foot = np.asarray(joints, np.float64)[_ANKLES if of == "body" else _HIPS].mean(0)
     body = np.asarray(joints[_NECK], np.float64) - foot
     towards = -foot - (-foot @ normal) * normal  # the camera is the origin
     length = float(np.linalg.norm(towards))

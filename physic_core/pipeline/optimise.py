@@ -91,7 +91,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             feet = _lifted_feet(estimates, scene, photo, bodies, model)
         detections = _detections(estimates, photo, bodies, feet)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
-        if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed)):
+        normals = scene.normals[scene.valid]
+        if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed), bodies.joints, normals):
             if known is not None and known.camera_height is not None:
                 raise floor_contradiction(known, estimated.floor_offset)
             scene = without_floor(scene, not_theirs)

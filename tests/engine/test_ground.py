@@ -24,6 +24,7 @@ FLOOR_Y = 1.3  # of the stage
 TURN = rotvec_to_rotmat(torch.tensor([math.radians(12.0), 0.0, math.radians(-4.0)]))
 """The camera looks down by 12 degrees and is held a little askew."""
 UP = TURN @ torch.tensor([0.0, -1.0, 0.0])
+NO_NORMALS = torch.zeros(0, 3)
 
 
 @pytest.fixture(scope="module")
@@ -174,13 +175,45 @@ def test_a_floor_of_a_mask_is_never_taken_for_furniture(people):
 
 
 def test_a_floor_metres_below_everybody_is_not_what_they_stand_on(people):
-    vertices, _, soles = people
+    vertices, joints, soles = people
     under = -float((vertices[:, soles] @ UP).min())
     deep = 0.8 + 0.15 * float(vertices[..., 2].mean(1).max())
     fit = PlaneFit(UP, under, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "floor mask")
-    assert wrong_floor(fit, vertices) is None
-    assert wrong_floor(replace(fit, offset=under + 0.6), vertices) is None
-    assert wrong_floor(replace(fit, offset=under + deep + 0.1), vertices) == "far_below_people"
-    assert wrong_floor(replace(fit, offset=under - 0.8, source="lower image"), vertices) == "through_people"
-    assert wrong_floor(None, vertices) is None
-    assert wrong_floor(fit, vertices[:0]) is None
+    assert wrong_floor(fit, vertices, joints, NO_NORMALS) is None
+    assert wrong_floor(replace(fit, offset=under + 0.6), vertices, joints, NO_NORMALS) is None
+    assert wrong_floor(replace(fit, offset=under + deep + 0.1), vertices, joints, NO_NORMALS) == "far_below_people"
+    assert (
+        wrong_floor(replace(fit, offset=under - 0.8, source="lower image"), vertices, joints, NO_NORMALS)
+        == "through_people"
+    )
+    assert wrong_floor(None, vertices, joints, NO_NORMALS) is None
+    assert wrong_floor(fit, vertices[:0], joints[:0], NO_NORMALS) is None
+
+
+def tilted(degrees, under):
+    """A floor through the feet that is tilted about the camera's x axis."""
+    normal = rotvec_to_rotmat(torch.tensor([math.radians(degrees), 0.0, 0.0])) @ UP
+    return PlaneFit(normal, under, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "floor mask")
+
+
+@pytest.mark.parametrize(("degrees", "reason"), [(0.0, None), (25.0, None), (60.0, "tilted"), (-60.0, "tilted")])
+def test_a_floor_that_people_who_stand_contradict_is_refused(people, degrees, reason):
+    vertices, joints, _ = people
+    floor = tilted(degrees, float((-(vertices @ tilted(degrees, 0.0).normal)).amax(1).max()) + 0.2)
+    assert wrong_floor(floor, vertices, joints, NO_NORMALS) == reason
+
+
+def test_people_who_lie_or_look_lost_do_not_contradict_a_floor(people):
+    vertices, joints, _ = people
+    lying = rotvec_to_rotmat(torch.tensor([0.0, 0.0, math.radians(90.0)]))
+    floor = tilted(0.0, float((-(vertices @ lying.T @ UP)).amax(1).max()))
+    assert wrong_floor(floor, vertices @ lying.T, joints @ lying.T, NO_NORMALS) is None
+    assert wrong_floor(floor, vertices @ lying.T, torch.full_like(joints, torch.nan), NO_NORMALS) is None
+
+
+def test_a_floor_that_the_other_surfaces_contradict_is_refused(people):
+    vertices, joints, _ = people
+    _, normals = room()
+    for degrees, reason in ((0.0, None), (20.0, None), (35.0, "tilted")):
+        floor = tilted(degrees, float((-(vertices @ tilted(degrees, 0.0).normal)).amax(1).max()) + 0.2)
+        assert wrong_floor(floor, vertices, joints, normals) == reason

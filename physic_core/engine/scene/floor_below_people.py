@@ -1,4 +1,4 @@
-"""Floor from people: reject a plane that cuts through them, and fit a hidden floor under their soles.
+"""Floor from people: reject a plane that contradicts them, and fit a hidden floor under their soles.
 
 The normal of a hidden floor is the up direction estimated from the scene's normals. OpenCV camera frame, metres.
 """
@@ -12,7 +12,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body.joints import JOINT_INDEX, joint_pair
+from physic_core.body.posture import is_body_straight
 from physic_core.engine.joint.distances import lowest_height
 from physic_core.engine.scene.build import SceneState
 from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
@@ -29,7 +30,7 @@ __all__ = [
     "wrong_floor",
 ]
 
-FloorRejection = Literal["through_people", "far_below_people"]
+FloorRejection = Literal["through_people", "far_below_people", "tilted"]
 """Why a floor is rejected for the people's sake."""
 
 _UPRIGHT = math.cos(math.radians(50.0))  # least cosine between up and pelvis-to-neck
@@ -37,6 +38,9 @@ _CONFIDENCE_FACTOR = 0.5  # on the up confidence of a floor search: a tilt has l
 _APART_M = 0.2  # metres, largest difference of sole heights on one floor
 _BELOW_M, _BELOW_SHARE = 0.05, 0.02  # metres, and share of the depth: least distance of a point below the floor
 _MAX_BELOW = 0.05  # largest share of points below the floor
+_UP_AGREES = math.cos(math.radians(30.0))  # least cosine between a floor and the up direction of the scene's normals
+_STANDS = math.cos(math.radians(45.0))  # least cosine between straight bodies and the camera's up axis
+_STANDING_AGREES = math.cos(math.radians(40.0))  # between a floor and straight bodies, which lean on things
 _CUT_M, _CUT_SHARE = 0.25, 0.1  # metres below a plane, and share of a body's vertices below that
 _FAR_BELOW_M, _FAR_BELOW_SHARE = 0.8, 0.15  # metres, and share of the depth: a floor this far below is not theirs
 
@@ -88,11 +92,39 @@ def floor_cuts_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
     return plane_cuts_people(vertices, floor.normal, floor.offset)
 
 
-def wrong_floor(floor: PlaneFit | None, vertices: Tensor) -> FloorRejection | None:
-    """Return why a floor cannot be that of all people (B, V, 3), or None."""
+def wrong_floor(
+    floor: PlaneFit | None, vertices: Tensor, joints: Tensor, scene_normals: Tensor
+) -> FloorRejection | None:
+    """Return why a floor cannot be that of all people (B, V, 3) with joints (B, 55, 3), or None.
+
+    Args:
+        floor: of the scene, or None.
+        vertices: of the placed bodies.
+        joints: of the bodies, at any place.
+        scene_normals: (M, 3) unit, zero where unknown.
+    """
     if floor_cuts_people(floor, vertices):
         return "through_people"
-    return "far_below_people" if floor_far_below_people(floor, vertices) else None
+    if floor_far_below_people(floor, vertices):
+        return "far_below_people"
+    return "tilted" if floor is not None and _is_tilted(floor.normal, joints, scene_normals) else None
+
+
+def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
+    """Return whether the surfaces of the scene, or half of the people who stand, contradict a floor's normal.
+
+    People who lie straight are told from those who stand by the axis of the camera that points up.
+    """
+    estimate = estimate_up(scene_normals, normal)
+    confident = estimate is not None and estimate.confidence >= _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE
+    if estimate is not None and confident and float(estimate.up @ normal.to(estimate.up)) < _UP_AGREES:
+        return True
+    standing = [bool(torch.isfinite(j).all()) and is_body_straight(j.cpu().numpy()) for j in joints]
+    axes = joints[torch.tensor(standing, dtype=torch.bool, device=joints.device)].double()
+    axes = axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1)
+    axes = torch.nn.functional.normalize(axes, dim=-1)
+    cosines = (axes @ normal.to(axes))[-axes[:, 1] > _STANDS]
+    return len(cosines) > 0 and float(cosines.median()) < _STANDING_AGREES
 
 
 def floor_far_below_people(floor: PlaneFit | None, vertices: Tensor) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import joint_pair
-from physic_core.body.posture import is_body_straight, lean_deg
+from physic_core.body.posture import is_body_straight, lean_deg, stands_on_straight_legs
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error
 from physic_core.pipeline.checks.result import check_value, measured, relative_difference
 from physic_core.types import CheckResult
@@ -140,6 +140,7 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
     yield _check_soles(solution, person, unknown)
     yield _check_lean(solution, person, unknown)
+    yield _check_bend(solution, person)
 
 
 def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
@@ -199,6 +200,23 @@ def _check_lean(solution: Solution, person: int, unknown: str | None) -> CheckRe
         f"this person stands and leans {abs(part):.0f} degrees {direction}: one photo hardly shows that, the "
         "pose or the floor is doubtful",
         unmeasured=unknown or _NO_BODY,
+    )
+
+
+def _check_bend(solution: Solution, person: int) -> CheckResult:
+    joints, floor = solution.joints[person], solution.scene.floor
+    part, unknown = math.nan, _NO_FLOOR
+    if floor is not None:
+        unknown = "this person does not stand on straight legs"
+        if np.isfinite(joints).all() and stands_on_straight_legs(joints, floor.normal):
+            _, part = lean_deg(joints, floor, "trunk")
+    direction = "towards the camera" if part > 0 else "away from the camera"
+    return check_value(
+        "bend",
+        abs(part),
+        f"the trunk is bent by {abs(part):.0f} degrees {direction}: the photo does not decide between that and a trunk "
+        "of another length",
+        unmeasured=unknown,
     )
 
 

@@ -29,6 +29,7 @@ _NO_FLOOR = {
     "below_plane": "too many pixels lie below the best plane",
     "through_people": "the only horizontal plane cuts through the people, as tables and seats do",
     "far_below_people": "the only horizontal plane lies far below the people, who stand on something else",
+    "tilted": "the only plane contradicts the people who stand, or the other surfaces, in which way is up",
 }
 
 

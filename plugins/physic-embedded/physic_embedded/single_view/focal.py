@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["ManhattanFrame", "manhattan_frame", "stable_manhattan_frame"]
 
 _BOUNDS = (0.4, 2.5)  # focal lengths searched, in long sides
-_ACCEPTED = (0.45, 2.0)  # an answer nearer the bounds is the bounds' answer
+_ACCEPTED = (0.45, 1.6)  # 2.5 standard deviations from the default focal length: beyond, vanishing points are too far
 _TOLERANCE_DEG = 2.0  # a segment that misses its vanishing point by more supports nothing
 _MIN_SEGMENTS = 12
 
@@ -174,9 +174,9 @@ def stable_manhattan_frame(
     """Estimate the Manhattan frame, or None if searches on random subsets of the segments disagree.
 
     Searches on all segments agree on wrong answers too. On subsets, only a focal length that many segments support is
-    found again. Searches agree if in all but at most one the focal length lies between 0.45 and 2 long sides, each axis
-    holds more than 6 % of the explained length, and the explained length is more than 30 %. The largest of these focal
-    lengths must be at most ``1 + agreement`` times the smallest.
+    found again. Searches agree if in all but at most one the focal length lies between 0.45 and 1.6 long sides, each
+    axis holds more than 6 % of the explained length, and the explained length is more than 30 %. The largest of these
+    focal lengths must be at most ``1 + agreement`` times the smallest. The final one must lie between the same limits.
     """
 
     rng = np.random.default_rng(0)
@@ -190,6 +190,8 @@ def stable_manhattan_frame(
         if len(focals) < seed or (focals and max(focals) > (1 + agreement) * min(focals)):
             return None
     whole = manhattan_frame(segments, width, height, seed=searches, draws=draws)
-    if whole is None or not min(focals) / (1 + agreement) < whole.focal_px < max(focals) * (1 + agreement):
+    if whole is None or not max(low, min(focals) / (1 + agreement)) < whole.focal_px < min(
+        high, max(focals) * (1 + agreement)
+    ):
         return None
     return whole
