@@ -132,7 +132,7 @@ def test_every_plugin_is_installed_by(file: str):
 
 def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
     """The networks of physic-human come from checkouts and accounts of the user."""
-    full = {name.partition(">=")[0] for name in project(ROOT)["optional-dependencies"]["full"]}
+    full = {re.split(r"[\[>]", name)[0] for name in project(ROOT)["optional-dependencies"]["full"]}
     assert full == PROJECTS.keys() - {"physic-core", "physic-human"}
 
 

@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import importlib
+import pkgutil
+import re
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
@@ -56,6 +60,18 @@ PUBLIC = [
 
 def test_the_public_names_are_these():
     assert physic_core.__all__ == PUBLIC
+
+
+@pytest.mark.parametrize("room", ["adapters", "metrics"])
+def test_the_page_of_a_room_names_all_that_is_promised(room: str, repository: Path):
+    """Each module of the room in one row with its ``__all__``, but for what the page calls private."""
+    page = (repository / "docs" / f"{room}.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]*) \|", page, re.M))
+    named = {module: set(re.findall(r"`(\w+)`", names)) for module, names in rows.items()}
+    modules = {found.name for found in pkgutil.iter_modules([str(repository / "physic_core" / room)])}
+    assert modules - named.keys() == ({"shapes"} if room == "metrics" else set())
+    for module, names in named.items():
+        assert set(importlib.import_module(f"physic_core.{room}.{module}").__all__) == names, module
 
 
 @pytest.mark.parametrize("name", PUBLIC)

@@ -36,8 +36,15 @@ SECTIONS = {
         "docs/cache",
         "docs/containers",
     ],
-    "Judge": ["docs/checks", "docs/evaluation", "benchmarks/README"],
-    "Extend": ["docs/plugins", "contrib/README", "plugins/README", "docs/api", "docs/_reference/index"],
+    "Judge": ["docs/checks", "docs/evaluation", "docs/metrics", "benchmarks/README"],
+    "Extend": [
+        "docs/plugins",
+        "contrib/README",
+        "plugins/README",
+        "docs/adapters",
+        "docs/api",
+        "docs/_reference/index",
+    ],
     "Project": [
         "docs/decisions/README",
         "ARCHITECTURE",

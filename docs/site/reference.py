@@ -25,6 +25,7 @@ MODULES = {
     "physic_core.geometry": "Geometry",
     "physic_core.adapters": "Helpers for adapters",
     "physic_core.visual.export.request": "Requests of exports",
+    "physic_core.visual.report": "The page of a result",
     "physic_core.visual.surface": "Meshes of scene and floor",
     "physic_core.visual.palette": "Colours",
     "physic_core.visual.rig": "Skeletons and skins",
