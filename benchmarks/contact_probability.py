@@ -1,253 +1,289 @@
-"""Fit the constants of ``physic_core.engine.contact.probability`` by maximum likelihood.
+"""Fit the probability of contact, ``physic_core/engine/contact/coefficients.json``, on synthetic worlds.
 
-    python benchmarks/contact_probability.py --worlds 20 --seed 901 --people-worlds 10 --people-seed 910
-    python benchmarks/contact_probability.py --surfaces --worlds 18 --seed 5 --everyday-worlds 19 --everyday-seed 301
+    python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 60 --people-worlds 36
+    python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 30
+    python -m benchmarks.contact_probability columns MAKE CHOOSE
+    python -m benchmarks.contact_probability fit MAKE CHOOSE
 
-The first fits contact with skin, on worlds of the benchmark's contact actions and of two people who touch each other;
-the second contact with floor and scene, where each person counts the same. Both print the constants, with the number
-of vertices. Report the calibration on other seeds. Needs the plugins physic-testing and physic-mock; a world takes
-about ten seconds.
+``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a folder; an interrupted
+run continues. ``fit`` finds the coefficients of the columns that the file names by maximum likelihood on one folder,
+and writes them with their error on another. ``columns`` prints the loss on the other folder with and without each
+column, for all columns that the engine computes. Each person counts the same. The worlds have the noise of version 4,
+other bodies and labelled surfaces; the worlds of people who touch each other are added, since this is rare.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
+import json
 import sys
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
-from physic_core.configuration.model import load_config
-from physic_core.engine.contact import probability
-from physic_core.engine.contact.skin import own_contact_seen, own_distances, people_distances, without_shared_gap
-from physic_core.engine.joint.limbs import observed_parts
+from benchmarks.rules import _setup
+from physic_core.body.model import BodyModel
+from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
+from physic_core.engine.contact.probability import contact_model
+from physic_core.engine.contact.problem import ContactInput, ContactResult
+from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.visibility import vertex_normals
 from physic_core.metrics.matching import match_by_masks
-from physic_core.pipeline import contacts, solution
+from physic_core.pipeline import solution
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_testing.bench.run_worlds import _pipeline_and_body
-from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence
-from physic_testing.worlds import benchmark_worlds, build_world
+from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
+from physic_testing.worlds import World, benchmark_worlds, build_world
 
+Array = NDArray[np.float64]
+Table = tuple[Array, NDArray[np.bool_]]
+"""Columns (n, C) and truth (n,)."""
+
+COEFFICIENTS = Path(__file__).parents[1] / "physic_core" / "engine" / "contact" / "coefficients.json"
 PEOPLE = ("hug", "hand_on_shoulder", "hold_hands", "back_to_back", "child_on_lap", "sit_side_by_side")
-SURFACES = ("FLOOR", "SCENE")
 SIZE = (320, 240)
-PEOPLE_RADIUS_M, OWN_RADIUS_M = 0.15, 0.08
-START = (0.5, math.log(0.02), -1.0, -3.0, -3.0)
-"""Log-odds, log of sigma in metres, added log-odds of unseen limbs, and the logits of the two shares."""
+RIDGE = 1e-4
+"""Weight of the squared coefficients: columns that say the same share one effect."""
+
+PART_COLUMNS = ("constant", "log odds", "carries", "hidden")
+STATED = {"scene": ("floor", "scene", "hidden"), "person": ("person",), "own body": ("self",), "object": ("object",)}
 
 
-@dataclass
-class Samples:
-    """Vertices of one kind of skin: signed distance in metres, whether the limb is seen, and whether they touch."""
-
-    distance: list[NDArray[np.float64]]
-    seen: list[NDArray[np.bool_]]
-    true: list[NDArray[np.bool_]]
-
-    def add(self, distance: torch.Tensor, seen: torch.Tensor, true: NDArray[np.bool_], chosen: torch.Tensor) -> None:
-        """Add the chosen vertices within the search radius."""
-        rows = (chosen & torch.isfinite(distance)).numpy()
-        self.distance.append(distance.double().numpy()[rows])
-        self.seen.append(seen.numpy()[rows])
-        self.true.append(true[rows])
-
-
-def collect(case: WorldCase, samples: dict[str, Samples]) -> None:
-    """Run estimators and engine on one world, and add its vertices."""
-    config = load_config(preset="mock")
-    plan, model, _ = _pipeline_and_body(config)
-    world = build_world(case.name, case.seed, case.size)
-    evidence = estimate_evidence(case, world, plan, model, None)
-    with patch.object(solution, "measure_contacts", wraps=solution.measure_contacts) as measured:
-        run_engine(evidence, PRESETS["default"], model, StageRunner("cpu", 4))
-    problem, result = measured.call_args.args[:2]
-    body, vertices = problem.model, result.vertices
-    normals, part = vertex_normals(vertices, body.faces), body.part_of_vertex
-    people = people_distances(vertices, normals, body.outer, PEOPLE_RADIUS_M)
-    rest = body(*body.zero_pose()).vertices[0]
-    own = own_distances(vertices, normals, body.outer, part, rest, OWN_RADIUS_M)
-    seen = observed_parts(body.part_names, problem.observed)[:, part]
-    hands = torch.tensor([name.endswith("hand") for name in body.part_names])[part]
-    shared, seen_on_own = without_shared_gap(people, part), own_contact_seen(seen, hands, own.vertex)
-    found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
-    for row, true in zip(found.predicted, found.truth, strict=True):
-        hand = hands | hands[own.vertex[row]]
-        touches_own = world.touched_own_part[true] >= 0
-        samples["PERSON"].add(shared[row], seen[row], world.touched_person[true] >= 0, body.outer)
-        samples["OWN_HAND"].add(own.distance[row], seen_on_own[row], touches_own, body.outer & hand)
-        samples["SELF"].add(own.distance[row], seen_on_own[row], touches_own, body.outer & ~hand)
+def main() -> int:
+    """Collect samples, compare columns, or fit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    sample = commands.add_parser("sample")
+    sample.add_argument("out", type=Path)
+    for name, default in {"seed": 1, "worlds": 60, "people-worlds": 0}.items():
+        sample.add_argument(f"--{name}", type=int, default=default)
+    for name in ("columns", "fit"):
+        command = commands.add_parser(name)
+        command.add_argument("make", type=Path)
+        command.add_argument("choose", type=Path)
+    given = parser.parse_args()
+    if given.command == "sample":
+        cases = [*benchmark_cases(given.worlds, given.seed, SIZE, "both")]
+        cases += [
+            WorldCase(name, seed, SIZE) for name, seed in benchmark_worlds(given.people_worlds, given.seed, PEOPLE)
+        ]
+        collect(with_other_bodies(cases), given.out)
+    else:
+        (compare_columns if given.command == "columns" else fit)(Samples.read(given.make), Samples.read(given.choose))
+    return 0
 
 
-def fit(samples: Samples) -> tuple[probability.SurfaceError, float]:
-    """Return the most likely constants, and the mean negative log-likelihood of a vertex."""
-    distance, seen = (torch.from_numpy(np.concatenate(x)) for x in (samples.distance, samples.seen))
-    true = torch.from_numpy(np.concatenate(samples.true))
-    kind, settings = torch.zeros(len(distance), dtype=torch.int64), PRESETS["default"].contact
+def collect(cases: Sequence[WorldCase], out: Path) -> None:
+    """Run estimators and engine on each world, and write the samples that are missing."""
+    plan, model, _ = _setup()
+    out.mkdir(parents=True, exist_ok=True)
+    for number, case in enumerate(cases, 1):
+        file = out / f"{case.name}-{case.seed}.npz"
+        if not file.exists():
+            world = build_world(case.name, case.seed, case.size)
+            evidence = estimate_evidence(case, world, plan, model, None)
+            torch.manual_seed(0)
+            with patch.object(solution, "solve_contact", wraps=solution.solve_contact) as solve:
+                run_engine(evidence, PRESETS["default"], model, StageRunner("cpu", len(plan.backends)))
+            found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
+            pairs = list(zip(found.predicted.tolist(), found.truth.tolist(), strict=True))
+            inputs = solve.call_args.args[0]
+            result = solution.solve_contact(*solve.call_args.args)
+            np.savez_compressed(file, **samples_of(inputs, result, world, pairs))
+        print(f"[{number}/{len(cases)}] {case.title}", file=sys.stderr, flush=True)
 
-    def constants(x: Any) -> probability.SurfaceError:
-        shares = 1 / (1 + np.exp(-np.asarray(x[3:])))
-        return probability.SurfaceError(float(x[0]), math.exp(x[1]), float(x[2]), *map(float, shares))
 
-    def loss(x: Any) -> float:
-        with patch.object(probability, "SURFACES", (constants(x),)):
-            p = probability.contact_probability(distance, kind, seen, None, settings)
-        # The last summand keeps the effect of visibility finite where all limbs are seen.
-        return float(-torch.log(torch.where(true, p, 1 - p)).mean()) + 1e-4 * float(x[2]) ** 2
+def samples_of(
+    given: ContactInput, result: ContactResult, world: World, pairs: Sequence[tuple[int, int]]
+) -> dict[str, Any]:
+    """Return the arrays of one world: for each person and kind of contact columns, truth and listed body parts."""
+    near = measure_distances(given, PRESETS["default"].contact)
+    outer, finite = given.model.outer.numpy(), given.finite.tolist()
+    arrays: dict[str, Any] = {"pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2)}
+    for kind, columns in feature_columns(given, near).items():
+        arrays[f"names {kind}"] = np.array(list(columns))
+        for row, _ in arrays["pairs"]:
+            table = torch.stack([column[row] for column in columns.values()], 1).numpy()[outer]
+            arrays[f"{kind} {row}"] = table.astype(np.float32)
+    for row, true in arrays["pairs"]:
+        touched = dict(zip(KINDS, true_contact(world, int(true)), strict=True))
+        arrays[f"truth {row}"] = np.stack([values[outer] for values in touched.values()])
+        arrays[f"seen {row}"] = given.seen[row].numpy()[outer]
+        arrays[f"parts {row}"] = np.array(part_samples(given.model, result, int(row), touched)).reshape(-1, 4)
+    return arrays
 
-    best = minimize(loss, START, method="Nelder-Mead", options={"maxiter": 1200, "xatol": 1e-3, "fatol": 1e-7})
-    return constants(best.x), float(best.fun)
+
+def true_contact(world: World, person: int) -> tuple[NDArray[np.bool_], ...]:
+    """Return the true contact (V,) of each kind of a person."""
+    touched = (world.touched_person, world.touched_own_part, world.touched_item)
+    return (np.asarray(world.contact[person]), *(np.asarray(of[person]) >= 0 for of in touched))
+
+
+def part_samples(
+    model: BodyModel, result: ContactResult, row: int, touched: Mapping[str, NDArray[np.bool_]]
+) -> Iterator[tuple[float, ...]]:
+    """Return log odds, "carries", "hidden" and truth of each contact of a body part, at least ten vertices."""
+    regions, support, rows = contact_regions(model), result.supports[row], []
+    assert result.probability is not None
+    balanced = support is not None and support.state.value in ("balanced", "assumed") and not support.hidden
+    for index, partner in enumerate(result.partners):
+        for number, name in enumerate(regions.names):
+            here = (result.partner[row] == index) & (regions.region == number)
+            count = int(here.sum())
+            if count < 3:
+                continue
+            surest = result.probability[row][here].topk(min(10, count)).values.mean()
+            carries = balanced and any(one.part == name and one.partner == partner for one in support.contacts)
+            kind = next(kind for kind, names in STATED.items() if partner.kind in names)
+            true = touched[kind][(regions.region == number).numpy()].sum() >= 10
+            rows.append((float(torch.logit(surest.double(), 1e-6)), carries, partner.kind == "hidden", true))
+    return rows
 
 
 @dataclass(frozen=True)
-class SurfaceSamples:
-    """Vertices of people near floor and scene, as :func:`contact_probability` gets them, (n,) each.
+class Samples:
+    """Samples of people, (n, ...) vertices each.
 
     Attributes:
-        distance: signed, metres.
-        kind: of the surface.
-        seen: whether the photo shows the limb.
-        prior: of the contact prior.
-        facing: cosine between skin and surface; NaN for hands and feet, and for surfaces without normals.
-        true: whether the vertex touches floor or scene.
-        weight: so that each person counts the same.
+        names: kind of contact -> names of the columns.
+        people: per person, kind of contact -> columns and truth.
+        anything: per person, truth (n,) of contact with anything.
+        seen: per person, (n,) whether the photo shows the limb.
+        parts: (m, 4) of all people: columns of ``PART_COLUMNS`` after the first, and truth.
+        worlds: number of worlds.
     """
 
-    distance: torch.Tensor
-    kind: torch.Tensor
-    seen: torch.Tensor
-    prior: torch.Tensor
-    facing: torch.Tensor
-    true: torch.Tensor
-    weight: torch.Tensor
+    names: Mapping[str, Sequence[str]]
+    people: Sequence[Mapping[str, Table]]
+    anything: Sequence[NDArray[np.bool_]]
+    seen: Sequence[NDArray[np.bool_]]
+    parts: Array
+    worlds: int
+
+    @staticmethod
+    def read(folder: Path) -> Samples:
+        """Read all samples of a folder."""
+        names: dict[str, Sequence[str]] = {}
+        people, anything, seen, parts = [], [], [], []
+        files = sorted(folder.glob("*.npz"))
+        for file in files:
+            with np.load(file, allow_pickle=False) as stored:
+                here = [kind for kind in KINDS if f"names {kind}" in stored]
+                names |= {kind: stored[f"names {kind}"].tolist() for kind in here}
+                for row, _ in stored["pairs"]:
+                    truth = stored[f"truth {row}"]
+                    tables = {kind: (stored[f"{kind} {row}"], truth[KINDS.index(kind)]) for kind in here}
+                    people.append(tables)
+                    anything.append(truth.any(0))
+                    seen.append(stored[f"seen {row}"])
+                    parts.append(stored[f"parts {row}"])
+        return Samples(names, people, anything, seen, np.concatenate(parts), len(files))
+
+    def tables(self, kind: str, names: Sequence[str]) -> list[Table]:
+        """Return chosen columns and truth of each person with contact of a kind."""
+        columns = [self.names[kind].index(name) for name in names]
+        return [(one[kind][0][:, columns].astype(np.float64), one[kind][1]) for one in self.people if kind in one]
 
 
-def collect_surfaces(case: WorldCase) -> list[SurfaceSamples]:
-    """Run estimators and engine on one world, and return the vertices of each person."""
-    plan, model, _ = _pipeline_and_body(load_config(preset="mock"))
-    world = build_world(case.name, case.seed, case.size)
-    evidence = estimate_evidence(case, world, plan, model, None)
-    with (
-        patch.object(contacts, "contact_probability", wraps=contacts.contact_probability) as likely,
-        patch.object(contacts, "facing_probability", wraps=contacts.facing_probability) as faced,
-    ):
-        run_engine(evidence, PRESETS["default"], model, StageRunner("cpu", 4))
-    distance, kind, seen, prior, _ = likely.call_args_list[0].args  # the first is that of scene and floor
-    thin = torch.tensor([name.endswith(("hand", "foot")) for name in model.part_names])[model.part_of_vertex]
-    facing = torch.where(thin, torch.nan, faced.call_args.args[0])
-    found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
-    people = []
-    for row, true in zip(found.predicted, found.truth, strict=True):
-        near = model.outer & torch.isfinite(distance[row])
-        weight = torch.full((int(near.sum()),), 1 / max(1, int(near.sum())), dtype=torch.float64)
-        values = (one[row][near] for one in (distance, kind, seen, prior, facing))
-        people.append(SurfaceSamples(*values, torch.from_numpy(world.contact[true])[near], weight))
-    return people
+def logistic(tables: Sequence[Table]) -> Array:
+    """Return the most likely coefficients, by Newton's method; the first column is the constant."""
+    X, y = np.concatenate([x for x, _ in tables]), np.concatenate([y for _, y in tables]).astype(np.float64)
+    found = np.zeros(X.shape[1])
+    penalty = RIDGE * len(y) * np.r_[0.0, np.ones(X.shape[1] - 1)]
+    for _ in range(40):
+        p = 1 / (1 + np.exp(-X @ found))
+        slope = X.T @ (p - y) + penalty * found
+        step = np.linalg.solve((X * (p * (1 - p))[:, None]).T @ X + np.diag(penalty + 1e-9), slope)
+        found -= step * min(1.0, 3 / np.abs(step).max())
+        if np.abs(step).max() < 1e-5:
+            break
+    return found
 
 
-def fit_surfaces(people: Sequence[SurfaceSamples]) -> tuple[list[probability.SurfaceError], float, float, float]:
-    """Return the most likely constants of floor and scenes, those of facing skin, and the mean loss."""
-    every = SurfaceSamples(*(torch.cat([getattr(one, f.name) for one in people]) for f in fields(SurfaceSamples)))
-    settings = PRESETS["default"].contact
-    start = [number for error in probability.SURFACES[: len(SURFACES)] for number in to_numbers(error)]
-    start += [probability.FACING, math.log(probability.FACING_SLOPE)]
-
-    def loss(x: NDArray[np.float64]) -> float:
-        errors = [to_error(x[7 * k : 7 * k + 7]) for k in range(len(SURFACES))]
-        with (
-            patch.object(probability, "SURFACES", (*errors, *probability.SURFACES[len(SURFACES) :])),
-            patch.object(probability, "FACING", float(x[-2])),
-            patch.object(probability, "FACING_SLOPE", math.exp(x[-1])),
-        ):
-            p = probability.contact_probability(every.distance, every.kind, every.seen, every.prior, settings)
-            p = (p * probability.facing_probability(every.facing)).clamp(1e-6, 1 - 1e-6)
-        each = -torch.log(torch.where(every.true, p, 1 - p)) * every.weight
-        # Few people touch with limbs that the photo does not show: their constants stay near those of the others.
-        apart = sum(x[7 * k + 2] ** 2 + (x[7 * k + 4] - x[7 * k + 3]) ** 2 for k in range(len(SURFACES)))
-        shares = sum(x[7 * k + 3] ** 2 for k in range(len(SURFACES)))
-        return float(each.sum() / every.weight.sum()) + 1e-3 * float(apart) + 1e-4 * float(shares)
-
-    best = minimize(loss, start, method="L-BFGS-B", options={"maxiter": 80})
-    errors = [to_error(best.x[7 * k : 7 * k + 7]) for k in range(len(SURFACES))]
-    return errors, float(best.x[-2]), math.exp(best.x[-1]), float(best.fun)
+def probability(x: Array, coefficients: Array) -> Array:
+    """Return the probability (n,) of columns (n, C)."""
+    answer: Array = 1 / (1 + np.exp(-x @ coefficients))
+    return answer
 
 
-def to_numbers(error: probability.SurfaceError) -> list[float]:
-    """Return the constants of a surface as unbounded numbers; the weight of the prior stays at least 0."""
-    a, sigma, unseen, share, unseen_share, weight, offset = astuple(error)
-    return [
-        a,
-        math.log(sigma),
-        unseen,
-        math.log(share / (1 - share)),
-        math.log(unseen_share / (1 - unseen_share)),
-        weight,
-        offset,
-    ]
+def loss(tables: Sequence[Table], coefficients: Array) -> float:
+    """Return the log loss of a vertex, mean over people."""
+    each = []
+    for x, y in tables:
+        p = probability(x, coefficients).clip(1e-9, 1 - 1e-9)
+        each.append(-np.log(np.where(y, p, 1 - p)).mean())
+    return float(np.mean(each))
 
 
-def to_error(x: NDArray[np.float64]) -> probability.SurfaceError:
-    """Return the constants of :func:`to_numbers`."""
-    shares = (1 / (1 + math.exp(-v)) for v in x[3:5])
-    return probability.SurfaceError(
-        float(x[0]), math.exp(x[1]), float(x[2]), *shares, max(0.0, float(x[5])), float(x[6])
-    )
+def calibration_error(p: Array, true: NDArray[np.bool_]) -> float:
+    """Return the expected calibration error in ten bins."""
+    bins = np.minimum((p * 10).astype(int), 9)
+    return float(np.abs(np.bincount(bins, p - true, 10)).sum() / max(1, len(p)))
 
 
-def print_surfaces(cases: Sequence[WorldCase]) -> None:
-    """Fit floor and scene on some worlds, and print the constants."""
-    people = []
-    for number, case in enumerate(cases, 1):
-        people += collect_surfaces(case)
-        print(f"[{number}/{len(cases)}] {case.title}", file=sys.stderr, flush=True)
-    errors, facing, slope, loss = fit_surfaces(people)
-    for name, error in zip(SURFACES, errors, strict=True):
-        print(f"{name} = SurfaceError({', '.join(f'{value:.3f}' for value in astuple(error))})")
-    count = sum(len(one.true) for one in people)
-    print(
-        f"FACING = {facing:.3f}, FACING_SLOPE = {slope:.2f}  # {len(people)} people, {count} vertices, loss {loss:.4f}"
-    )
+def compare_columns(make: Samples, choose: Samples) -> None:
+    """Print the loss with all columns, and what it rises by without each of them."""
+    for kind, names in make.names.items():
+        held = choose.tables(kind, names)
+        full = loss(held, logistic(make.tables(kind, names))) if held else float("nan")
+        print(f"{kind}: loss {full:.5f} with all columns")
+        for name in names[1:]:
+            rest = [other for other in names if other != name]
+            without = loss(choose.tables(kind, rest), logistic(make.tables(kind, rest))) if held else float("nan")
+            print(f"  without {name}: {without - full:+.5f}", flush=True)
 
 
-def main() -> None:
-    """Collect the vertices of all worlds, and print the constants."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--surfaces", action="store_true", help="fit floor and scene instead of skin")
-    numbers = {"worlds": 20, "seed": 901, "everyday-worlds": 0, "everyday-seed": 301}
-    for name, default in (numbers | {"people-worlds": 10, "people-seed": 910}).items():
-        parser.add_argument(f"--{name}", type=int, default=default)
-    given = parser.parse_args()
-    cases = [*(benchmark_cases(given.worlds, given.seed, SIZE, "contact") if given.worlds else ())]
-    if given.everyday_worlds:
-        cases += benchmark_cases(given.everyday_worlds, given.everyday_seed, SIZE)
-    if given.surfaces:
-        print_surfaces(cases)
-        return
-    pairs = benchmark_worlds(given.people_worlds, given.people_seed, PEOPLE) if given.people_worlds else ()
-    cases += [WorldCase(name, seed, SIZE) for name, seed in pairs]
-    samples: dict[str, Samples] = defaultdict(lambda: Samples([], [], []))
-    for number, case in enumerate(cases, 1):
-        collect(case, samples)
-        print(f"[{number}/{len(cases)}] {case.title}", file=sys.stderr, flush=True)
-    for name, each in samples.items():
-        if not any(map(np.any, each.true)):
-            print(f"{name}: no contact in these worlds")
-            continue
-        error, loss = fit(each)
-        numbers = ", ".join(f"{value:.3f}" for value in vars(error).values())
-        count, touching = (sum(map(len, each.true)), sum(int(x.sum()) for x in each.true))
-        print(f"{name} = SurfaceError({numbers})  # {count} vertices, {touching} in contact, loss {loss:.4f}")
+def fit(make: Samples, choose: Samples) -> None:
+    """Fit the columns of the file, and write the file."""
+    model = contact_model()
+    vertex = {kind: dict.fromkeys(model.vertex[kind], 0.0) for kind in KINDS}
+    losses = {}
+    for kind, chosen in vertex.items():
+        found = logistic(make.tables(kind, list(chosen)))
+        losses[kind] = loss(choose.tables(kind, list(chosen)), found)
+        vertex[kind] = {name: round(float(value), 3) for name, value in zip(chosen, found, strict=True)}
+    likely = [anything_of(one, vertex, choose.names) for one in choose.people]
+    errors = {
+        name: calibration_error(
+            np.concatenate([p[seen == shown] for p, seen in zip(likely, choose.seen, strict=True)]),
+            np.concatenate([true[seen == shown] for true, seen in zip(choose.anything, choose.seen, strict=True)]),
+        )
+        for name, shown in (("seen", True), ("unseen", False))
+    }
+    x, y = (np.c_[np.ones(len(make.parts)), make.parts[:, :3]], make.parts[:, 3] > 0)
+    part = logistic([(x, y)])
+    held = choose.parts
+    errors["parts"] = calibration_error(probability(np.c_[np.ones(len(held)), held[:, :3]], part), held[:, 3] > 0)
+    record = {
+        "made by": "benchmarks/contact_probability.py",
+        "fitted on": f"{make.worlds} worlds and {len(make.people)} people of seed 1, noise 4, other bodies",
+        "held-out error": f"{choose.worlds} worlds of seed 2: log loss of a vertex "
+        + ", ".join(f"{kind} {value:.4f}" for kind, value in losses.items())
+        + "; calibration error of "
+        + ", ".join(f"{name} {value:.3f}" for name, value in errors.items()),
+        "vertex": vertex,
+        "part": {name: round(float(value), 3) for name, value in zip(PART_COLUMNS, part, strict=True)},
+    }
+    COEFFICIENTS.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    print(json.dumps(record, indent=2))
+
+
+def anything_of(
+    person: Mapping[str, Table], vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
+) -> Array:
+    """Return the probability (n,) of contact with anything."""
+    free: Array = np.ones(len(next(iter(person.values()))[1]))
+    for kind, (columns, _) in person.items():
+        weights = np.array([vertex[kind].get(name, 0.0) for name in names[kind]])
+        free = free * (1 - probability(columns.astype(np.float64), weights))
+    return 1 - free
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

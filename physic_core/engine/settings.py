@@ -36,9 +36,9 @@ class ContactSettings:
     Attributes:
         rule: "probability" gives contact to vertices whose probability of contact is at least the threshold, "distance"
             to those whose distance is within the two bounds; it estimates no probability.
-        threshold: least probability of a vertex in contact. 0.35 has the best F1 of contact on synthetic worlds.
-            Limbs that the photo does not show need 0.5 at least.
-        skin_threshold: the same for contact with other people and with the own body, which is less certain.
+        threshold: least probability of a vertex in contact. 0.35 to 0.42 have the best F1 on synthetic worlds.
+        skin_threshold: the same for contact with other people and with the own body, which is less certain. 0.12 has
+            the best F1 of such contact on the worlds of the fit.
         distance_m: largest distance to scene or floor of a vertex in contact, metres; 0.02 as released. The probability
             is that of a true distance within the bounds.
         inside_m: largest depth inside of a vertex in contact, metres; 0.15 as released. 0.05 is the usual compression
@@ -53,7 +53,7 @@ class ContactSettings:
 
     rule: Literal["probability", "distance"] = "probability"
     threshold: Share = 0.35
-    skin_threshold: Share = 0.22
+    skin_threshold: Share = 0.12
     distance_m: NotNegative = 0.02
     inside_m: NotNegative = 0.05
     metric: Literal["plane", "point"] = "plane"

@@ -11,9 +11,12 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.contact.probability import contact_model
+from physic_core.engine.contact.solve import solve_contact
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.contacts import classify_points, measure_contacts
+from physic_core.pipeline.contacts import classify_points, contact_input
 from physic_core.pipeline.measures import moved_scene
+from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
 from physic_core.types.short_repr import ShortRepr
 
@@ -89,11 +92,16 @@ def assemble_solution(
         settings: of the engine.
     """
     s = result.scene_scale
-    touch = measure_contacts(problem, result, settings, classify_points(estimates, scene), _objects(estimates))
+    given = contact_input(problem, result, settings, classify_points(estimates, scene), _objects(estimates))
+    touch = solve_contact(given, contact_model(), settings.contact)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **end, **more, "moved_scene_m": moved}
         for start, end, more, moved in zip(
-            placement["people"], result.diagnostics, touch.measures, _moved_scene(estimates, scene, s), strict=True
+            placement["people"],
+            result.diagnostics,
+            measure_people(problem, result, touch),
+            _moved_scene(estimates, scene, s),
+            strict=True,
         )
     )
     return Solution(
@@ -105,9 +113,9 @@ def assemble_solution(
         contact=touch.contact.cpu().numpy(),
         distance=touch.distance.float().cpu().numpy(),
         contact_probability=None if touch.probability is None else touch.probability.cpu().numpy().astype(np.float16),
-        contact_partner=touch.partners.index.cpu().numpy(),
-        partners=touch.partners.table,
-        contacts=touch.by_part,
+        contact_partner=touch.partner.cpu().numpy(),
+        partners=touch.partners,
+        contacts=touch.contacts,
         supports=touch.supports,
         people=people,
         failures=result.failures,

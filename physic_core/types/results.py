@@ -71,8 +71,8 @@ class Person(ShortRepr):
         distance: (V,) float32, signed distance to the scene or the floor: negative inside, inf beyond the
             search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
-            over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``, for limbs that the photo
-            shows. None if the preset estimates none, or in an older result.
+            over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``. None if the preset estimates
+            none, or in an older result.
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``, :data:`NO_PARTNER` for vertices
             that are not in contact. None in an older result.
         contacts: contacts by body part, most probable first.

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from physic_core.engine.contact.distance import SurfaceDistances
-from physic_core.engine.contact.partner import assign_partners, body_contacts
-from physic_core.engine.contact.regions import are_adjacent, is_farther_out
+from physic_core.engine.contact.features import KINDS, Distances
+from physic_core.engine.contact.objects import ObjectDistances
+from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
+from physic_core.engine.contact.probability import ContactModel
+from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
 from physic_core.engine.contact.scene_parts import ClassifiedPoints, SceneParts, scene_parts
-from physic_core.engine.contact.skin import SkinContacts, SkinDistances
+from physic_core.engine.contact.skin import SkinDistances
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table")
@@ -53,88 +58,83 @@ def test_points_without_a_class_are_surfaces_by_their_connection():
     assert len(parts.surface.unique()) == 2
 
 
-def assigned(
-    scene: list[float],
-    floor: list[float],
-    point: list[int],
-    parts: SceneParts,
-    on_skin: list[str],
-    hidden: list[int],
-    held: list[int],
-) -> list[ContactPartner]:
-    count = len(scene)
-    surfaces = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
-    skin = SkinDistances(torch.zeros(1, count), torch.ones(1, count, dtype=torch.int64), torch.ones(1, count).long())
-    region = torch.tensor([0, 1] * 8)[: max(count, 2)]
-    touch = torch.ones(1, count, dtype=torch.bool)
-    on_people, on_self = (
-        SkinContacts(torch.tensor([[name == kind for name in on_skin]]), skin) for kind in ("person", "self")
-    )
-    assumed, objects = torch.tensor([hidden]), torch.tensor([held])
-    names = ("head", "left_hand")
-    found = assign_partners(touch, surfaces, parts, on_people, on_self, assumed, objects, names, region)
-    return [found.table[i] for i in found.index[0].tolist()]
+FLOOR_PARTNER, SEAT_PARTNER = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
+SAME_ODDS = ContactModel({}, {"log odds": 1.0})
+
+
+def assigned(touched: list[int], scene: list[float], floor: list[float], point: list[int]) -> list[ContactPartner]:
+    """Partners of vertices that touch things, near a floor and a seat, skin of person 1, and object 4."""
+    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
+    count = len(touched)
+    one = torch.ones(1, count, dtype=torch.int64)
+    skin = SkinDistances(torch.zeros(1, count), one, one)
+    surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
+    objects = ObjectDistances(torch.zeros(1, count), 4 * one)
+    near = Distances(torch.zeros(1, count, 3), surface, parts, skin, skin, objects)
+    regions = Regions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
+    table, index = assign_partners(torch.tensor([touched]), near, regions)
+    return [table[i] if i != NO_PARTNER else ContactPartner("") for i in index[0].tolist()]
 
 
 def test_each_contact_vertex_has_its_partner():
-    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
     far = torch.inf
+    scene, person, own, item = range(len(KINDS))
     found = assigned(
-        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01],
-        [far, far, 0.0, far, far, far, far, far],
-        [0, 500, 0, 500, 500, 0, 0, 500],
-        parts,
-        ["", "", "", "person", "self", "", "", ""],
-        [0, 0, 0, 0, 0, 1, 2, 0],
-        [-1, -1, -1, -1, -1, -1, -1, 4],
+        [scene, scene, scene, person, own, HIDDEN_SEAT, HIDDEN, item, -1],
+        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01, 0.01],
+        [far, far, 0.0, far, far, far, far, far, far],
+        [0, 500, 0, 500, 500, 0, 0, 500, 0],
     )
     floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=0)
     skin = [ContactPartner("person", person=1, part="left_hand"), ContactPartner("self", part="left_hand")]
     hidden = [ContactPartner("hidden", "seat"), ContactPartner("hidden")]
-    assert found == [floor, seat, floor, *skin, *hidden, ContactPartner("object", "object", id=4)]
+    item_partner = ContactPartner("object", "object", id=4)
+    assert found == [floor, seat, floor, *skin, *hidden, item_partner, ContactPartner("")]
 
 
-def test_vertices_without_contact_have_no_partner():
-    _, parts = parts_of((square(0.0), "floor", True))
-    distance = torch.full((1, 2), 0.1)
-    none = torch.zeros(1, 2, dtype=torch.bool)
-    surfaces = SurfaceDistances(distance, distance, torch.zeros(1, 2).long())
-    skin = SkinContacts(none, SkinDistances(distance, torch.zeros(1, 2).long(), torch.zeros(1, 2).long()))
-    zero = torch.zeros(1, 2, dtype=torch.int64)
-    found = assign_partners(none, surfaces, parts, skin, skin, zero, zero - 1, ("head",), torch.zeros(2).long())
-    assert found.table == ()
-    assert found.index.tolist() == [[NO_PARTNER, NO_PARTNER]]
+def vertex_contacts(
+    index: torch.Tensor, likely: torch.Tensor | None, dent: torch.Tensor | None = None
+) -> VertexContacts:
+    nowhere = torch.full(index.shape, torch.nan)
+    return VertexContacts(index, likely, nowhere if dent is None else dent, torch.zeros_like(index, dtype=torch.bool))
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():
-    floor, seat = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
+    table = (FLOOR_PARTNER, SEAT_PARTNER)
     index = torch.tensor([0] * 4 + [1] * 5 + [NO_PARTNER] * 3 + [1] * 2)
-    region = torch.tensor([1] * 4 + [0] * 8 + [1] * 2)
+    regions = Regions(("seat", "left_foot"), torch.tensor([1] * 4 + [0] * 8 + [1] * 2))
     probability = torch.tensor([0.5] * 4 + [0.8] * 5 + [0.1] * 3 + [0.9] * 2)
     dent = torch.tensor([torch.nan] * 4 + [0.02] * 10)
-    contacts = body_contacts(index, probability, (floor, seat), ("seat", "left_foot"), region, dent=dent)
-    assert contacts == (BodyContact("seat", seat, 0.8, 5, 0.02), BodyContact("left_foot", floor, 0.5, 4))
+    contacts = body_contacts(vertex_contacts(index, probability, dent), table, regions, SAME_ODDS)
+    assert contacts == (
+        BodyContact("seat", SEAT_PARTNER, 0.8, 5, 0.02),
+        BodyContact("left_foot", FLOOR_PARTNER, 0.5, 4),
+    )
     assert [str(one) for one in contacts] == ["buttocks: seat, 0.80", "left foot: floor, 0.50"]
-    assert body_contacts(index, None, (floor, seat), ("seat", "left_foot"), region, dent=dent)[0].probability is None
+    assert body_contacts(vertex_contacts(index, None, dent), table, regions, SAME_ODDS)[0].probability is None
 
 
-def test_a_hand_that_holds_a_hidden_support_touches_it_surely_though_not_with_every_vertex():
-    hidden = ContactPartner("hidden")
-    index, half = torch.zeros(8, dtype=torch.int64), torch.full((8,), 0.5)
-    region = torch.tensor([0] * 4 + [1] * 4)
-    contacts = body_contacts(index, half, (hidden,), ("left_hand", "left_foot"), region)
-    assert [str(one) for one in contacts] == ["left hand: hidden support, 0.80", "left foot: hidden support, 0.50"]
+def test_a_part_that_carries_a_balanced_person_touches_more_surely():
+    model = ContactModel({}, {"constant": -1.0, "log odds": 1.0, "carries": 2.0})
+    regions, person = (
+        Regions(("left_foot",), torch.zeros(4, dtype=torch.int64)),
+        vertex_contacts(torch.zeros(4, dtype=torch.int64), torch.full((4,), 0.5)),
+    )
+    [alone] = body_contacts(person, (FLOOR_PARTNER,), regions, model)
+    carrying = replace(person, carrying=torch.ones(4, dtype=torch.bool))
+    [carries] = body_contacts(carrying, (FLOOR_PARTNER,), regions, model)
+    assert (alone.probability, carries.probability) == (0.2689, 0.7311)
 
 
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
     names = ("left_hand", "head", "left_upper_arm", "torso")
     table = tuple(ContactPartner("self", part=name) for name in ("head", "left_hand", "torso", "left_upper_arm"))
     index = torch.tensor([0, 1, 2, 3, 0]).repeat_interleave(4)  # the last: the torso touches the head
-    region = torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4)
-    likely = torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4)
-    contacts = body_contacts(index, likely, table, names, region)
+    regions = Regions(names, torch.tensor([0, 1, 2, 3, 3]).repeat_interleave(4))
+    person = vertex_contacts(index, torch.tensor([0.4, 0.6, 0.5, 0.5, 0.9]).repeat_interleave(4))
+    contacts = body_contacts(person, table, regions, SAME_ODDS)
     assert [str(one) for one in contacts] == ["left hand: own head, 0.40"]
-    assert body_contacts(index, likely, table, names, region, least=0.61) == ()
+    assert body_contacts(person, table, regions, SAME_ODDS, least=0.61) == ()
 
 
 @pytest.mark.parametrize(

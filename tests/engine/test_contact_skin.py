@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.engine.contact.skin import own_contact_seen, own_distances, people_distances, without_shared_gap
+from physic_core.engine.contact.skin import own_distances, people_distances
 from physic_core.geometry.visibility import vertex_normals
 
 RADIUS_M = 0.15
@@ -44,21 +44,11 @@ def test_somebody_alone_has_no_distance_to_people():
     assert torch.isinf(people_distances(points[None], normals[None], outer, RADIUS_M).distance).all()
 
 
-@pytest.mark.parametrize(("gap", "left"), [(0.06, 0.03), (-0.04, -0.02), (0.14, 0.09)])
-def test_half_of_a_gap_that_all_vertices_share_is_left_out(gap: float, left: float):
-    part = torch.zeros(400, dtype=torch.int64)
-    found = without_shared_gap(two_people(gap, BACK, FRONT), part)
-    assert found[0].tolist() == pytest.approx([left] * 400, abs=1e-6)
-
-
-def test_each_pair_of_parts_has_a_gap_of_its_own():
-    (a, along_a), (b, along_b) = sheet(0.0, BACK), sheet(0.03, FRONT)
-    b[200:, 2] = 0.06
-    outer, part = torch.ones(400, dtype=torch.bool), torch.tensor([0] * 200 + [1] * 200)
-    people = people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer, RADIUS_M)
-    found = without_shared_gap(people, part)[0]
-    assert found[:180].tolist() == pytest.approx([0.015] * 180, abs=1e-6)
-    assert found[300:].tolist() == pytest.approx([0.03] * 100, abs=1e-6)
+def test_people_whose_vertices_are_not_finite_touch_nobody():
+    points, normals = sheet(0.0, FRONT)
+    bodies = torch.stack([points, torch.full_like(points, torch.nan)])
+    outer = torch.ones(len(points), dtype=torch.bool)
+    assert torch.isinf(people_distances(bodies, normals.expand_as(bodies), outer, RADIUS_M).distance).all()
 
 
 def own(rest_gap: float, part: int) -> torch.Tensor:
@@ -97,10 +87,3 @@ def test_a_hand_at_the_thigh_touches_the_leg_and_a_body_in_the_rest_pose_touches
     near = hand & (touching.distance[0] < 0.02)
     assert near.sum() > 100
     assert body.part_of_vertex[touching.vertex[0, near]].mode().values == index("left_upper_leg")
-
-
-def test_contact_of_a_hidden_hand_is_seen_at_the_visible_hand_alone():
-    # Visible hand, hidden hand at it, hidden hand at the visible thigh, hidden back at the visible hand, visible thigh.
-    seen = torch.tensor([[True, False, False, False, True]])
-    hands, nearest = torch.tensor([True, True, True, False, False]), torch.tensor([[1, 0, 4, 0, 2]])
-    assert own_contact_seen(seen, hands, nearest).tolist() == [[True, True, False, True, True]]

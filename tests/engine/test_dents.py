@@ -11,34 +11,46 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.contact.dents import GIVE_M, above_dents, dent_depths, give_of_points
+from physic_core.engine.contact.dents import GIVE_M, dent_depths, largest_dents
+from physic_core.engine.contact.distance import SurfaceDistances
 from physic_core.engine.contact.scene_parts import SceneParts
-from physic_core.pipeline.contacts import _share_below_dents
+from physic_core.engine.settings import ContactSettings
+from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.pipeline.measures import moved_scene
+from physic_core.pipeline.person_measures import deep_shares
 from physic_core.types import SURFACE_NAMES
 
 
 def test_only_named_classes_give_way():
     label = torch.arange(-1, len(SURFACE_NAMES))
     none = torch.zeros(len(label), dtype=torch.int64)
-    give = give_of_points(SceneParts(SURFACE_NAMES, label, none, none.bool()))
+    near = SurfaceDistances(
+        torch.zeros(1, len(label)), torch.full((1, len(label)), torch.inf), torch.arange(len(label))[None]
+    )
+    give = largest_dents(near, SceneParts(SURFACE_NAMES, label, none, none.bool()))[0]
     assert set(GIVE_M) < set(SURFACE_NAMES)
-    assert give.tolist() == [0.0, *(GIVE_M.get(name, 0.0) for name in SURFACE_NAMES)]
+    assert give.tolist() == pytest.approx([0.0, *(GIVE_M.get(name, 0.0) for name in SURFACE_NAMES)])
     assert 0 < max(GIVE_M.values()) <= 0.1
 
 
-@given(st.floats(-0.15, 0.15), st.sampled_from([0.0, 0.02, 0.08]))
-def test_a_dent_takes_up_what_its_surface_allows_and_the_rest_is_penetration(distance: float, give: float):
-    signed, allowed = torch.tensor([distance], dtype=torch.float64), torch.tensor([give], dtype=torch.float64)
-    dented, dent = float(above_dents(signed, allowed)), float(dent_depths(signed, allowed))
-    assert dent == min(max(-distance, 0.0), give)
-    assert dented == pytest.approx(distance + dent)
+def dent(height: float, give: float) -> float:
+    """Depth of the dent of a vertex at a height over a level surface."""
+    steps = torch.arange(-0.1, 0.1, 0.01, dtype=torch.float64)
+    a, b = torch.meshgrid(steps, steps, indexing="xy")
+    points = torch.stack([a, torch.zeros_like(a), b + 2], -1).reshape(-1, 3)
+    scene = NearestPointSearch(points, torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64).expand_as(points))
+    vertex = torch.tensor([[[0.0, -height, 2.0]]], dtype=torch.float64)
+    return float(dent_depths(vertex, scene, torch.full((1, 1), give, dtype=torch.float64), ContactSettings()))
 
 
-def test_a_far_surface_has_no_dent():
-    far = torch.tensor([math.inf])
-    assert dent_depths(far, torch.tensor([0.1])).tolist() == [0.0]
-    assert above_dents(far, torch.tensor([0.1])).tolist() == [math.inf]
+@given(st.floats(-0.14, 0.14), st.sampled_from([0.02, 0.08]))
+def test_a_dent_is_as_deep_as_the_vertex_and_no_deeper_than_the_surface_allows(height: float, give: float):
+    assert dent(height, give) == pytest.approx(min(max(-height, 0.0), give))
+
+
+def test_a_far_surface_has_no_dent_and_a_hard_one_none_that_is_known():
+    assert dent(1.0, 0.1) == 0.0
+    assert math.isnan(dent(-0.05, 0.0))
 
 
 def test_moved_points_are_measured_at_a_persons_pixels():
@@ -56,7 +68,7 @@ def test_only_what_is_deeper_than_a_dent_counts_as_penetration():
         depth_inside=torch.tensor([[0.05, 0.05, 0.2, 0.02]]), surface_share=torch.tensor([[0.4, 0.3, 0.2, 0.1]])
     )
     give = torch.tensor([[0.08, 0.0, 0.08, 0.0]])
-    [share] = _share_below_dents(result, torch.tensor([0]), give)
+    [share] = deep_shares(result, give)
     assert share == pytest.approx(0.5)
-    [hard] = _share_below_dents(result, torch.tensor([0]), torch.zeros(1, 4))
+    [hard] = deep_shares(result, torch.zeros(1, 4))
     assert hard == pytest.approx(0.9)

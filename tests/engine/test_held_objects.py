@@ -1,4 +1,4 @@
-"""Objects in hands and on laps: which are held, their shape, and the probability that a vertex touches one."""
+"""Objects in hands and on laps: which are held, and their shape."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.contact.objects import ObjectDistances, object_distances, object_probability
-from physic_core.engine.settings import ContactSettings
+from physic_core.engine.contact.objects import HeldObjects, object_distances
 from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.types import Keypoints, People
 
@@ -28,7 +27,8 @@ def ball() -> tuple[torch.Tensor, torch.Tensor]:
 def distances(points: list[list[float]], ratio: float = 1.0) -> list[float]:
     mask, depth = ball()
     vertices = torch.tensor([points], dtype=torch.float64)
-    found = object_distances(vertices, mask, depth, torch.tensor([ratio], dtype=torch.float64), K, 0.15)
+    objects = HeldObjects(mask, depth, torch.tensor([ratio], dtype=torch.float64), K)
+    found = object_distances(vertices, objects, 0.15)
     return found.distance[0].tolist()
 
 
@@ -45,16 +45,6 @@ def test_an_object_is_moved_with_the_person_who_holds_it():
     (moved,) = distances([[0, 0, 1.1 * (AWAY - 0.2)]], ratio=1.1)
     assert moved == pytest.approx(0.055, abs=0.002)
     assert distances([[0, 0, AWAY - 0.2]], ratio=np.nan) == [np.inf]
-
-
-def test_an_unseen_limb_touches_an_object_only_if_no_seen_limb_does():
-    index = torch.tensor([[0, 0, 1]])
-    found = ObjectDistances(torch.zeros(1, 3), index)
-    seen, may_touch = torch.tensor([[True, False, False]]), torch.ones(1, 3, dtype=torch.bool)
-    near, unseen, alone = object_probability(found, may_touch, seen, ContactSettings())[0].tolist()
-    assert unseen == 0.0
-    assert near > alone > 0.3
-    assert object_probability(found, ~may_touch, seen, ContactSettings()).tolist() == [[0.0] * 3]
 
 
 def people(*objects: tuple[int, int]) -> tuple[People, Keypoints]:

@@ -11,31 +11,37 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from physic_core.engine.contact.distance import SurfaceDistances, surface_distances
 from physic_core.engine.contact.scene_parts import SceneParts
+from physic_core.engine.settings import ContactSettings
+from physic_core.geometry.neighbors import NearestPointSearch
 
-__all__ = ["GIVE_M", "above_dents", "dent_depths", "give_of_points"]
+__all__ = ["GIVE_M", "dent_depths", "largest_dents"]
 
 GIVE_M: Mapping[str, float] = {"bed": 0.10, "seat": 0.08, "vegetation": 0.05, "ground": 0.03, "rug": 0.02}
 """Class of :data:`physic_core.types.SURFACE_NAMES` -> largest depth of a dent, metres. "ground" may be sand or grass.
 Surfaces of all other classes, and those of unknown class, do not give way."""
 
 
-def give_of_points(parts: SceneParts) -> Tensor:
-    """Return the largest depth (n,) of a dent at each scene point, metres."""
-    table = parts.label.new_tensor([0.0, *(GIVE_M.get(name, 0.0) for name in parts.names)], dtype=torch.float64)
-    return table[parts.label + 1]
+def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
+    """Return the largest depth (N, V) of a dent of the surface nearest to each vertex; 0 where none is near."""
+    if not len(parts.label):
+        return torch.zeros_like(near.scene)
+    table = near.scene.new_tensor([0.0, *(GIVE_M.get(name, 0.0) for name in parts.names)])
+    return torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
 
 
-def above_dents(distance: Tensor, give: Tensor) -> Tensor:
-    """Return signed distances (...) to the dented surface: 0 within a dent of at most ``give`` (...), metres."""
-    return distance + torch.minimum(torch.relu(-distance), give.to(distance))
-
-
-def dent_depths(distance: Tensor, give: Tensor) -> Tensor:
-    """Return how deep vertices press into a surface (...): their depth below it, and at most ``give``, metres.
+def dent_depths(vertices: Tensor, scene: NearestPointSearch, give: Tensor, settings: ContactSettings) -> Tensor:
+    """Return how deep vertices (N, V, 3) press into what gives way, metres: (N, V), NaN where nothing does.
 
     Args:
-        distance: (...) signed, to the undented surface; inf where it is far.
-        give: (...) largest depth.
+        vertices: metres.
+        scene: undented, before inpainted points were moved out of people.
+        give: (N, V) largest depth.
+        settings: how distances are measured.
     """
-    return torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give.to(distance))
+    if not bool((give > 0).any()):
+        return torch.full_like(give, torch.nan)
+    distance = surface_distances(vertices, scene, None, settings).scene
+    depth = torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give)
+    return torch.where(give > 0, depth, torch.nan)

@@ -14,15 +14,30 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.contact.probability import OBJECT, SURFACES, contact_probability
-from physic_core.engine.settings import ContactSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.pointmap import depth_to_pointmap
 
-__all__ = ["ObjectDistances", "object_distances", "object_probability"]
+__all__ = ["HeldObjects", "ObjectDistances", "object_distances"]
 
 _MAX_DEPTH_SPREAD = 0.15  # of the median depth: pixels farther from it show what is behind the object
-_PRIOR = 0.5  # the contact prior is about the scene
+
+
+@dataclass(frozen=True)
+class HeldObjects:
+    """Small objects in the photo.
+
+    Attributes:
+        masks: (K, H, W) bool, visible pixels of each object.
+        depth: (H, W) metres along z of the photo, NaN where unknown.
+        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object is as far from the person
+            who holds it as in the photo. A person with NaN touches no object.
+        K: (3, 3) px.
+    """
+
+    masks: Tensor
+    depth: Tensor
+    ratio: Tensor
+    K: Tensor
 
 
 @dataclass(frozen=True)
@@ -38,57 +53,29 @@ class ObjectDistances:
     object: Tensor
 
 
-def object_distances(
-    vertices: Tensor, objects: Tensor, depth: Tensor, ratio: Tensor, K: Tensor, radius: float
-) -> ObjectDistances:
+def object_distances(vertices: Tensor, objects: HeldObjects, radius: float) -> ObjectDistances:
     """Find the nearest object of each vertex.
 
     Args:
         vertices: (N, V, 3) metres.
-        objects: (K, H, W) bool, visible pixels of each object.
-        depth: (H, W) metres along z of the photo, NaN where unknown.
-        ratio: (N,) depth of each body over the depth of its pixels in the photo: an object is as far from the person
-            who holds it as in the photo. Who has NaN touches no object.
-        K: (3, 3) px.
+        objects: of the photo.
         radius: of the search, metres.
     """
-    people, count, _ = vertices.shape
-    distance = vertices.new_full((people, count), torch.inf)
-    nearest = torch.zeros(people, count, dtype=torch.int64, device=vertices.device)
-    points = depth_to_pointmap(depth, K)
-    for k, mask in enumerate(objects):
-        shape = _shape(mask, points, float(K[0, 0]))
+    distance = torch.full_like(vertices[..., 0], torch.inf)
+    nearest = torch.zeros(distance.shape, dtype=torch.int64, device=vertices.device)
+    points = depth_to_pointmap(objects.depth, objects.K)
+    for k, mask in enumerate(objects.masks):
+        shape = _shape(mask, points, float(objects.K[0, 0]))
         if shape is None:
             continue
         front, thickness = shape
-        for i in torch.isfinite(ratio).nonzero()[:, 0].tolist():
-            found = _distance_to(vertices[i], front * ratio[i], thickness * ratio[i], K, radius)
+        for i in torch.isfinite(objects.ratio).nonzero()[:, 0].tolist():
+            ratio = objects.ratio[i]
+            found = _distance_to(vertices[i], front * ratio, thickness * ratio, objects.K, radius)
             closer = found.abs() < distance[i].abs()
             distance[i] = torch.where(closer, found, distance[i])
             nearest[i] = torch.where(closer, k, nearest[i])
     return ObjectDistances(distance, nearest)
-
-
-def object_probability(
-    distances: ObjectDistances, may_touch: Tensor, seen: Tensor, settings: ContactSettings
-) -> Tensor:
-    """Return the probability (N, V) that each vertex touches an object.
-
-    Limbs that the photo does not show touch it only if no other limb is likely to: somebody holds what the photo shows
-    in the air.
-
-    Args:
-        distances: to the objects.
-        may_touch: (N, V) bool, vertices that may touch anything.
-        seen: (N, V) bool, vertices of limbs that the photo shows.
-        settings: the contact interval.
-    """
-    kind = torch.full_like(distances.object, SURFACES.index(OBJECT))
-    prior = torch.full_like(distances.distance, _PRIOR)
-    likely = contact_probability(distances.distance, kind, seen, prior, settings)
-    likely = torch.where(may_touch, likely, 0.0)
-    found = torch.unique(distances.object[seen & (likely >= settings.threshold)])
-    return torch.where(seen | ~torch.isin(distances.object, found), likely, 0.0)
 
 
 def _shape(mask: Tensor, points: Tensor, focal_px: float) -> tuple[Tensor, Tensor] | None:

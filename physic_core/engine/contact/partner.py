@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import SurfaceDistances
-from physic_core.engine.contact.probability import ASSUMED_HOLD
-from physic_core.engine.contact.regions import are_adjacent, is_farther_out
-from physic_core.engine.contact.scene_parts import SceneParts
-from physic_core.engine.contact.skin import SkinContacts
+from physic_core.engine.contact.features import KINDS, Distances
+from physic_core.engine.contact.probability import ContactModel
+from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
-__all__ = ["ContactPartners", "assign_partners", "body_contacts"]
+__all__ = ["HIDDEN", "HIDDEN_SEAT", "VertexContacts", "assign_partners", "body_contacts"]
+
+HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
+"""What a vertex touches, beside the index into ``KINDS``: a hidden support, or a hidden seat."""
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
@@ -23,43 +24,35 @@ _TOP_SHARE = 10  # vertices whose mean probability is that of the body part
 
 
 @dataclass(frozen=True)
-class ContactPartners:
-    """Partners of the contacts of N people.
+class VertexContacts:
+    """Contacts of the vertices of one person.
 
     Attributes:
-        table: all partners.
-        index: (N, V) int16, index into ``table``; :data:`NO_PARTNER` without contact.
+        index: (V,) index into the partners; :data:`NO_PARTNER` without contact.
+        probability: (V,) of contact, or None.
+        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way.
+        carrying: (V,) bool, contacts that carry a balanced person.
     """
 
-    table: tuple[ContactPartner, ...]
     index: Tensor
+    probability: Tensor | None
+    dent: Tensor
+    carrying: Tensor
 
 
-def assign_partners(
-    contact: Tensor,
-    surfaces: SurfaceDistances,
-    parts: SceneParts,
-    on_people: SkinContacts,
-    on_self: SkinContacts,
-    hidden: Tensor,
-    on_object: Tensor,
-    region_names: Sequence[str],
-    region: Tensor,
-) -> ContactPartners:
+def assign_partners(touched: Tensor, near: Distances, regions: Regions) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
     Args:
-        contact: (N, V) bool.
-        surfaces: distances (N, V) to scene and floor.
-        parts: of the scene's points, to which ``surfaces.point`` refers.
-        on_people: contacts with other people.
-        on_self: contacts with the own body.
-        hidden: (N, V) int64, contacts with an assumed support: 0 none, 1 seat, 2 anything that a hand holds.
-        on_object: (N, V) int64, index of the object that a vertex touches; -1 for none.
-        region_names: of the body parts.
-        region: (V,) int64, body part of each vertex, index into ``region_names``.
+        touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or :data:`HIDDEN_SEAT`; -1
+            without contact.
+        near: distances to all of these.
+        regions: body parts.
+
+    Returns:
+        All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without contact.
     """
-    index = torch.full(contact.shape, NO_PARTNER, dtype=torch.int16, device=contact.device)
+    index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
     table: list[ContactPartner] = []
 
     def add(rows: Tensor, partner: ContactPartner) -> None:
@@ -67,77 +60,70 @@ def assign_partners(
             index[rows] = len(table)
             table.append(partner)
 
-    on_person, on_own, assumed = (touch & contact for touch in (on_people.touching, on_self.touching, hidden > 0))
-    held = contact & (on_object >= 0) & ~on_person & ~on_own & ~assumed
-    on_scene = contact & ~on_person & ~on_own & ~assumed & ~held
-    ground = surfaces.on_floor
+    surfaces, parts = near.surface, near.parts
+    on_scene, ground = touched == KINDS.index("scene"), surfaces.on_floor
     if len(parts.ground):
         ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
     add(on_scene & ground, ContactPartner("floor", "floor"))
     on_scene = on_scene & ~ground
     if bool(on_scene.any()):
-        touched = parts.surface[surfaces.point]
-        for number, surface in enumerate(torch.unique(touched[on_scene]).tolist()):
-            rows = on_scene & (touched == surface)
+        surface = parts.surface[surfaces.point]
+        for number, own in enumerate(torch.unique(surface[on_scene]).tolist()):
+            rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             add(rows, ContactPartner("scene", parts.names[label] if label >= 0 else "", id=number))
-    for kind, touch, skin in (("person", on_person, on_people.skin), ("self", on_own, on_self.skin)):
+    for kind, skin in (("person", near.people), ("own body", near.own)):
+        on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
-        pair = person * len(region_names) + region[skin.vertex]
-        for code in torch.unique(pair[touch]).tolist():
-            other, part = divmod(code, len(region_names))
-            partner = ContactPartner(kind, person=other if kind == "person" else None, part=region_names[part])
-            add(touch & (pair == code), partner)
-    for number in torch.unique(on_object[held]).tolist():
-        add(held & (on_object == number), ContactPartner("object", "object", id=number))
-    add(assumed & (hidden == 1), ContactPartner("hidden", "seat"))
-    add(assumed & (hidden == 2), ContactPartner("hidden"))
-    return ContactPartners(tuple(table), index)
+        pair = person * len(regions.names) + regions.region[skin.vertex]
+        for code in torch.unique(pair[on_skin]).tolist():
+            other, part = divmod(code, len(regions.names))
+            whose = ContactPartner("person", person=other) if kind == "person" else ContactPartner("self")
+            add(on_skin & (pair == code), replace(whose, part=regions.names[part]))
+    held = touched == KINDS.index("object")
+    if near.objects is not None:
+        for number in torch.unique(near.objects.object[held]).tolist():
+            add(held & (near.objects.object == number), ContactPartner("object", "object", id=number))
+    add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
+    add(touched == HIDDEN, ContactPartner("hidden"))
+    return tuple(table), index
 
 
 def body_contacts(
-    index: Tensor,
-    probability: Tensor | None,
+    person: VertexContacts,
     table: Sequence[ContactPartner],
-    region_names: Sequence[str],
-    region: Tensor,
+    regions: Regions,
+    model: ContactModel | None = None,
     *,
-    dent: Tensor | None = None,
     least: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
 
-    The probability of a part is the mean of its ten most probable vertices, that of a hand at a hidden support at least
-    :data:`ASSUMED_HOLD`. Contacts of fewer than three vertices are not listed, nor those of adjacent parts of the own
-    body, such as an arm and the torso. Two parts of the own body that touch each other are listed once, from the part
-    that is farther out.
+    Contacts of fewer than three vertices are not listed, nor those of adjacent parts of the own body, such as an arm
+    and the torso. Two parts of the own body that touch each other are listed once, from the part that is farther out.
 
     Args:
-        index: (V,) index into ``table``, :data:`NO_PARTNER` without contact.
-        probability: (V,) of contact, or None.
+        person: contacts of the vertices.
         table: partners.
-        region_names: of the body parts.
-        region: (V,) int64, body part of each vertex.
-        dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way. None without dents.
+        regions: body parts.
+        model: gives the probability of a part; None leaves it open.
         least: smallest probability of a part that is listed.
     """
-    touching = index >= 0
-    code = index.long() * len(region_names) + region
+    touching = person.index >= 0
+    code = person.index.long() * len(regions.names) + regions.region
     found = []
     for value, count in zip(*(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True):
         if count < _MIN_VERTICES:
             continue
-        partner, part = divmod(value, len(region_names))
-        sure = None
-        if probability is not None:
-            likely = probability[touching & (code == value)]
-            sure = round(float(likely.topk(min(_TOP_SHARE, len(likely))).values.mean()), 4)
-            if table[partner].kind == "hidden" and region_names[part].endswith("hand"):
-                sure = max(sure, ASSUMED_HOLD)
-        here = touching & (code == value)
-        deep = None if dent is None else _dent_of(dent[here])
+        partner, part = divmod(value, len(regions.names))
+        here, sure = touching & (code == value), None
+        if person.probability is not None and model is not None:
+            likely = person.probability[here]
+            surest = float(likely.topk(min(_TOP_SHARE, count)).values.mean())
+            carries = bool(person.carrying[here].any())
+            sure = round(model.part_probability(surest, carries=carries, hidden=table[partner].kind == "hidden"), 4)
         if sure is None or sure >= least:
-            found.append(BodyContact(region_names[part], table[partner], sure, count, deep))
+            found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
     found = [one for one in found if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)]
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = ["are_adjacent", "contact_regions", "is_farther_out"]
+__all__ = ["Regions", "are_adjacent", "contact_regions", "is_farther_out"]
 
 _OWN_REGIONS = {"gluteus": "seat", "back": "back"}
 _TRUNK = ("torso", *_OWN_REGIONS.values())
@@ -14,13 +16,25 @@ _CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"
 _OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
 
-def contact_regions(model: BodyModel) -> tuple[tuple[str, ...], Tensor]:
-    """Return the names of the parts, and the part of each vertex (V,) as an index into them."""
+class Regions(NamedTuple):
+    """Body parts.
+
+    Attributes:
+        names: of the parts.
+        region: (V,) int64, part of each vertex, index into ``names``.
+    """
+
+    names: tuple[str, ...]
+    region: Tensor
+
+
+def contact_regions(model: BodyModel) -> Regions:
+    """Return the body parts of contacts."""
     names = (*model.part_names, *_OWN_REGIONS.values())
     region = model.part_of_vertex.clone()
     for contact_set, name in _OWN_REGIONS.items():
         region[model.contact_sets[contact_set]] = names.index(name)
-    return names, region
+    return Regions(names, region)
 
 
 def are_adjacent(part: str, other: str) -> bool:

@@ -6,27 +6,21 @@ Skin touches only skin that looks another way: the far side of a hand does not t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = [
-    "SkinContacts",
-    "SkinDistances",
-    "own_contact_seen",
-    "own_distances",
-    "people_distances",
-    "without_shared_gap",
-]
+__all__ = ["OWN_RADIUS_M", "SkinDistances", "own_distances", "people_distances"]
+
+OWN_RADIUS_M = 0.08
+"""Search radius on the own body, metres: its parts are off by less than scene and people."""
 
 _SPACING_M = 0.012  # half the largest distance of neighbouring vertices
 _CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
 _MAX_COSINE = 0.5  # between two normals; skin that looks the same way does not touch
-_SHARED = 0.5  # of the gap between two people's parts: the part of it that is an error of all their vertices
-_MAX_SHARED_M = 0.1  # largest gap that is taken for an error
-_NEAREST = 5  # vertices; the gap is the distance of the fifth, so that single ones do not decide
 _SAME_SKIN_M = 0.12  # in the rest pose; nearer vertices are one piece of skin
 
 
@@ -45,18 +39,11 @@ class SkinDistances:
     person: Tensor
     vertex: Tensor
 
-
-@dataclass(frozen=True)
-class SkinContacts:
-    """Contacts with skin.
-
-    Attributes:
-        touching: (N, V) bool.
-        skin: nearest skin of each vertex.
-    """
-
-    touching: Tensor
-    skin: SkinDistances
+    @staticmethod
+    def none(vertices: Tensor) -> SkinDistances:
+        """Return the distances of vertices (N, V, 3) where no skin is near."""
+        index = torch.zeros(vertices.shape[:2], dtype=torch.int64, device=vertices.device)
+        return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
 
 
 @dataclass(frozen=True)
@@ -69,6 +56,11 @@ class _Bodies:
     distance: np.ndarray
     person: np.ndarray
     vertex: np.ndarray
+
+    @property
+    def finite(self) -> list[int]:
+        """People whose vertices are finite."""
+        return [i for i, body in enumerate(self.vertices) if np.isfinite(body).all()]
 
     @staticmethod
     def of(vertices: Tensor, normals: Tensor, outer: Tensor) -> _Bodies:
@@ -131,10 +123,8 @@ def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor, radius: f
         radius: of the search, metres.
     """
     bodies = _Bodies.of(vertices, normals, outer)
-    for i in range(len(vertices)):
-        for j in range(len(vertices)):
-            if i != j:
-                bodies.compare(i, bodies.outer, j, bodies.outer, radius, None)
+    for i, j in permutations(bodies.finite, 2):
+        bodies.compare(i, bodies.outer, j, bodies.outer, radius, None)
     return bodies.distances(vertices)
 
 
@@ -156,42 +146,7 @@ def own_distances(
     """
     bodies = _Bodies.of(vertices, normals, outer)
     parts, at_rest = part.cpu().numpy()[bodies.outer], rest.detach().cpu().double().numpy()
-    for i in range(len(vertices)):
+    for i in bodies.finite:
         for p in np.unique(parts):
             bodies.compare(i, bodies.outer[parts != p], i, bodies.outer[parts == p], radius, at_rest)
     return bodies.distances(vertices)
-
-
-def own_contact_seen(seen: Tensor, hands: Tensor, nearest: Tensor) -> Tensor:
-    """Return the vertices (N, V) bool whose contact with the own body the photo shows.
-
-    These are the vertices of limbs that it shows, and those next to a hand that it shows: the place of that hand is
-    known, and contact is mutual. One of two clasped hands usually hides the other.
-
-    Args:
-        seen: (N, V) bool, vertices of limbs that the photo shows.
-        hands: (V,) bool.
-        nearest: (N, V) int64, nearest vertex of another part of the own body.
-    """
-    return seen | (seen & hands).gather(1, nearest)
-
-
-def without_shared_gap(people: SkinDistances, part: Tensor) -> Tensor:
-    """Return the distances (N, V) to other people less half of the gap between the two body parts, metres.
-
-    People are off by several centimetres relative to each other, mostly along the rays. All vertices of a body part are
-    off by the same vector, so that their distances to one part of another person share an error.
-
-    Args:
-        people: distances to other people.
-        part: (V,) int64, body part of each vertex.
-    """
-    distance, count = people.distance.clone(), int(part.max()) + 1
-    own, other = part.expand_as(people.vertex), part[people.vertex] + count * people.person
-    for row, known in enumerate(torch.isfinite(distance)):
-        pair = own[row] + count * other[row]
-        for code in torch.unique(pair[known]):
-            chosen = known & (pair == code)
-            gap = distance[row, chosen].kthvalue(min(_NEAREST, int(chosen.sum()))).values
-            distance[row, chosen] -= _SHARED * gap.clamp(-_MAX_SHARED_M, _MAX_SHARED_M)
-    return distance

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import sys
 import time
 from pathlib import Path
 
@@ -226,13 +225,6 @@ def test_without_following_a_folder_must_have_a_result(tmp_path):
     done = CliRunner().invoke(main, ["view", str(tmp_path), "--no-follow"])
     assert done.exit_code == 3
     assert done.output == f"Error: no result in {tmp_path}: name the folder of a finished run, or let it follow\n"
-
-
-def test_without_viser_the_command_names_the_extra(saved, monkeypatch):
-    monkeypatch.setitem(sys.modules, "viser", None)  # as where it is not installed
-    done = CliRunner().invoke(main, ["view", str(saved)])
-    assert done.exit_code == 4
-    assert done.output == "Error: physic view needs viser, which is not installed: pip install 'physic-viewer[live]'\n"
 
 
 def test_it_is_drawn_in_a_browser_that_asks_for_nothing_else(chromium, saved, viewer_of):

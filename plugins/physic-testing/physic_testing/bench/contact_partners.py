@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 
+from physic_core.engine.joint.limbs import observed_parts
 from physic_core.types import SURFACE_NAMES
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ PARTNER_METRICS = {
     "brier": "mean square of probability of contact minus truth, over all outer vertices",
     "ece": f"expected calibration error over all outer vertices, in {BINS} bins of probability",
     "ece_likely": "the same over the vertices with a probability of at least one tenth",
+    "ece_seen": "ece over the vertices of limbs whose end the photo truly shows",
+    "ece_unseen": "ece over the vertices of the other limbs",
 }
 """Metric of contact partners -> definition."""
 
@@ -90,7 +94,8 @@ def contact_counts_by_partner(
         For each kind of contact (``scene``, ``people``, ``self``, ``support``) the counts ``KIND_hits``,
         ``KIND_false_alarms``, ``KIND_misses``; for partners ``partner_found`` and ``partner_right``; for small objects
         ``item_found`` and ``item_missed``; and, if probabilities are estimated, ``brier_sum``, ``brier_count`` and
-        ``reliability``: (BINS, 3) number of vertices, sum of probabilities and number of true contacts.
+        ``reliability``: (BINS, 3) number of vertices, sum of probabilities and number of true contacts; and the same of
+        limbs that the photo does not show, ``reliability_unseen``.
     """
     outer = np.asarray(world.outer)
     item = world.touched_item[person] >= 0
@@ -127,7 +132,10 @@ def contact_counts_by_partner(
         "item_missed": int((item & ~on_object).sum()),
     }
     if contacts.probability is not None:
-        counts |= _calibration(contacts.probability[row][outer].astype(np.float64), anything[outer])
+        likely = contacts.probability[row].astype(np.float64)
+        counts |= _calibration(likely[outer], anything[outer])
+        unseen = outer & ~_shown_limbs(world, person)[part]
+        counts["reliability_unseen"] = _calibration(likely[unseen], anything[unseen])["reliability"]
     return counts
 
 
@@ -162,6 +170,12 @@ def _right_partner(
                 true = true | (world.touched_item[person] >= 0)
         right |= here & true
     return right
+
+
+def _shown_limbs(world: World, person: int) -> BoolArray:
+    """Return the body parts (P,) bool of a person whose end the photo shows."""
+    visible = torch.from_numpy(np.array(world.joints_visible[person], bool))
+    return np.asarray(observed_parts(world.parts, visible[None])[0].numpy())
 
 
 def _calibration(probability: FloatArray, true: BoolArray) -> dict[str, Any]:

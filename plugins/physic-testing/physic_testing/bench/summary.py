@@ -111,9 +111,10 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
     ratios["recall_pooled"] = _Ratio(hits, hits + misses)
     every = [person for those in people for person in those]
     answer, draws = _with_intervals(ratios)
-    bins = _reliability(people)
-    for name, least in (("ece", 0), ("ece_likely", 1)):
-        answer[name], draws[name] = _calibration_error(bins[:, least:])
+    bins, unseen = _reliability(people, "reliability"), _reliability(people, "reliability_unseen")
+    parts = {"ece": bins, "ece_likely": bins[:, 1:], "ece_seen": bins - unseen, "ece_unseen": unseen}
+    for name, those in parts.items():
+        answer[name], draws[name] = _calibration_error(those)
     return RowStatistics(
         figures=answer,
         people=len(every),
@@ -204,12 +205,10 @@ def _partner_ratios(people: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, 
     return found
 
 
-def _reliability(people: Sequence[Sequence[Mapping[str, Any]]]) -> FloatArray:
-    """Return the counts (W, BINS, 3) of the reliability diagram of each world."""
+def _reliability(people: Sequence[Sequence[Mapping[str, Any]]], name: str) -> FloatArray:
+    """Return the counts (W, BINS, 3) of the reliability diagram of each world, recorded under a name."""
     empty = np.zeros((BINS, 3))
-    return np.array(
-        [np.sum([person.get("reliability", empty) for person in those] or [empty], axis=0) for those in people]
-    )
+    return np.array([np.sum([person.get(name, empty) for person in those] or [empty], axis=0) for those in people])
 
 
 def _calibration_error(bins: FloatArray) -> tuple[Statistic, FloatArray]:

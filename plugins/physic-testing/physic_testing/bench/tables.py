@@ -71,6 +71,7 @@ _PARTNER_COLUMNS = (
     Column("Brier", "brier", 4),
     Column("ECE", "ece", 3),
     Column("ECE of p >= .1", "ece_likely", 3),
+    Column("ECE of unseen limbs", "ece_unseen", 3),
 )
 _SCENE_COLUMNS = (
     Column("penetration mm", "penetration_mm", 1),

@@ -118,8 +118,8 @@ def _folder_hash(package: str) -> str:
 
 
 def _modules(path: Path) -> Iterable[Path]:
-    """Return the Python files of a path."""
-    return [path] if path.is_file() else sorted(path.rglob("*.py"))
+    """Return the Python files of a path, and the data files with fitted numbers."""
+    return [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.suffix in (".py", ".json"))
 
 
 def _hash(root: Path, paths: Iterable[Path]) -> str:

@@ -1,0 +1,208 @@
+"""Features of the probability of contact: one column per reason for or against it.
+
+A new reason for contact is a new column here, and a coefficient in ``coefficients.json`` beside it. Distances enter as
+logarithms, ``log(1 + d / 1 cm)``, for the outside and the inside of a surface.
+
+All vertices of a body part share the errors of the part's place. Therefore the *gap* of a part to a surface is one
+feature, and the *rise* of a vertex, its distance less the gap, is another, which is known far better. The gap is the
+distance of the fifth vertex from below, so that single ones do not decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M, SurfaceDistances, surface_distances
+from physic_core.engine.contact.objects import ObjectDistances, object_distances
+from physic_core.engine.contact.problem import ContactInput
+from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
+from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
+from physic_core.engine.joint.distances import plane_height
+from physic_core.engine.joint.limbs import straight_hips
+from physic_core.engine.settings import ContactSettings
+from physic_core.geometry.visibility import vertex_normals
+
+__all__ = ["KINDS", "Columns", "Distances", "feature_columns", "measure_distances"]
+
+KINDS = ("scene", "person", "own body", "object")
+"""What a vertex may touch; floor and scene are one kind."""
+
+Columns: TypeAlias = Mapping[str, Tensor]
+
+_LOG_UNIT_M = 0.01
+_GAP_VERTICES = 5
+_PRIOR_RANGE = (0.05, 0.95)
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances of the vertices of N people to everything that they may touch, metres; inf beyond the search radius.
+
+    Attributes:
+        normals: (N, V, 3) unit, out of the bodies.
+        surface: to scene and floor.
+        parts: of the scene's points, which ``surface.point`` indexes.
+        people: to the skin of other people.
+        own: to the skin of other parts of the own body.
+        objects: to small objects; None without them.
+    """
+
+    normals: Tensor
+    surface: SurfaceDistances
+    parts: SceneParts
+    people: SkinDistances
+    own: SkinDistances
+    objects: ObjectDistances | None
+
+    @property
+    def by_kind(self) -> Tensor:
+        """Signed distances (K, N, V), in the order of :data:`KINDS`."""
+        far = torch.full_like(self.surface.scene, torch.inf)
+        to_object = far if self.objects is None else self.objects.distance
+        return torch.stack([self.surface.nearest, self.people.distance, self.own.distance, to_object])
+
+
+def measure_distances(given: ContactInput, settings: ContactSettings) -> Distances:
+    """Measure the distances to scene, floor, other people, the own body and small objects."""
+    model, vertices, around = given.model, given.vertices, given.surfaces
+    normals = vertex_normals(vertices, model.faces)
+    surface = surface_distances(vertices, around.scene, around.floor, settings, given.free)
+    height = None
+    if given.plane is not None:
+        height = plane_height(around.scene.points, given.up, vertices.new_tensor(given.plane[1]))
+    parts = scene_parts(around.scene.points, around.scene.normals, around.row, given.classes, height)
+    if settings.people:
+        rest = model(*model.zero_pose()).vertices[0]
+        people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
+        own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest, OWN_RADIUS_M)
+    else:
+        people = own = SkinDistances.none(vertices)
+    use_objects = given.objects is not None and settings.rule == "probability"
+    objects = object_distances(vertices, given.objects, SEARCH_RADIUS_M) if use_objects and given.objects else None
+    return Distances(normals, surface, parts, people, own, objects)
+
+
+def feature_columns(given: ContactInput, near: Distances) -> dict[str, Columns]:
+    """Return the columns (N, V) of the features of each kind of contact, by name."""
+    part = given.model.part_of_vertex
+    columns: dict[str, Columns] = {
+        "scene": _scene_columns(given, near),
+        "own body": _own_columns(given, near.own),
+    }
+    if len(given.vertices) > 1:
+        whose = part + len(given.model.part_names) * near.people.person
+        columns["person"] = _skin_columns(given, near.people, whose)
+    if near.objects is not None:
+        columns["object"] = _shared_columns(near.objects.distance, part.expand_as(near.objects.object), given.seen)
+    return columns
+
+
+def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
+    """Return the gap (N, V) of the group of each vertex: the fifth smallest of its finite distances; inf without any.
+
+    Args:
+        distance: (N, V) signed, metres; inf where nothing is near.
+        group: (N, V) int64; vertices of one person and group share their errors.
+    """
+    values, groups = distance.detach().cpu().numpy(), group.cpu().numpy()
+    gaps = np.full(values.shape, np.inf)
+    for own, number, gap in zip(values, groups, gaps, strict=True):
+        known = np.flatnonzero(np.isfinite(own))
+        order = known[np.lexsort((own[known], number[known]))]
+        _, first, inverse, count = np.unique(number[order], return_index=True, return_inverse=True, return_counts=True)
+        gap[order] = own[order][first + np.minimum(count, _GAP_VERTICES) - 1][inverse]
+    return torch.from_numpy(gaps).to(distance)
+
+
+def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, Tensor]:
+    """Return the columns that all kinds have, of distances (N, V) with groups (N, V) that share their errors."""
+    near = torch.isfinite(distance)
+    gap = part_gaps(distance, group)
+    d, gap = (torch.where(torch.isfinite(x), x, SEARCH_RADIUS_M) for x in (distance, gap))
+    return {
+        "constant": torch.ones_like(d),
+        "nothing near": (~near).to(d),
+        "outside": _log_cm(d),
+        "inside": _log_cm(-d),
+        "rise": _log_cm(d - gap),
+        "gap outside": _log_cm(gap),
+        "gap inside": _log_cm(-gap),
+        "unseen limb": (~seen).to(d),
+    }
+
+
+def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
+    """Return the columns (N, V) of contact with scene and floor.
+
+    The floor's plane goes through many points, so that it measures the distance to the floor where it is in reach.
+    """
+    surface, parts, point = near.surface, near.parts, near.surface.point
+    none = torch.zeros_like(surface.on_floor)
+    ground = parts.ground[point] & torch.isfinite(surface.scene) if len(parts.ground) else none
+    by_plane = surface.on_floor | (ground & torch.isfinite(surface.floor))
+    distance = torch.where(by_plane, surface.floor, surface.scene)
+    is_near = torch.isfinite(distance)
+    group = given.model.part_of_vertex.expand_as(point)
+    shared = _shared_columns(torch.where(given.model.outer, distance, torch.inf), group, given.seen)
+    floor, seen = (by_plane | ground).to(distance), given.seen.to(distance)
+    towards = torch.zeros_like(near.normals)
+    if len(parts.ground):
+        towards = given.surfaces.scene.normals[point].to(towards)
+    towards = torch.where(by_plane[..., None], given.up, towards)
+    facing = torch.where(is_near, -(near.normals * towards).sum(-1), 0.0)
+    both = by_plane & ground & is_near
+    difference = torch.where(both, surface.scene - surface.floor, 0.0).clamp(-SEARCH_RADIUS_M, SEARCH_RADIUS_M)
+    thin = given.part("hand", "foot")
+    prior = torch.logit(given.prior.to(distance).clamp(*_PRIOR_RANGE))
+    return shared | {
+        "floor": floor,
+        "outside, floor": floor * shared["outside"],
+        "rise, floor": floor * shared["rise"],
+        "facing": torch.where(thin, 0.0, facing),
+        "facing, hand or foot": torch.where(thin, facing, 0.0),
+        "round part": (is_near & ~thin).to(distance),
+        "prior, seen limb": prior * seen,
+        "prior, unseen limb": prior * (1 - seen),
+        "hand": given.part("hand").to(distance).expand_as(distance),
+        "foot": given.part("foot").to(distance).expand_as(distance),
+        "lifted foot": given.in_air.to(distance),
+        "skin faces down": -(near.normals @ given.up),
+        "point from plane": difference / _LOG_UNIT_M,
+    }
+
+
+def _skin_columns(given: ContactInput, skin: SkinDistances, group: Tensor) -> dict[str, Tensor]:
+    """Return the columns (N, V) of contact with other people."""
+    hands = given.part("hand")
+    other = given.model.part_of_vertex[skin.vertex]
+    shared = _shared_columns(skin.distance, group * len(given.model.part_names) + other, given.seen)
+    return shared | {"hand": (hands | hands[skin.vertex]).to(skin.distance)}
+
+
+def _own_columns(given: ContactInput, skin: SkinDistances) -> dict[str, Tensor]:
+    """Return the columns (N, V) of contact with the own body."""
+    part, hands, thighs = given.model.part_of_vertex, given.part("hand"), given.part("upper_leg")
+    arms = given.part("hand", "lower_arm")
+    near = torch.isfinite(skin.distance)
+    # One of two clasped hands usually hides the other: the place of a hand that the photo shows is known.
+    seen = given.seen | (given.seen & hands).gather(1, skin.vertex)
+    shared = _shared_columns(skin.distance, part * len(given.model.part_names) + part[skin.vertex], seen)
+    hip = straight_hips(given.joints)[:, given.part("right_upper_leg", "right_hand", "right_lower_arm").long()]
+    at_thigh = (arms & thighs[skin.vertex]) | (thighs & arms[skin.vertex])
+    hand = near & (hands | hands[skin.vertex])
+    return shared | {
+        "hand": hand.to(skin.distance),
+        "outside, hand": hand * shared["outside"],
+        "arm at straight hip": (near & at_thigh & hip).to(skin.distance),
+    }
+
+
+def _log_cm(distance: Tensor) -> Tensor:
+    """Return log(1 + d / 1 cm) of the positive part of distances in metres."""
+    return torch.log1p(torch.relu(distance) / _LOG_UNIT_M)

@@ -1,0 +1,108 @@
+"""Input and result of stage 4: torch tensors on one device, camera frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import SIDES
+from physic_core.body.model import BodyModel
+from physic_core.engine.contact.distance import ContactSurfaces
+from physic_core.engine.contact.objects import HeldObjects
+from physic_core.engine.contact.scene_parts import ClassifiedPoints
+from physic_core.engine.joint.limbs import observed_parts
+from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.types.contacts import BodyContact, ContactPartner
+from physic_core.types.support import Support
+
+__all__ = ["ContactInput", "ContactResult"]
+
+
+@dataclass(frozen=True)
+class ContactInput:
+    """Final bodies of N people with V vertices, and what they may touch.
+
+    Attributes:
+        model: body model of all people.
+        vertices: (N, V, 3) metres.
+        joints: (N, 55, 3) metres.
+        rotations: (N, 55, 3, 3).
+        prior: (N, V) of the contact prior, in [0, 1].
+        observed: (N, 55) bool, visible joints.
+        lifted_feet: (N, 2) bool, left and right feet in the air.
+        hanging: (N,) bool, people whom stage 3 found to hang from their hands.
+        surfaces: scaled scene near the people, and the floor.
+        uncarved: the same scene before inpainted points were moved out of people.
+        classes: of the points of the scene.
+        plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
+        free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
+        objects: small objects in hands and on laps; None if people touch none.
+    """
+
+    model: BodyModel
+    vertices: Tensor
+    joints: Tensor
+    rotations: Tensor
+    prior: Tensor
+    observed: Tensor
+    lifted_feet: Tensor
+    hanging: Tensor
+    surfaces: ContactSurfaces
+    uncarved: NearestPointSearch
+    classes: ClassifiedPoints
+    plane: tuple[Tensor, float] | None
+    free: Tensor | None = None
+    objects: HeldObjects | None = None
+
+    @property
+    def up(self) -> Tensor:
+        """Unit vector (3,) up; of an upright camera without a floor."""
+        return self.vertices.new_tensor([0.0, -1.0, 0.0]) if self.plane is None else self.plane[0].to(self.vertices)
+
+    @property
+    def seen(self) -> Tensor:
+        """Vertices (N, V) bool of limbs that the photo shows."""
+        return observed_parts(self.model.part_names, self.observed)[:, self.model.part_of_vertex]
+
+    @property
+    def in_air(self) -> Tensor:
+        """Vertices (N, V) bool of feet in the air."""
+        feet = [self.part(f"{side}_foot") for side in SIDES]
+        return (torch.stack(feet) & self.lifted_feet[..., None]).any(1)
+
+    def part(self, *endings: str) -> Tensor:
+        """Return the vertices (V,) bool of body parts whose names end so."""
+        chosen = torch.tensor([name.endswith(endings) for name in self.model.part_names])
+        return chosen.to(self.vertices.device)[self.model.part_of_vertex]
+
+    @property
+    def finite(self) -> Tensor:
+        """People (N,) bool whose vertices are finite; the others touch nothing."""
+        return torch.isfinite(self.vertices).flatten(1).all(1)
+
+
+@dataclass(frozen=True)
+class ContactResult:
+    """Contact of N people.
+
+    Attributes:
+        contact: (N, V) bool.
+        probability: (N, V) of contact with anything; None if the rule is the distance.
+        distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
+        give: (N, V) largest depth of a dent of the nearest surface, metres; 0 where it does not give way.
+        partner: (N, V) int16, index into ``partners``; -1 without contact.
+        partners: everything that people touch.
+        contacts: per person, contacts by body part, most probable first.
+        supports: per person, what carries them; None for non-finite vertices.
+    """
+
+    contact: Tensor
+    probability: Tensor | None
+    distance: Tensor
+    give: Tensor
+    partner: Tensor
+    partners: tuple[ContactPartner, ...]
+    contacts: tuple[tuple[BodyContact, ...], ...]
+    supports: tuple[Support | None, ...]

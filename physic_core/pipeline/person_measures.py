@@ -1,0 +1,105 @@
+"""Numbers of each person for the self-checks, from the final bodies and their contact."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M
+from physic_core.engine.joint.limbs import observed_parts
+from physic_core.engine.joint.solve import DEEP_M
+from physic_core.geometry.visibility import vertex_normals
+from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.engine.contact.problem import ContactResult
+    from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.types import Support
+
+__all__ = ["deep_shares", "depth_ratios", "measure_people"]
+
+
+def measure_people(problem: JointProblem, result: JointResult, found: ContactResult) -> list[dict[str, float | None]]:
+    """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite vertices.
+
+    Args:
+        problem: of stage 3, with the final scene.
+        result: of stage 3.
+        found: contact of the same people.
+    """
+    model, scale = problem.model, result.scene_scale
+    up = result.vertices.new_tensor([0.0, -1.0, 0.0])
+    height = None
+    if problem.floor_normal is not None:
+        up, height = problem.floor_normal.to(up), problem.floor_offset * scale
+    soles = torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
+    outward = vertex_normals(result.vertices, model.faces)
+    may_carry = model.outer & ~problem.feet_in_air()
+    if found.probability is not None:
+        may_carry = may_carry & observed_parts(model.part_names, problem.observed)[:, model.part_of_vertex]
+    silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))
+    ratios = depth_ratios(problem, result)
+    deep = deep_shares(result, found.give)
+    measured: list[dict[str, float | None]] = [{} for _ in ratios]
+    for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
+        if support is None:
+            continue
+        distance = found.distance[i]
+        measured[i] = {
+            **_balance(support),
+            **silhouettes[i],
+            "clearance_m": clearance(body, distance, up, height),
+            "sole_height_m": sole_height(body, soles, up, height),
+            "seen_share": visible_share(body, normals, model.faces, model.outer, problem.masks[i], problem.K),
+            "support_gap_m": support_gap(
+                body, result.joints[i], normals, may_carry[i], distance, up, height, SEARCH_RADIUS_M
+            ),
+        }
+        if problem.human_depth is not None:
+            measured[i]["depth_ratio"] = ratios[i]
+        if "penetration_share" in result.diagnostics[i]:
+            measured[i]["penetration_share"] = deep[i]
+    return measured
+
+
+def deep_shares(result: JointResult, give: Tensor) -> list[float]:
+    """Return the share of each person's visible surface over 3 cm below scene and floor, dented by ``give`` (N, V)."""
+    deep = result.depth_inside > DEEP_M + give.to(result.depth_inside)
+    shares: list[float] = (result.surface_share * deep).sum(1).tolist()
+    return shares
+
+
+def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | None]:
+    """Return the depth of the photo over that of each body; None where it cannot be measured."""
+    model = problem.model
+    if problem.human_depth is None:
+        return [None] * len(problem)
+    depth, outward = problem.human_depth * result.scene_scale, vertex_normals(result.vertices, model.faces)
+    return [
+        depth_ratio(body, normals, model.outer, mask, problem.K, depth) if bool(torch.isfinite(body).all()) else None
+        for body, normals, mask in zip(result.vertices, outward, problem.masks, strict=True)
+    ]
+
+
+def _balance(support: Support) -> dict[str, float | None]:
+    """Return the distance of the centre of mass from the supports, metres, and whether a hidden one is assumed."""
+    outside = support.outside_m
+    return {
+        "balance_m": None if outside is None else max(0.0, outside),
+        "assumed_support": float(bool(support.hidden)),
+    }
+
+
+def _photo_evidence(problem: JointProblem, scale: float) -> PhotoEvidence:
+    """Return masks and depths of the problem, with the final scale of the scene."""
+    scene, photo = problem.scene_depth, problem.human_depth
+    return PhotoEvidence(
+        masks=problem.masks,
+        scene_depth=None if scene is None else scene * scale,
+        photo_depth=None if photo is None else photo * scale,
+        K=problem.K,
+    )
