@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ SIZE = (320, 240)
 RIDGE = 1e-4
 """Weight of the squared coefficients: columns that say the same share one effect."""
 
-PART_COLUMNS = ("constant", "log odds", "carries", "hidden")
+PART_COLUMNS = ("constant", "log odds")
 STATED = {"scene": ("floor", "scene", "hidden"), "person": ("person",), "own body": ("self",), "object": ("object",)}
 
 
@@ -115,7 +115,7 @@ def samples_of(
         touched = dict(zip(KINDS, true_contact(world, int(true)), strict=True))
         arrays[f"truth {row}"] = np.stack([values[outer] for values in touched.values()])
         arrays[f"seen {row}"] = given.seen[row].numpy()[outer]
-        arrays[f"parts {row}"] = np.array(part_samples(given.model, result, int(row), touched)).reshape(-1, 4)
+        arrays[f"parts {row}"] = np.array(part_samples(given.model, result, int(row), touched)).reshape(-1, 2)
     return arrays
 
 
@@ -127,22 +127,20 @@ def true_contact(world: World, person: int) -> tuple[NDArray[np.bool_], ...]:
 
 def part_samples(
     model: BodyModel, result: ContactResult, row: int, touched: Mapping[str, NDArray[np.bool_]]
-) -> Iterator[tuple[float, ...]]:
-    """Return log odds, "carries", "hidden" and truth of each contact of a body part, at least ten vertices."""
-    regions, support, rows = contact_regions(model), result.supports[row], []
+) -> list[tuple[float, float]]:
+    """Return log odds and truth of each contact of a body part; true is contact of at least ten vertices."""
+    regions, rows = contact_regions(model), []
     assert result.probability is not None
-    balanced = support is not None and support.state.value in ("balanced", "assumed") and not support.hidden
     for index, partner in enumerate(result.partners):
-        for number, name in enumerate(regions.names):
+        for number in range(len(regions.names)):
             here = (result.partner[row] == index) & (regions.region == number)
             count = int(here.sum())
             if count < 3:
                 continue
             surest = result.probability[row][here].topk(min(10, count)).values.mean()
-            carries = balanced and any(one.part == name and one.partner == partner for one in support.contacts)
             kind = next(kind for kind, names in STATED.items() if partner.kind in names)
             true = touched[kind][(regions.region == number).numpy()].sum() >= 10
-            rows.append((float(torch.logit(surest.double(), 1e-6)), carries, partner.kind == "hidden", true))
+            rows.append((float(torch.logit(surest.double(), 1e-6)), float(true)))
     return rows
 
 
@@ -155,7 +153,7 @@ class Samples:
         people: per person, kind of contact -> columns and truth.
         anything: per person, truth (n,) of contact with anything.
         seen: per person, (n,) whether the photo shows the limb.
-        parts: (m, 4) of all people: columns of ``PART_COLUMNS`` after the first, and truth.
+        parts: (m, 2) of all people: log odds of a listed body part, and truth.
         worlds: number of worlds.
     """
 
@@ -256,10 +254,8 @@ def fit(make: Samples, choose: Samples) -> None:
         )
         for name, shown in (("seen", True), ("unseen", False))
     }
-    x, y = (np.c_[np.ones(len(make.parts)), make.parts[:, :3]], make.parts[:, 3] > 0)
-    part = logistic([(x, y)])
-    held = choose.parts
-    errors["parts"] = calibration_error(probability(np.c_[np.ones(len(held)), held[:, :3]], part), held[:, 3] > 0)
+    part = logistic([(part_columns(make.parts), make.parts[:, 1] > 0)])
+    errors["parts"] = calibration_error(probability(part_columns(choose.parts), part), choose.parts[:, 1] > 0)
     record = {
         "made by": "benchmarks/contact_probability.py",
         "fitted on": f"{make.worlds} worlds and {len(make.people)} people of seed 1, noise 4, other bodies",
@@ -272,6 +268,11 @@ def fit(make: Samples, choose: Samples) -> None:
     }
     COEFFICIENTS.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     print(json.dumps(record, indent=2))
+
+
+def part_columns(parts: Array) -> Array:
+    """Return the columns (m, 2) of ``PART_COLUMNS`` of samples of body parts."""
+    return np.c_[np.ones(len(parts)), parts[:, 0]]
 
 
 def anything_of(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import torch
 
@@ -59,7 +57,7 @@ def test_points_without_a_class_are_surfaces_by_their_connection():
 
 
 FLOOR_PARTNER, SEAT_PARTNER = ContactPartner("floor", "floor"), ContactPartner("scene", "seat", id=2)
-SAME_ODDS = ContactModel({}, {"log odds": 1.0})
+SAME_ODDS = ContactModel({}, {"constant": 0.0, "log odds": 1.0})
 
 
 def assigned(touched: list[int], scene: list[float], floor: list[float], point: list[int]) -> list[ContactPartner]:
@@ -96,7 +94,7 @@ def vertex_contacts(
     index: torch.Tensor, likely: torch.Tensor | None, dent: torch.Tensor | None = None
 ) -> VertexContacts:
     nowhere = torch.full(index.shape, torch.nan)
-    return VertexContacts(index, likely, nowhere if dent is None else dent, torch.zeros_like(index, dtype=torch.bool))
+    return VertexContacts(index, likely, nowhere if dent is None else dent)
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():
@@ -112,18 +110,6 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     )
     assert [str(one) for one in contacts] == ["buttocks: seat, 0.80", "left foot: floor, 0.50"]
     assert body_contacts(vertex_contacts(index, None, dent), table, regions, SAME_ODDS)[0].probability is None
-
-
-def test_a_part_that_carries_a_balanced_person_touches_more_surely():
-    model = ContactModel({}, {"constant": -1.0, "log odds": 1.0, "carries": 2.0})
-    regions, person = (
-        Regions(("left_foot",), torch.zeros(4, dtype=torch.int64)),
-        vertex_contacts(torch.zeros(4, dtype=torch.int64), torch.full((4,), 0.5)),
-    )
-    [alone] = body_contacts(person, (FLOOR_PARTNER,), regions, model)
-    carrying = replace(person, carrying=torch.ones(4, dtype=torch.bool))
-    [carries] = body_contacts(carrying, (FLOOR_PARTNER,), regions, model)
-    assert (alone.probability, carries.probability) == (0.2689, 0.7311)
 
 
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():

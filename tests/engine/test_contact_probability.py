@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from physic_core.engine.contact.features import KINDS, part_gaps
 from physic_core.engine.contact.probability import ContactModel, contact_model
 
-LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0, "hidden": 0.5})
+LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0})
 
 
 @given(st.floats(0, 3))
@@ -30,9 +30,8 @@ def test_a_feature_that_the_engine_does_not_measure_is_an_error():
 
 
 def test_the_probability_of_a_part_follows_from_its_surest_vertices():
-    assert LINEAR.part_probability(0.5, carries=False, hidden=True) == pytest.approx(0.5)
-    assert LINEAR.part_probability(0.5, carries=False, hidden=False) == pytest.approx(1 / (1 + math.exp(0.5)))
-    assert 0 < LINEAR.part_probability(1.0, carries=True, hidden=False) < 1
+    assert LINEAR.part_probability(0.5) == pytest.approx(1 / (1 + math.exp(0.5)))
+    assert 0.5 < LINEAR.part_probability(1.0) < 1
 
 
 def test_the_fitted_model_has_all_kinds_and_is_less_sure_farther_away():

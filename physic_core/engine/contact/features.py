@@ -158,15 +158,12 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
     facing = torch.where(is_near, -(near.normals * towards).sum(-1), 0.0)
     both = by_plane & ground & is_near
     difference = torch.where(both, surface.scene - surface.floor, 0.0).clamp(-SEARCH_RADIUS_M, SEARCH_RADIUS_M)
-    thin = given.part("hand", "foot")
     prior = torch.logit(given.prior.to(distance).clamp(*_PRIOR_RANGE))
     return shared | {
         "floor": floor,
         "outside, floor": floor * shared["outside"],
         "rise, floor": floor * shared["rise"],
-        "facing": torch.where(thin, 0.0, facing),
-        "facing, hand or foot": torch.where(thin, facing, 0.0),
-        "round part": (is_near & ~thin).to(distance),
+        "facing, no hand or foot": torch.where(given.part("hand", "foot"), 0.0, facing),
         "prior, seen limb": prior * seen,
         "prior, unseen limb": prior * (1 - seen),
         "hand": given.part("hand").to(distance).expand_as(distance),

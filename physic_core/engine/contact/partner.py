@@ -31,13 +31,11 @@ class VertexContacts:
         index: (V,) index into the partners; :data:`NO_PARTNER` without contact.
         probability: (V,) of contact, or None.
         dent: (V,) depth of the dent at each vertex, metres; NaN where nothing gives way.
-        carrying: (V,) bool, contacts that carry a balanced person.
     """
 
     index: Tensor
     probability: Tensor | None
     dent: Tensor
-    carrying: Tensor
 
 
 def assign_partners(touched: Tensor, near: Distances, regions: Regions) -> tuple[tuple[ContactPartner, ...], Tensor]:
@@ -120,8 +118,7 @@ def body_contacts(
         if person.probability is not None and model is not None:
             likely = person.probability[here]
             surest = float(likely.topk(min(_TOP_SHARE, count)).values.mean())
-            carries = bool(person.carrying[here].any())
-            sure = round(model.part_probability(surest, carries=carries, hidden=table[partner].kind == "hidden"), 4)
+            sure = round(model.part_probability(surest), 4)
         if sure is None or sure >= least:
             found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}

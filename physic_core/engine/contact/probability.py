@@ -26,9 +26,8 @@ class ContactModel:
 
     Attributes:
         vertex: kind of contact -> name of a feature -> coefficient; see :mod:`physic_core.engine.contact.features`.
-        part: name of a feature of a listed contact of a body part -> coefficient: "constant"; "log odds" of the mean
-            probability of its ten surest vertices; "carries" for a part that carries a balanced person; "hidden" for a
-            hidden support.
+        part: "constant" and "log odds" of the mean probability of the ten surest vertices -> coefficient of the log
+            odds that a body part touches its partner.
     """
 
     vertex: Mapping[str, Mapping[str, float]]
@@ -52,18 +51,10 @@ class ContactModel:
             found.append(torch.sigmoid(log_odds))
         return torch.stack(found)
 
-    def part_probability(self, surest: float, *, carries: bool, hidden: bool) -> float:
-        """Return the probability that a body part touches its partner.
-
-        Args:
-            surest: mean probability of its ten surest vertices.
-            carries: whether it carries a balanced person.
-            hidden: whether the partner is a hidden support.
-        """
-        odds = float(torch.logit(torch.tensor(surest, dtype=torch.float64), 1e-6))
-        features = {"constant": 1.0, "log odds": odds, "carries": carries, "hidden": hidden}
-        total = sum(weight * features[name] for name, weight in self.part.items())
-        return float(torch.sigmoid(torch.tensor(total, dtype=torch.float64)))
+    def part_probability(self, surest: float) -> float:
+        """Return the probability that a body part touches its partner, whose ten surest vertices have this mean."""
+        odds = torch.logit(torch.tensor(surest, dtype=torch.float64), 1e-6)
+        return float(torch.sigmoid(self.part["constant"] + self.part["log odds"] * odds))
 
 
 @cache

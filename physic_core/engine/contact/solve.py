@@ -131,9 +131,9 @@ def describe_contacts(
     for i, one in enumerate(carried):
         carrying = torch.zeros_like(given.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
-        person = VertexContacts(index[i], likely, dents[i], carrying & (one is not None and one.balanced))
+        person = VertexContacts(index[i], likely, dents[i])
         contacts.append(body_contacts(person, partners, regions, model, least=settings.threshold))
-        own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i], carrying)
+        own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
         parts = body_contacts(own, partners, regions)
         supports.append(None if one is None else support_record(one, parts, contacts[-1]))
     return ContactResult(

@@ -99,11 +99,6 @@ class Carried:
     outside_m: float
     centre: Tensor
 
-    @property
-    def balanced(self) -> bool:
-        """Whether contacts of the scene balance the person."""
-        return self.state in (SupportState.BALANCED, SupportState.ASSUMED) and not bool(self.hidden.any())
-
 
 def find_support(
     model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor, *, assume: bool
