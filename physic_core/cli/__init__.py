@@ -13,8 +13,7 @@ import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
 from physic_core.cli.groups import ExtensibleGroup
-from physic_core.cli.output import echo, printed_logs
-from physic_core.cli.process import open_missing_streams
+from physic_core.cli.output import echo, open_missing_streams, printed_logs
 from physic_core.configuration.quoting import shorten
 from physic_core.errors import PhysicError
 

@@ -47,9 +47,9 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         missing_files,
         missing_gpu,
         resolve,
+        size_warnings,
     )
     from physic_core.discovery.plugins import discover
-    from physic_core.weights.required import size_warnings
 
     _require_one_source(file, preset)
     registry = discover()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -10,7 +12,7 @@ import click
 
 from physic_core.configuration.quoting import printable
 
-__all__ = ["echo", "echo_json", "printed_logs"]
+__all__ = ["echo", "echo_json", "open_missing_streams", "printed_logs"]
 
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
@@ -52,3 +54,19 @@ class _EchoHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""
         echo(self.format(record).rstrip("\n"), err=True)
+
+
+def open_missing_streams() -> None:
+    """Open the null device for closed standard streams: a file that is opened later would take their descriptors."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            null = os.open(os.devnull, os.O_RDWR)
+            os.dup2(null, number)
+            if null == number:
+                os.set_inheritable(number, True)
+            else:
+                os.close(null)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w" if number else "r", closefd=False))  # noqa: SIM115 -- until the end

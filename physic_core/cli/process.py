@@ -1,4 +1,4 @@
-"""The process of the command ``physic``: its standard streams, and its end."""
+"""The process of the command ``physic``, and its end."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import sys
 from contextlib import suppress
 
-__all__ = ["main_of_process", "open_missing_streams"]
+__all__ = ["main_of_process"]
 
 
 def main_of_process() -> None:
@@ -32,19 +32,3 @@ def _end(code: int) -> None:
         with suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
             stream.flush()
     os._exit(code)
-
-
-def open_missing_streams() -> None:
-    """Open the null device for closed standard streams: a file that is opened later would take their descriptors."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            null = os.open(os.devnull, os.O_RDWR)
-            os.dup2(null, number)
-            if null == number:
-                os.set_inheritable(number, True)
-            else:
-                os.close(null)
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "w" if number else "r", closefd=False))  # noqa: SIM115 -- until the end

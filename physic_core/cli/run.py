@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -19,10 +19,7 @@ from physic_core.cli.output import echo
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
 from physic_core.cli.show import print_summary
 
-if TYPE_CHECKING:
-    from physic_core.configuration.resolve import ResolvedPipeline
-
-__all__ = ["checked_plan", "run", "sigterm_as_exception"]
+__all__ = ["run", "sigterm_as_exception"]
 
 
 class _Numbers(click.ParamType[Any]):
@@ -157,7 +154,12 @@ def run(
     settings = {"preset": preset, "overrides": overrides, "flags": flags}
     timeout_s = _timeout_s(file, settings)
     # Fast checks come first: no network is loaded before config, files, device and output folder are checked.
-    plan = checked_plan(file, settings) if timeout_s is None else None
+    plan = None
+    if timeout_s is None:
+        from physic_core.configuration.resolve import load_plan
+        from physic_core.discovery.plugins import discover
+
+        plan = load_plan(discover(), file, **settings)
     with sigterm_as_exception(), _reserve_folder(photo, out, overwrite) as folder:
         if timeout_s is None:
             from physic_core.pipeline.run import reconstruct_photo
@@ -220,26 +222,6 @@ def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
     with suppress(ConfigError):  # the check with backends lists all errors
         return load_config(file, **settings).run.timeout_s
     return None
-
-
-def checked_plan(file: Path | None, settings: Mapping[str, Any]) -> ResolvedPipeline:
-    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
-
-    Args:
-        file: of the configuration; None for none.
-        settings: preset, overrides and flags.
-
-    Raises:
-        ConfigError: the configuration is invalid.
-        PhysicError: a backend cannot be imported or constructed, or its weights are missing.
-    """
-    from physic_core.configuration.resolve import load_checked_config, require_available, resolve
-    from physic_core.discovery.plugins import discover
-
-    registry = discover()
-    plan = resolve(load_checked_config(registry, file, **settings), registry)
-    require_available(plan)
-    return plan
 
 
 class _Terminated(BaseException):

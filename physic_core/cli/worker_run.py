@@ -66,16 +66,17 @@ def _open_worker(arguments: RunArguments) -> Callable[[Path], Any]:
 def _run(arguments: RunArguments, photo: Path) -> tuple[str, Any]:
     """Return ("", (result, messages)), or the class and the message of an error."""
     from physic_core.cli.output import printed_logs
-    from physic_core.cli.run import checked_plan
     from physic_core.cli.run_messages import collect_plugin_messages, show_progress
+    from physic_core.configuration.resolve import load_plan
     from physic_core.discovery.error_text import traceback_text
     from physic_core.discovery.plugin_code import own_stdout
+    from physic_core.discovery.plugins import discover
     from physic_core.pipeline.run import reconstruct_photo
     from physic_core.pipeline.time_limit import CONSTRUCTION, limited_calls, timed_call
 
     try:
         with own_stdout(), limited_calls(arguments.timeout_s), timed_call(CONSTRUCTION):
-            plan = checked_plan(arguments.file, arguments.settings)
+            plan = load_plan(discover(), arguments.file, **arguments.settings)
         with (
             own_stdout(),
             printed_logs(),

@@ -49,6 +49,7 @@ __all__ = [
     "check_backends",
     "format_missing",
     "load_checked_config",
+    "load_plan",
     "missing_files",
     "missing_gpu",
     "require_available",
@@ -210,6 +211,29 @@ def format_missing(texts: Sequence[str], end: str) -> str:
     return "\n".join([f"{head}{end}:", *("  " + text.replace("\n", "\n    ") for text in texts)])
 
 
+def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]:
+    """Return warnings about weight files whose size differs from the published size; no file is read.
+
+    Raises:
+        BackendError: the manifest of a plugin is invalid.
+    """
+    from physic_core.weights.locate import size_mismatches
+    from physic_core.weights.manifest import read_manifest
+
+    found: dict[str, None] = {}
+    for resolved in plan.backends.values():
+        who = resolved.provenance
+        for manifest in registry.manifests:
+            if (manifest.origin.plugin, manifest.origin.distribution) != (who.plugin, who.distribution):
+                continue
+            sets = read_manifest(manifest.path)
+            named = (sets.get(value) for value in who.options.values() if isinstance(value, str))
+            for weights in named:
+                if weights is not None and (text := size_mismatches(weights)):
+                    found[f"weights '{weights.name}' are found, but {text}"] = None
+    return tuple(found)
+
+
 def check_backends(config: Config, registry: Registry) -> None:
     """Check the names and options of all backends without constructing them.
 
@@ -231,6 +255,23 @@ def load_checked_config(registry: Registry, file: str | os.PathLike[str] | None 
         ConfigError: the configuration is invalid; the message lists all errors.
     """
     return load_config(file, **settings, check_tables=lambda tables: _select_backends(tables, registry)[1])
+
+
+def load_plan(registry: Registry, file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
+    """Load a configuration and check it, with its backends, their weights and the device; no network is loaded.
+
+    Args:
+        registry: the installed plugins.
+        file: as in :func:`load_checked_config`.
+        settings: as in :func:`load_checked_config`.
+
+    Raises:
+        ConfigError: the configuration is invalid.
+        PhysicError: a backend cannot be imported or constructed, or its weights are missing.
+    """
+    plan = resolve(load_checked_config(registry, file, **settings), registry)
+    require_available(plan)
+    return plan
 
 
 def _select_or_raise(config: Config, registry: Registry, without: tuple[str, ...] = ()) -> dict[str, _Choice]:
