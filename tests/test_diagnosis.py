@@ -19,7 +19,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.io.check_records import check_record, parse_checks
 from physic_core.pipeline.checks import (
     CHECKS,

@@ -19,8 +19,8 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.nearest_surface import SurfaceIndex
 from physic_core.body.rotations import rotation_between
 from physic_core.body.surface_fit import VertexSample, fit_surface, sample_vertices
-from physic_core.body.tpose_mesh import vertex_normals
 from physic_core.errors import BodyModelError
+from physic_core.geometry.mesh import vertex_normals
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

@@ -16,7 +16,7 @@ from physic_core.body.posing import JointTree, pose_vertices
 from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
-from physic_core.geometry.visibility import faces_of_vertices
+from physic_core.geometry.mesh import faces_of_vertices
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TPoseMesh", "vertex_normals"]
+from physic_core.geometry.mesh import vertex_normals
+
+__all__ = ["TPoseMesh"]
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,3 @@ class TPoseMesh:
     def normals(self) -> NDArray[np.float64]:
         """(V, 3) unit outward normals."""
         return vertex_normals(self.vertices, self.faces)
-
-
-def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return area-weighted unit normals (V, 3); zero at vertices without a face."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    face_normals = np.cross(b - a, c - a)
-    total = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(total, faces[:, k], face_normals)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    unit: NDArray[np.float64] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
-    return unit

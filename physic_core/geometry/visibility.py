@@ -26,64 +26,15 @@ if TYPE_CHECKING:
 __all__ = [
     "SelfOcclusion",
     "depth_order_violations",
-    "faces_of_vertices",
     "facing",
     "hidden_from_camera",
     "inside_image",
     "inside_mask",
     "near_mask",
     "self_occlusion",
-    "vertex_areas",
-    "vertex_normals",
 ]
 
 _BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
-
-
-def vertex_normals(vertices: Tensor, faces: Tensor, around: Tensor | None = None) -> Tensor:
-    """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from outside).
-
-    Args:
-        vertices: (..., V, 3) metres.
-        faces: (F, 3) int64.
-        around: from :func:`faces_of_vertices`, for a mesh used repeatedly: several times as fast. A subset of its rows
-            returns the normals of those vertices only.
-
-    Returns:
-        (..., V, 3), or as many as ``around`` has rows; zero at a vertex without a face.
-    """
-    doubled = _doubled_areas(vertices, faces)
-    if around is None:
-        return F.normalize(_sum_at_corners(doubled, faces, vertices), dim=-1)
-    padded = F.pad(doubled.reshape(-1, *doubled.shape[-2:]), (0, 0, 0, 1))
-    total = [F.embedding_bag(around, body, mode="sum") for body in padded]
-    return F.normalize(torch.stack(total).reshape(*vertices.shape[:-2], len(around), 3), dim=-1)
-
-
-def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
-    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, largest number) int64, padded with F."""
-    corner = faces.reshape(-1)
-    order = corner.argsort(stable=True)
-    owner = corner[order]
-    meeting = torch.bincount(corner, minlength=count)
-    slot = torch.arange(len(owner), device=faces.device) - (meeting.cumsum(0) - meeting)[owner]
-    table = torch.full((count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device)
-    table[owner, slot] = order // 3
-    return table
-
-
-def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Return the area of each vertex: a third of the area of its faces.
-
-    Args:
-        vertices: (..., V, 3) metres.
-        faces: (F, 3) int64.
-
-    Returns:
-        (..., V) square metres; their sum is the area of the mesh.
-    """
-    sixth = _doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0
-    return _sum_at_corners(sixth, faces, vertices)[..., 0]
 
 
 def facing(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
@@ -265,18 +216,3 @@ def depth_order_violations(
             nearer = z[j][on_other][comparable] < there[comparable] - tolerance_m
             shares[i, j] = nearer.sum() / z.shape[1]
     return shares
-
-
-def _doubled_areas(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Return face normals (..., F, 3) of twice the faces' areas as length."""
-    a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
-    doubled: Tensor = torch.linalg.cross(b - a, c - a)
-    return doubled
-
-
-def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor:
-    """Sum face values (..., F, C) at the faces' corners: (..., V, C)."""
-    total = vertices.new_zeros((*vertices.shape[:-1], per_face.shape[-1]))
-    for k in range(3):
-        total = total.index_add(-2, faces[:, k], per_face)
-    return total

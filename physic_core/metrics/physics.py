@@ -7,13 +7,13 @@ count as outside and out of reach.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
 
+if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 __all__ = ["Penetration", "contact_gap", "penetration", "vertex_areas", "vertex_normals"]
@@ -34,28 +34,6 @@ class Penetration:
     mean_depth: FloatArray
     share: FloatArray
     volume: FloatArray
-
-
-def vertex_areas(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
-    """Return the area (..., V) of each mesh vertex, square units: a third of the area of the adjacent triangles."""
-    import torch
-
-    from physic_core.geometry.visibility import vertex_areas as areas_of
-
-    points, corners = torch.tensor(np.asarray(vertices, np.float64)), torch.tensor(np.asarray(faces, np.int64))
-    areas: FloatArray = areas_of(points, corners).numpy()
-    return areas
-
-
-def vertex_normals(vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> FloatArray:
-    """Return outward unit normals (..., V, 3) of a mesh with counter-clockwise triangles."""
-    import torch
-
-    from physic_core.geometry.visibility import vertex_normals as normals_of
-
-    points, corners = torch.tensor(np.asarray(vertices, np.float64)), torch.tensor(np.asarray(faces, np.int64))
-    normals: FloatArray = normals_of(points, corners).numpy()
-    return normals
 
 
 def penetration(

@@ -13,8 +13,8 @@ from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, body_point
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError, InputError
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
-from physic_core.geometry.visibility import vertex_normals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,8 @@ import torch
 
 from physic_core.body.posture import is_body_straight
 from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import facing, inside_mask, vertex_areas
+from physic_core.geometry.mesh import vertex_areas
+from physic_core.geometry.visibility import facing, inside_mask
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -35,8 +35,8 @@ from physic_core.engine.scene.build import alignment_diagnostics, build_scene
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.floor_below_people import without_floor, wrong_floor
 from physic_core.geometry.floor import FloorEvidence
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
-from physic_core.geometry.visibility import vertex_normals
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction, resize_bodies
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone

@@ -9,7 +9,7 @@ import torch
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.engine.joint.solve import DEEP_M
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 

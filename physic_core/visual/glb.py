@@ -23,7 +23,7 @@ from physic_core.visual.export.request import ExportRequest, camera_pose, export
 from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
 from physic_core.visual.palette import FLOOR_RGB, contact_colors, contact_legend, linear_from_srgb
 from physic_core.visual.rig import Rig, rigs
-from physic_core.visual.surface import SceneMesh, depth_limit, floor_square, mesh_scene, vertex_normals
+from physic_core.visual.surface import SceneMesh, depth_limit, floor_square, mesh_scene, unit_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -190,7 +190,7 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
     colors[:, :3] = np.round(255 * linear_from_srgb(contact_colors(person, result.contact_partners)))
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
-        "NORMAL": glb.accessor(vertex_normals(vertices, faces), ARRAY),
+        "NORMAL": glb.accessor(unit_normals(vertices, faces), ARRAY),
         "COLOR_0": glb.accessor(colors, ARRAY, normalized=True),
         "_CONTACT": glb.accessor(person.contact.astype(np.float32), ARRAY),
     }

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.upright import transform_points
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction, Scene
     from physic_core.visual.export.request import Frame
 
-__all__ = ["SceneMesh", "depth_limit", "floor_square", "mesh_scene", "vertex_normals"]
+__all__ = ["SceneMesh", "depth_limit", "floor_square", "mesh_scene", "unit_normals"]
 
 MAX_VERTICES = 130_000
 """Maximum number of vertices; a scene.glb then stays under 7 MB, at 44 bytes a vertex with two triangles."""
@@ -126,26 +127,11 @@ def _on_same_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, se
     return np.asarray((far < MAX_DEPTH_RATIO * near) | (flat & (far < MAX_SLANTED_DEPTH_RATIO * near)))
 
 
-def vertex_normals(
-    vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]], turn: NDArray[np.float64] | None = None
-) -> NDArray[np.float32]:
-    """Return unit normals (V, 3): the mean of the faces at each vertex, weighted by area; +z where there is none.
-
-    Args:
-        vertices: (V, 3).
-        faces: (F, 3).
-        turn: (4, 4) rigid transform to apply to the normals.
-    """
-    corners = np.asarray(vertices, np.float64)[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    total = np.zeros((len(vertices), 3))
-    for corner in range(3):
-        for axis in range(3):
-            total[:, axis] += np.bincount(faces[:, corner], area[:, axis], len(vertices))
-    if turn is not None:
-        total = total @ turn[:3, :3].T
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.where(length > 0, total / np.where(length > 0, length, 1), [0.0, 0.0, 1.0]).astype(np.float32)
+def unit_normals(vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Return vertex normals (V, 3) of a mesh for files that demand unit vectors: +z at a vertex without a face."""
+    normals = vertex_normals(vertices, faces)
+    normals[~normals.any(1)] = 0.0, 0.0, 1.0
+    return normals.astype(np.float32)
 
 
 def floor_square(result: Reconstruction, frame: Frame) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:

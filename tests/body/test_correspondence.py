@@ -17,10 +17,10 @@ from physic_core.body.correspondence import Correspondence, find_correspondence
 from physic_core.body.model import BodyModel
 from physic_core.body.nearest_surface import SurfaceIndex, closest_barycentric
 from physic_core.body.rotations import unit
-from physic_core.body.tpose_mesh import vertex_normals
 from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import ContactProbability, RestMesh
 
 pytestmark = pytest.mark.usefixtures("maps")

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact.skin import own_distances, people_distances
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 
 RADIUS_M = 0.15
 FRONT, BACK = torch.tensor([0.0, 0.0, -1.0]), torch.tensor([0.0, 0.0, 1.0])

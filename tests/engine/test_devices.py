@@ -16,8 +16,8 @@ from physic_core.engine.joint.optimiser import _lbfgs_block, _OptimiserMemory
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
 from physic_core.engine.presets import PRESETS
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.visibility import vertex_normals
 
 from .adjusted import adjusted, with_options
 

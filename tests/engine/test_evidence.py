@@ -23,7 +23,8 @@ from physic_core.engine.joint.terms.chamfer import HumanPoints
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.visibility import inside_mask, vertex_areas
+from physic_core.geometry.mesh import vertex_areas
+from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS, Skeleton
 
 from .adjusted import adjusted, with_options

@@ -16,7 +16,7 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.own_body import OwnBodyTerm
 from physic_core.engine.joint.terms.people import pair_energy
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 
 from .adjusted import adjusted, without_photo
 

@@ -13,7 +13,7 @@ from physic_core.engine.joint.people_pairs import find_people_pairs, select_prob
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.people import PeopleTerm, pair_energy
 from physic_core.engine.presets import PRESETS
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 
 from .adjusted import adjusted, without_photo
 

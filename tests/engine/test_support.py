@@ -21,7 +21,7 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import BodyContact, ContactPartner, Support, SupportState
 
 SITS = {

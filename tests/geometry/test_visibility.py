@@ -8,16 +8,14 @@ import pytest
 import torch
 import trimesh
 
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import (
     depth_order_violations,
-    faces_of_vertices,
     facing,
     hidden_from_camera,
     inside_image,
     inside_mask,
     self_occlusion,
-    vertex_areas,
-    vertex_normals,
 )
 
 
@@ -50,37 +48,6 @@ def plain_hidden(vertices, faces):
     hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < distance[:, None] - 2e-3)
     own = (faces[None] == torch.arange(len(vertices))[:, None, None]).any(-1)
     return (hit & ~own).any(-1)
-
-
-def test_normals_of_a_sphere_point_outward():
-    vertices, faces = sphere([0.0, 0.0, 3.0])
-    outward = torch.nn.functional.normalize(vertices - torch.tensor([0.0, 0.0, 3.0]), dim=-1)
-    assert (vertex_normals(vertices, faces) * outward).sum(-1).min() > 0.999
-
-
-def test_the_faces_round_a_vertex_give_the_same_normals():
-    vertices, faces = sphere([0.0, 0.0, 3.0], fineness=2)
-    around = faces_of_vertices(faces, len(vertices))
-    assert sorted(set(around[7].tolist()) - {len(faces)}) == (faces == 7).any(1).nonzero().flatten().tolist()
-    batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
-    torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
-    lonely = torch.cat([vertices, vertices[:1]])
-    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
-
-
-def test_areas_add_up_to_the_surface():
-    vertices, faces = sphere([0.0, 0.0, 3.0], fineness=4)
-    batch = torch.stack([vertices, 2 * vertices])
-    total = vertex_areas(batch, faces).sum(-1)
-    torch.testing.assert_close(total[0].item(), 4 * math.pi * 0.09, rtol=5e-3, atol=0)
-    torch.testing.assert_close(total[1], 4 * total[0])
-
-
-def test_a_vertex_without_a_face_has_neither_normal_nor_area():
-    vertices = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [5.0, 5.0, 5.0]])
-    faces = torch.tensor([[0, 1, 2]])
-    assert vertex_normals(vertices, faces)[3].tolist() == [0.0, 0.0, 0.0]
-    assert vertex_areas(vertices, faces).tolist() == pytest.approx([1 / 6, 1 / 6, 1 / 6, 0.0])
 
 
 def test_facing_is_measured_against_the_ray_not_the_optical_axis():

@@ -20,26 +20,6 @@ def ball():
     return trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
 
 
-def slow_areas(vertices, faces):
-    areas = np.zeros(len(vertices))
-    for a, b, c in faces:
-        side, other = vertices[b] - vertices[a], vertices[c] - vertices[a]
-        areas[[a, b, c]] += 0.5 * np.linalg.norm(np.cross(side, other)) / 3
-    return areas
-
-
-def test_areas_equal_the_slow_twin_and_sum_to_the_surface(ball):
-    box = trimesh.creation.box((1.0, 2.0, 3.0))
-    np.testing.assert_allclose(vertex_areas(box.vertices, box.faces), slow_areas(box.vertices, box.faces))
-    assert vertex_areas(box.vertices, box.faces).sum() == pytest.approx(22)
-    two = np.stack([ball.vertices, 2 * ball.vertices]).reshape(1, 2, -1, 3)
-    areas = vertex_areas(two, ball.faces)
-    assert areas.shape == (1, 2, len(ball.vertices))
-    np.testing.assert_allclose(areas[0, 1], 4 * areas[0, 0])
-    assert areas[0, 0].sum() == pytest.approx(4 * math.pi * RADIUS**2, rel=1e-3)
-    assert vertex_areas(np.zeros((0, 8, 3)), box.faces).shape == (0, 8)
-
-
 @pytest.mark.parametrize("sunk", [0.05, 0.1, 0.3])
 def test_a_ball_in_the_floor_has_the_volume_of_its_cap(ball, sunk):
     heights = ball.vertices[:, 2] + RADIUS - sunk

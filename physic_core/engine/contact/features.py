@@ -26,7 +26,7 @@ from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_dis
 from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.limbs import straight_hips
 from physic_core.engine.settings import ContactSettings
-from physic_core.geometry.visibility import vertex_normals
+from physic_core.geometry.mesh import vertex_normals
 
 __all__ = ["KINDS", "Columns", "Distances", "feature_columns", "measure_distances"]
 

@@ -17,7 +17,8 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
-from physic_core.geometry.visibility import inside_image, vertex_areas
+from physic_core.geometry.mesh import vertex_areas
+from physic_core.geometry.visibility import inside_image
 
 __all__ = ["STATIC_CONTACT_PARTS", "JointContext", "Keypoints", "precompute", "subsample_vertices"]
 

@@ -15,7 +15,8 @@ from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import facing, inside_image, self_occlusion, vertex_normals
+from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.visibility import facing, inside_image, self_occlusion
 
 __all__ = [
     "HIDDEN_LIMB_SHARE",

@@ -13,8 +13,8 @@ import numpy as np
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.visual.rig import body_of_result
-from physic_core.visual.surface import vertex_normals
 from physic_export.coco import png
 from physic_export.rle import polygons
 
@@ -119,10 +119,7 @@ def _contact_by_part(
     person: Person, contact: BoolArray, faces: NDArray[np.int32], parts: NDArray[np.int64]
 ) -> dict[str, dict[str, float | int]]:
     """Return contact of each part that has some: vertices, area and share of the part."""
-    corners = person.vertices[faces].astype(np.float64)
-    sizes = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    # A third of each face belongs to each of its corners.
-    area = np.bincount(faces.reshape(-1), np.repeat(sizes / 3, 3), len(person.vertices))
+    area = vertex_areas(person.vertices, faces)
     found = {}
     for part, name in enumerate(HOT_PARTS):
         touching = (parts == part) & contact

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.palette import contact_colors, contact_legend
-from physic_core.visual.surface import depth_limit, mesh_scene, vertex_normals
+from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def person_meshes(request: ExportRequest) -> list[ColoredMesh]:
     for index, person in request.chosen():
         vertices = transform_points(request.frame.from_camera, person.vertices)
         faces = np.asarray(request.result.faces, np.int64)
-        normals = vertex_normals(vertices, faces)
+        normals = unit_normals(vertices, faces)
         colors = contact_colors(person, request.result.contact_partners)
         made.append(ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact))
     return made
@@ -65,11 +65,12 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
     if not request.scene or not len(surface.faces):
         return None
     columns, rows = surface.pixels.T
+    vertices = transform_points(request.frame.from_camera, surface.vertices)
     return ColoredMesh(
         "scene",
-        transform_points(request.frame.from_camera, surface.vertices),
+        vertices,
         surface.faces,
-        vertex_normals(surface.vertices, surface.faces, request.frame.from_camera),
+        unit_normals(vertices, surface.faces),
         scene.colors[rows, columns],
         np.zeros(len(surface.vertices), bool),
     )

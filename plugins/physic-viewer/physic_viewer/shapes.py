@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.palette import contact_colors
-from physic_core.visual.surface import depth_limit, mesh_scene, vertex_normals
+from physic_core.visual.surface import depth_limit, mesh_scene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

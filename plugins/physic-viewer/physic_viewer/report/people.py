@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
+from physic_core.geometry.mesh import vertex_areas
 from physic_core.types.contacts import part_words
 from physic_core.visual.palette import contact_color, contact_colors, person_color, person_tint
 from physic_viewer.report.surfaces import is_posed
@@ -70,14 +71,8 @@ def _record(
         "support": None if person.support is None else str(person.support),
     }
     if not is_posed(person):
-        return (
-            record
-            | {"stature": None, "camera": None, "pelvis": None, "pelvis_height": None, "lowest": None}
-            | {
-                "others": [],
-                "contact": None,
-            }
-        )
+        unknown = ("stature", "camera", "pelvis", "pelvis_height", "lowest", "contact")
+        return record | dict.fromkeys(unknown) | {"others": []}
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
     fits = model is not None and model.num_vertices == len(person.vertices)
     return record | {
@@ -159,7 +154,7 @@ def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64])
 
 def _contact_by_part(reconstruction: Reconstruction, person: Person, model: BodyModel) -> list[dict[str, Any]]:
     """Return name, area in cm2, share and colours of each body part in contact, the largest area first."""
-    area = _vertex_areas(np.asarray(person.vertices, np.float64), np.asarray(reconstruction.faces, np.int64))
+    area = vertex_areas(person.vertices, reconstruction.faces)
     part, names, contact = model.part_of_vertex.cpu().numpy(), model.part_names, np.asarray(person.contact, bool)
     colors, color = np.unique(contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True)
     cell = part * len(colors) + color.reshape(-1)
@@ -176,10 +171,3 @@ def _contact_by_part(reconstruction: Reconstruction, person: Person, model: Body
         if touching[i].sum() > 5e-5  # half a square centimetre
     ]
     return sorted(found, key=lambda row: -float(row["cm2"]))
-
-
-def _vertex_areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return a third of the area of the faces at each vertex (V,), square metres."""
-    corners = vertices[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 6
-    return np.bincount(faces.ravel(), np.repeat(area, 3), len(vertices)).astype(np.float64)

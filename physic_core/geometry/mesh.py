@@ -1,0 +1,110 @@
+"""Normals and areas of the vertices of triangle meshes, as NumPy arrays or torch tensors.
+
+Torch is imported for tensors only, so that programs that only write files start fast.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+__all__ = ["faces_of_vertices", "vertex_areas", "vertex_normals"]
+
+Array = TypeVar("Array", "NDArray[Any]", "Tensor")
+
+
+def vertex_normals(vertices: Array, faces: Array, around: Tensor | None = None) -> Array:
+    """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from outside).
+
+    Args:
+        vertices: (..., V, 3) of any unit.
+        faces: (F, 3) integers, of the same library as ``vertices``.
+        around: from :func:`faces_of_vertices`, for tensors of a mesh used repeatedly: several times as fast. A subset
+            of its rows returns the normals of those vertices only.
+
+    Returns:
+        (..., V, 3), or as many as ``around`` has rows, of tensors in their dtype, else float64; zero at a vertex
+        without a face.
+    """
+    if isinstance(vertices, np.ndarray):
+        total = _sum_at_corners_numpy(_doubled_areas_numpy(vertices, faces), faces, vertices.shape[-2])
+        length = np.linalg.norm(total, axis=-1, keepdims=True)
+        normals: NDArray[np.float64] = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+        return normals
+    import torch
+    import torch.nn.functional as F
+
+    doubled = _doubled_areas(vertices, faces)
+    if around is None:
+        return F.normalize(_sum_at_corners(doubled, faces, vertices), dim=-1)
+    padded = F.pad(doubled.reshape(-1, *doubled.shape[-2:]), (0, 0, 0, 1))
+    summed = [F.embedding_bag(around, body, mode="sum") for body in padded]
+    return F.normalize(torch.stack(summed).reshape(*vertices.shape[:-2], len(around), 3), dim=-1)
+
+
+def vertex_areas(vertices: Array, faces: Array) -> Array:
+    """Return the area of each vertex: a third of the area of its faces.
+
+    Args:
+        vertices: (..., V, 3) of any unit.
+        faces: (F, 3) integers, of the same library as ``vertices``.
+
+    Returns:
+        (..., V) in the square of the unit, of tensors in their dtype, else float64; their sum is the area of the mesh.
+    """
+    if isinstance(vertices, np.ndarray):
+        sixth = np.linalg.norm(_doubled_areas_numpy(vertices, faces), axis=-1, keepdims=True) / 6.0
+        return _sum_at_corners_numpy(sixth, faces, vertices.shape[-2])[..., 0]
+    return _sum_at_corners(_doubled_areas(vertices, faces).norm(dim=-1, keepdim=True) / 6.0, faces, vertices)[..., 0]
+
+
+def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
+    """Return the faces at each of ``count`` vertices: faces (F, 3) -> (count, largest number) int64, padded with F."""
+    import torch
+
+    corner = faces.reshape(-1)
+    order = corner.argsort(stable=True)
+    owner = corner[order]
+    meeting = torch.bincount(corner, minlength=count)
+    slot = torch.arange(len(owner), device=faces.device) - (meeting.cumsum(0) - meeting)[owner]
+    table = torch.full((count, int(meeting.max())), len(faces), dtype=torch.int64, device=faces.device)
+    table[owner, slot] = order // 3
+    return table
+
+
+def _doubled_areas(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Return face normals (..., F, 3) of twice the faces' areas as length."""
+    import torch
+
+    a, b, c = (vertices[..., faces[:, k], :] for k in range(3))
+    doubled: Tensor = torch.linalg.cross(b - a, c - a)
+    return doubled
+
+
+def _sum_at_corners(per_face: Tensor, faces: Tensor, vertices: Tensor) -> Tensor:
+    """Sum face values (..., F, C) at the faces' corners: (..., V, C)."""
+    total = vertices.new_zeros((*vertices.shape[:-1], per_face.shape[-1]))
+    for k in range(3):
+        total = total.index_add(-2, faces[:, k], per_face)
+    return total
+
+
+def _doubled_areas_numpy(vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[np.float64]:
+    a, b, c = (np.asarray(vertices, np.float64)[..., faces[:, k], :] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _sum_at_corners_numpy(per_face: NDArray[np.float64], faces: NDArray[Any], count: int) -> NDArray[np.float64]:
+    *lead, _, columns = per_face.shape
+    total = np.empty((math.prod(lead), count, columns))
+    corners = np.asarray(faces).T.reshape(-1)
+    for body, values in zip(total, per_face.reshape(len(total), len(faces), columns), strict=True):
+        for k in range(columns):
+            body[:, k] = np.bincount(corners, np.tile(values[:, k], 3), count)
+    return total.reshape(*lead, count, columns)

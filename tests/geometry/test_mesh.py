@@ -1,0 +1,99 @@
+"""Normals and areas of vertices, of NumPy arrays and of tensors."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from physic_core.geometry.mesh import faces_of_vertices, vertex_areas, vertex_normals
+from physic_core.metrics import physics
+
+
+@pytest.fixture(params=[np.asarray, torch.tensor], ids=["numpy", "torch"])
+def array(request):
+    return request.param
+
+
+def icosphere(array, radius=0.3, fineness=3):
+    mesh = trimesh.creation.icosphere(fineness, radius)
+    return array(np.array(mesh.vertices)), array(np.array(mesh.faces, np.int64))
+
+
+def test_normals_of_a_sphere_point_outward(array):
+    vertices, faces = icosphere(array)
+    normals = vertex_normals(vertices + 3, faces)
+    assert type(normals) is type(vertices)
+    np.testing.assert_allclose(np.asarray(normals), np.asarray(vertices) / 0.3, atol=0.02)
+    np.testing.assert_allclose(np.linalg.norm(np.asarray(normals), axis=-1), 1.0, rtol=1e-12)
+
+
+def test_normals_are_weighted_by_area(array):
+    # Corner of a box of 1 x 2 x 3, with a diagonal through the corner on one side only.
+    vertices = array(np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]))
+    faces = array(np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
+    np.testing.assert_allclose(
+        np.asarray(vertex_normals(vertices, faces)[0]), np.array([-6.0, -3.0, -2.0]) / 7.0, rtol=1e-12
+    )
+
+
+def test_areas_add_up_to_the_surface(array):
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    assert float(vertex_areas(array(np.array(box.vertices)), array(np.array(box.faces))).sum()) == pytest.approx(22)
+    vertices, faces = icosphere(array, fineness=4)
+    assert float(vertex_areas(vertices, faces).sum()) == pytest.approx(4 * math.pi * 0.09, rel=5e-3)
+
+
+def test_leading_dimensions_are_those_of_the_vertices(array):
+    vertices, faces = icosphere(array)
+    two = array(np.stack([np.asarray(vertices), 2 * np.asarray(vertices)])[None])
+    areas, normals = (np.asarray(values(two, faces)) for values in (vertex_areas, vertex_normals))
+    assert areas.shape == (1, 2, len(vertices))
+    assert normals.shape == (1, 2, len(vertices), 3)
+    np.testing.assert_allclose(areas[0, 1], 4 * areas[0, 0], rtol=1e-12)
+    np.testing.assert_allclose(normals[0, 1], normals[0, 0], atol=1e-12)
+    nobody = array(np.zeros((0, 8, 3)))
+    assert vertex_areas(nobody, faces[:0]).shape == (0, 8)
+    assert vertex_normals(nobody, faces[:0]).shape == (0, 8, 3)
+
+
+def test_a_vertex_without_a_face_has_neither_normal_nor_area(array):
+    vertices = array(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [5.0, 5.0, 5.0]]))
+    faces = array(np.array([[0, 1, 2]]))
+    assert vertex_normals(vertices, faces)[3].tolist() == [0.0, 0.0, 0.0]
+    assert vertex_areas(vertices, faces).tolist() == pytest.approx([1 / 6, 1 / 6, 1 / 6, 0.0])
+
+
+def test_arrays_and_tensors_give_the_same_numbers():
+    rng = np.random.default_rng(4)
+    vertices, faces = icosphere(np.asarray)
+    vertices = np.stack([vertices, vertices + rng.normal(0, 0.01, vertices.shape)])
+    tensors = torch.tensor(vertices), torch.tensor(faces)
+    np.testing.assert_allclose(vertex_normals(vertices, faces), vertex_normals(*tensors).numpy(), atol=1e-12)
+    np.testing.assert_allclose(vertex_areas(vertices, faces), vertex_areas(*tensors).numpy(), rtol=1e-12)
+
+
+def test_the_faces_around_a_vertex_give_the_same_normals():
+    vertices, faces = icosphere(torch.tensor, fineness=2)
+    around = faces_of_vertices(faces, len(vertices))
+    assert sorted(set(around[7].tolist()) - {len(faces)}) == (faces == 7).any(1).nonzero().flatten().tolist()
+    batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
+    torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
+    torch.testing.assert_close(vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5])
+    lonely = torch.cat([vertices, vertices[:1]])
+    assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_metrics_offers_the_same_functions():
+    assert physics.vertex_areas is vertex_areas
+    assert physics.vertex_normals is vertex_normals
+
+
+def test_arrays_need_no_torch():
+    code = "import sys, physic_core.geometry.mesh as m, numpy as n; m.vertex_areas(n.eye(3), n.arange(3)[None])"
+    subprocess.run([sys.executable, "-c", f"{code}; assert 'torch' not in sys.modules"], check=True)
