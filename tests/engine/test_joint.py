@@ -250,8 +250,12 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 
 @pytest.mark.parametrize(
     "settings",
-    [*(PRESETS[name].joint for name in ("default", "paper", "release", "prox")), STATIC],
-    ids=["default", "paper", "release", "prox", "static"],
+    [
+        *(PRESETS[name].joint for name in ("default", "paper", "release", "prox")),
+        adjusted(PRESETS["paper"].joint, reprojection__reduction="mean", regularisation__visible_weight=0.0),
+        STATIC,
+    ],
+    ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
 )
 def test_gradient_of_the_whole_energy(make_stage, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth all in play."""

@@ -84,16 +84,27 @@ def test_one_person_who_diverges_takes_nothing_from_the_other(start):
     assert (both.transl[1] - start.transl0[1]).norm() > 0.01
 
 
-def test_reprojection_is_the_sum_over_keypoints(start):
-    energy = JointEnergy(start, PAPER)
+@pytest.mark.parametrize("reduction", ["sum", "mean"])
+def test_reprojection_is_the_sum_or_the_mean_over_keypoints(start, reduction):
+    energy = JointEnergy(start, adjusted(PAPER, reprojection__reduction=reduction))
     with torch.no_grad():
         posed = start.model(start.rotations0, start.betas0, start.transl0, start.expression0)
         seen = project(start.model.landmarks(posed, start.skeleton), start.K)
         height, width = start.masks.shape[-2:]
         inside = ((start.keypoints >= 0) & (start.keypoints < torch.tensor([width, height]))).all(-1)
+        weight = inside * start.keypoint_confidence * (start.keypoint_confidence >= 0.5)
+        weight = weight * torch.tensor([start.skeleton.weights.get(name, 1.0) for name in start.skeleton.names])
+        if reduction == "mean":
+            weight = weight / weight.sum(-1, keepdim=True)
         off = ((seen - start.keypoints) / torch.tensor([width, height])).square().sum(-1)
-        want = 10_000 * (inside * energy.context.keypoints.weight * off).sum(-1)
+        want = 10_000 * (weight * off).sum(-1)
         torch.testing.assert_close(energy()["reprojection"], want, rtol=1e-4, atol=1e-4)
+
+
+def test_the_mean_over_no_keypoints_is_nothing(start):
+    unsure = replace(start, keypoint_confidence=torch.zeros_like(start.keypoint_confidence))
+    energy = JointEnergy(unsure, adjusted(PAPER, reprojection__reduction="mean"))
+    assert energy()["reprojection"].tolist() == [0.0, 0.0]
 
 
 def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):

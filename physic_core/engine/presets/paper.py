@@ -33,7 +33,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Literal
 
+import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
@@ -73,9 +75,11 @@ class PaperReprojectionSettings:
 
     Attributes:
         weight: lambda_j2d of Eq. 5; 0 removes the term.
+        reduction: of a person's squared errors, weighted by confidence: their "sum", or their "mean" over keypoints.
     """
 
     weight: NotNegative = 10_000.0
+    reduction: Literal["sum", "mean"] = "sum"
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,11 @@ class PaperOptimisation(JointSettings):
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
-        return confident_keypoints(problem, _MIN_CONFIDENCE)
+        found = confident_keypoints(problem, _MIN_CONFIDENCE)
+        if self.reprojection.reduction == "sum":
+            return found
+        total = found.weight.sum(1, keepdim=True)
+        return replace(found, weight=found.weight / torch.where(total > 0, total, 1.0))
 
     def update_visibility(
         self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None

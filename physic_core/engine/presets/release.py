@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Literal
 
 from torch import Tensor
 
@@ -44,13 +45,25 @@ from physic_core.engine.joint.terms.point_penetration import PointPenetrationSet
 from physic_core.engine.joint.terms.printed_regularisation import PrintedRegularisationSettings
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
-from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperOptimisation
+from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["ReleaseOptimisation"]
+__all__ = ["ReleaseOptimisation", "ReleaseReprojectionSettings"]
 
 _FACING_DEG = 80.0
 _barron = partial(robust_loss, "barron", c=1.0)
+
+
+@dataclass(frozen=True)
+class ReleaseReprojectionSettings(PaperReprojectionSettings):
+    """Settings of the reprojection term: absolute errors in shares of the image.
+
+    Attributes:
+        weight: of the term; 0 removes it.
+        reduction: always the "mean" over 133 keypoints.
+    """
+
+    reduction: Literal["mean"] = "mean"
 
 
 @dataclass(frozen=True)
@@ -68,6 +81,7 @@ class ReleaseOptimisation(PaperOptimisation):
         regularisation: deviation from the start.
     """
 
+    reprojection: ReleaseReprojectionSettings = field(default_factory=ReleaseReprojectionSettings)
     penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15))
     regularisation: PrintedRegularisationSettings = field(
         default_factory=lambda: PrintedRegularisationSettings(visible_weight=0.0)
