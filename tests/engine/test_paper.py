@@ -107,13 +107,14 @@ def test_the_mean_over_no_keypoints_is_nothing(start):
     assert energy()["reprojection"].tolist() == [0.0, 0.0]
 
 
-def test_visible_vertices_are_regularised_and_hidden_ones_more(make_stage):
+@pytest.mark.parametrize("visible", [0.0, 1.0])
+def test_hidden_vertices_are_regularised_more_than_visible_ones(make_stage, visible):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
-    energy = JointEnergy(floor_grid(stage.problem), PAPER)
+    energy = JointEnergy(floor_grid(stage.problem), adjusted(PAPER, regularisation__visible_weight=visible))
     weight = energy.weights["regularisation"]
     hidden = energy.visibility.hidden | ~energy.visibility.eligible
     assert 0.2 < hidden.float().mean() < 0.95
-    assert weight[~hidden].unique().tolist() == [1.0]
+    assert weight[~hidden].unique().tolist() == [visible]
     assert weight[hidden].unique().tolist() == [12.0]
 
 
