@@ -22,7 +22,6 @@ from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
-    select_people,
 )
 from physic_core.types import (
     Bodies,
@@ -35,6 +34,7 @@ from physic_core.types import (
     RestMesh,
     SurfaceLabels,
 )
+from physic_core.types.per_person import select_people
 from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World, build_world

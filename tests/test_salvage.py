@@ -21,9 +21,9 @@ from physic_core.pipeline.invalid_results import (
     discard_invalid_hands,
     discard_invalid_keypoints,
     expand_contact,
-    select_people,
 )
 from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
+from physic_core.types.per_person import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 

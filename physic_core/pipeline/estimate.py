@@ -33,7 +33,6 @@ from physic_core.pipeline.invalid_results import (
     discard_invalid_hands,
     discard_invalid_keypoints,
     expand_contact,
-    select_people,
 )
 from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.pipeline.unknown_scale import guess_metric_depth
@@ -49,6 +48,7 @@ from physic_core.types import (
     Plane,
     Pointmap,
 )
+from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:

@@ -1,13 +1,13 @@
 """Replace invalid backend results of people, so that the pipeline continues with the other people.
 
 Each function takes a checked result. It returns the result with the rows of people with invalid numbers replaced
-by values for "unknown", and a mask (N,) bool of these people. :func:`select_people` selects the rows of some people.
+by values for "unknown", and a mask (N,) bool of these people.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,21 +18,14 @@ from physic_core.interfaces.keypoint_detector import valid_keypoints
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
-    from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints, People
+    from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints
 
 __all__ = [
     "discard_invalid_bodies",
     "discard_invalid_hands",
     "discard_invalid_keypoints",
     "expand_contact",
-    "select_people",
 ]
-
-Result = TypeVar("Result", "People", "Keypoints", "Bodies")
-
-
-_SHARED = ("floor", "labels", "faces", "rest", "unposed_mask", "objects")
-"""Names of arrays without a row for each person."""
 
 
 def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
@@ -91,25 +84,6 @@ def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[Cont
     expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)
     expanded[called & ~invalid] = probability[valid]
     return replace(contact, probability=expanded), invalid
-
-
-def select_people(result: Result, rows: BoolArray) -> Result:
-    """Select the people of a result by ``rows``, (N,) bool; fields without rows per person are unchanged."""
-    if rows.all():
-        return result
-    selected: Result = replace(result, **_select(result, rows))
-    return selected
-
-
-def _select(result: Any, rows: BoolArray) -> dict[str, Any]:
-    changed: dict[str, Any] = {}
-    for field in fields(result):
-        value = getattr(result, field.name)
-        if isinstance(value, np.ndarray) and field.name not in _SHARED:
-            changed[field.name] = value[rows]
-        elif is_dataclass(value) and not isinstance(value, type):
-            changed[field.name] = replace(value, **_select(value, rows))
-    return changed
 
 
 def _fill_rows(result: Any, invalid: BoolArray, **blanks: float) -> Any:

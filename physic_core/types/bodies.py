@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
+from physic_core.types.per_person import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Mesh(ShortRepr):
     """
 
     name: str
-    vertices: FloatArray
+    vertices: FloatArray = field(metadata=PER_PERSON)
     faces: IntArray
     rest: FloatArray | None = None
 
@@ -99,11 +100,11 @@ class Bodies(ShortRepr):
         mesh: the surfaces, or None.
     """
 
-    parameters: BodyParameters
+    parameters: BodyParameters = field(metadata=PER_PERSON)
     body_model: str
-    observed: BoolArray | None = None
-    joints: FloatArray | None = None
-    mesh: Mesh | None = None
+    observed: BoolArray | None = field(default=None, metadata=PER_PERSON)
+    joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,9 @@ class Hands(ShortRepr):
             forearm), left then right, or None. The forearm is then rotated to fit the hand.
     """
 
-    rotvecs: FloatArray
-    confidence: FloatArray
-    wrists: FloatArray | None = None
+    rotvecs: FloatArray = field(metadata=PER_PERSON)
+    confidence: FloatArray = field(metadata=PER_PERSON)
+    wrists: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,6 @@ class ContactProbability(ShortRepr):
             probabilities to it.
     """
 
-    probability: FloatArray
+    probability: FloatArray = field(metadata=PER_PERSON)
     topology: str
     rest: RestMesh | None = None

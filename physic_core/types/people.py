@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from physic_core.types.per_person import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -29,10 +30,10 @@ class Keypoints(ShortRepr):
             origin between the hips: what single-person pose networks call world landmarks.
     """
 
-    points: FloatArray
-    confidence: FloatArray
+    points: FloatArray = field(metadata=PER_PERSON)
+    confidence: FloatArray = field(metadata=PER_PERSON)
     skeleton: Skeleton | str
-    world: FloatArray | None = None
+    world: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
     @property
     def joint_set(self) -> Skeleton:
@@ -78,11 +79,11 @@ class People(ShortRepr):
             for objects.
     """
 
-    masks: BoolArray
-    boxes: FloatArray
-    scores: FloatArray
+    masks: BoolArray = field(metadata=PER_PERSON)
+    boxes: FloatArray = field(metadata=PER_PERSON)
+    scores: FloatArray = field(metadata=PER_PERSON)
     floor: BoolArray | None = None
-    keypoints: Keypoints | None = None
+    keypoints: Keypoints | None = field(default=None, metadata=PER_PERSON)
     surfaces: SurfaceLabels | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     unposed_mask: BoolArray | None = None

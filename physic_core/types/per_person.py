@@ -1,0 +1,32 @@
+"""Which fields of a dataclass have a row for each person, as metadata of the field, and their selection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+__all__ = ["PER_PERSON", "select_people"]
+
+Record = TypeVar("Record")
+
+PER_PERSON: Mapping[str, bool] = MappingProxyType({"per_person": True})
+"""Metadata of a field with a row for each person: an array, or a dataclass with such fields."""
+
+
+def select_people(record: Record, rows: Any) -> Record:
+    """Return a copy of a dataclass with the rows of some people in its fields of metadata :data:`PER_PERSON`.
+
+    Args:
+        record: an instance of a dataclass with rows for N people.
+        rows: (N,) bool mask, or indices (n,), of the library of the record's arrays. A mask of all returns the record.
+    """
+    if str(rows.dtype).endswith("bool") and bool(rows.all()):
+        return record
+    changed = {}
+    for field in fields(record):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
+        value = getattr(record, field.name)
+        if value is not None and field.metadata.get("per_person"):
+            changed[field.name] = value[rows] if hasattr(value, "__getitem__") else select_people(value, rows)
+    return replace(record, **changed)  # type: ignore[type-var]

@@ -1,0 +1,72 @@
+"""Selection of people in results of backends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Keypoints, Mesh, People
+from physic_core.types.per_person import PER_PERSON, select_people
+
+N = 3
+LAST_TWO = np.array([False, True, True])
+
+
+def rows(*shape):
+    """Array whose row i is full of i."""
+    return np.broadcast_to(np.arange(float(N)).reshape(N, *[1] * len(shape)), (N, *shape)).copy()
+
+
+def keypoints():
+    return Keypoints(rows(17, 2), rows(17), "coco17", rows(17, 3))
+
+
+def test_all_that_is_per_person_is_selected():
+    parameters = BodyParameters(*(rows(size) for size in (3, 63, 45, 45, 3, 3, 3, 10, 10, 3)))
+    mesh = Mesh("smpl", rows(4, 3), faces=np.zeros((N, 3), int), rest=np.zeros((N, 3)))
+    for result in (
+        People(rows(2, 4), rows(4), rows(), keypoints=keypoints()),
+        keypoints(),
+        Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh),
+        Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
+        ContactProbability(rows(4), "smpl"),
+    ):
+        for array in arrays(select_people(result, LAST_TWO), but=("faces", "rest")):
+            assert np.unique(array).tolist() == [1.0, 2.0]
+
+
+def arrays(result, but):
+    for name, value in vars(result).items():
+        if isinstance(value, np.ndarray):
+            if name not in but:
+                yield value
+        elif hasattr(value, "__dataclass_fields__") and name != "skeleton":
+            yield from arrays(value, but)
+
+
+def test_what_people_share_stays_although_it_has_as_many_rows():
+    shared = {name: np.zeros((N, N), bool) for name in ("floor", "unposed_mask", "objects")}
+    some = select_people(People(np.ones((N, N, N), bool), rows(4), rows(), **shared), LAST_TWO)
+    assert all(getattr(some, name) is value for name, value in shared.items())
+    mesh = select_people(Mesh("smpl", rows(4, 3), np.zeros((N, 3), int), np.zeros((N, 3))), LAST_TWO)
+    assert len(mesh.vertices) == 2
+    assert len(mesh.faces) == len(mesh.rest) == N
+
+
+def test_indices_choose_and_order_people():
+    assert select_people(keypoints(), np.array([2, 0])).confidence[:, 0].tolist() == [2, 0]
+
+
+def test_tensors_are_selected_as_arrays_are():
+    @dataclass(frozen=True)
+    class Problem:
+        camera: torch.Tensor
+        betas: torch.Tensor = field(metadata=PER_PERSON)
+        known: torch.Tensor | None = field(default=None, metadata=PER_PERSON)
+
+    some = select_people(Problem(torch.eye(3), torch.arange(3.0)), torch.tensor([2]))
+    assert some.betas.tolist() == [2.0]
+    assert some.known is None
+    assert len(some.camera) == 3
