@@ -35,26 +35,26 @@ __all__ = ["export_glb", "glb_files", "influences"]
 _WEIGHT_LOSS = 1e-3
 """Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""
 
-_SCENE, _BODY, _FLOOR = 0, 1, 2
-_MATERIALS = (
-    {
-        "name": "photo",
-        "doubleSided": True,
-        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0},
-        "extensions": {"KHR_materials_unlit": {}},
+_PHOTO: dict[str, Any] = {
+    "name": "photo",
+    "doubleSided": True,
+    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0},
+    "extensions": {"KHR_materials_unlit": {}},
+}
+_BODY: dict[str, Any] = {
+    "name": "mannequin",
+    "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
+}
+_FLOOR: dict[str, Any] = {
+    "name": "floor",
+    "doubleSided": True,
+    "alphaMode": "BLEND",
+    "pbrMetallicRoughness": {
+        "baseColorFactor": [*linear_from_srgb(np.array(FLOOR_RGB, np.uint8)).round(4).tolist(), 0.35],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 1.0,
     },
-    {"name": "mannequin", "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}},
-    {
-        "name": "floor",
-        "doubleSided": True,
-        "alphaMode": "BLEND",
-        "pbrMetallicRoughness": {
-            "baseColorFactor": [*linear_from_srgb(np.array(FLOOR_RGB, np.uint8)).round(4).tolist(), 0.35],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 1.0,
-        },
-    },
-)
+}
 
 
 @dataclass(frozen=True)
@@ -123,20 +123,14 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
 
 def _content(request: ExportRequest, background: _Background | None, skins: dict[int, Rig], reason: str = "") -> bytes:
     """Return a GLB file of the people of a request, with a skeleton where there is one in ``skins``."""
-    glb, result, frame, nodes, used = (
-        GlbBuffer(generator="PhySIC"),
-        request.result,
-        request.frame,
-        list[int](),
-        list[int](),
-    )
+    glb, result, frame = GlbBuffer(generator="PhySIC"), request.result, request.frame
+    nodes: list[int] = []
     if background is not None:
-        nodes += _add_scene(glb, background, request, used)
-        nodes += _add_floor(glb, request, used)
+        nodes += _add_scene(glb, background, request)
+        nodes += _add_floor(glb, request)
     for index in request.people:
-        nodes += _add_person(glb, index, request, skins.get(index), _material(used, _BODY))
+        nodes += _add_person(glb, index, request, skins.get(index))
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
-    _add_materials(glb, used)
     extras = {
         "units": "metres",
         "axes": frame.axes,
@@ -167,21 +161,7 @@ def influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], N
     return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _material(used: list[int], kind: int) -> int:
-    """Return the index of a material in the file, which has only the materials in use."""
-    if kind not in used:
-        used.append(kind)
-    return used.index(kind)
-
-
-def _add_materials(glb: GlbBuffer, used: list[int]) -> None:
-    if used:
-        glb.tree["materials"] = [_MATERIALS[kind] for kind in used]
-    if _SCENE in used:
-        glb.tree["extensionsUsed"] = ["KHR_materials_unlit"]
-
-
-def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None, material: int) -> list[int]:
+def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None) -> list[int]:
     """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
     name, person, result = f"person_{index}", request.result.people[index], request.result
     faces = np.asarray(result.faces, np.int64)
@@ -203,7 +183,7 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
             columns = slice(4 * group, 4 * group + 4)
             attributes[f"JOINTS_{group}"] = glb.accessor(indices[:, columns], ARRAY)
             attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[:, columns], ARRAY)
-    return [*tops, _add_mesh(glb, name, attributes, faces, material, **skin)]
+    return [*tops, _add_mesh(glb, name, attributes, faces, _BODY, **skin)]
 
 
 def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, int]]:
@@ -229,11 +209,18 @@ def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, i
 
 
 def _add_mesh(
-    glb: GlbBuffer, name: str, attributes: dict[str, int], faces: NDArray[np.integer[Any]], material: int, **node: int
+    glb: GlbBuffer,
+    name: str,
+    attributes: dict[str, int],
+    faces: NDArray[np.integer[Any]],
+    material: dict[str, Any],
+    **node: int,
 ) -> int:
-    """Add a mesh of faces (F, 3), and return the index of its node."""
+    """Add a mesh of faces (F, 3), and its material if the file has none like it; return the index of its node."""
+    materials = glb.tree.get("materials", [])
+    number = materials.index(material) if material in materials else glb.add("materials", material)
     indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
-    primitive = {"attributes": attributes, "indices": indices, "material": material}
+    primitive = {"attributes": attributes, "indices": indices, "material": number}
     mesh = glb.add("meshes", {"name": name, "primitives": [primitive]})
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
@@ -245,10 +232,11 @@ def _background(result: Reconstruction) -> _Background:
     return _Background(surface, ((surface.pixels + 0.5) / [width, height]).astype(np.float32), texture)
 
 
-def _add_scene(glb: GlbBuffer, background: _Background, request: ExportRequest, used: list[int]) -> list[int]:
+def _add_scene(glb: GlbBuffer, background: _Background, request: ExportRequest) -> list[int]:
     """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
     if not len(background.surface.faces):
         return []
+    glb.tree["extensionsUsed"] = ["KHR_materials_unlit"]
     glb.tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]
     glb.tree["images"] = [{"bufferView": glb.view(background.jpeg), "mimeType": "image/jpeg", "name": "photo"}]
     glb.tree["textures"] = [{"source": 0, "sampler": 0}]
@@ -257,10 +245,10 @@ def _add_scene(glb: GlbBuffer, background: _Background, request: ExportRequest, 
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "TEXCOORD_0": glb.accessor(background.uv, ARRAY),
     }
-    return [_add_mesh(glb, "scene", attributes, background.surface.faces, _material(used, _SCENE))]
+    return [_add_mesh(glb, "scene", attributes, background.surface.faces, _PHOTO)]
 
 
-def _add_floor(glb: GlbBuffer, request: ExportRequest, used: list[int]) -> list[int]:
+def _add_floor(glb: GlbBuffer, request: ExportRequest) -> list[int]:
     """Add the floor as a square, if there is one, and return the index of its node."""
     square = floor_square(request.result, request.frame)
     if square is None:
@@ -271,7 +259,7 @@ def _add_floor(glb: GlbBuffer, request: ExportRequest, used: list[int]) -> list[
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
     }
-    return [_add_mesh(glb, "floor", attributes, faces, _material(used, _FLOOR))]
+    return [_add_mesh(glb, "floor", attributes, faces, _FLOOR)]
 
 
 def _add_camera(glb: GlbBuffer, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
