@@ -46,7 +46,7 @@ def main() -> int:
             found = [(0, "coefficient", value) for value in numbers_of_data(path)]
         counts.update(kind for _, kind, _ in found)
         if given.list:
-            print("\n".join(f"{path}:{line}: {kind} {value}" for line, kind, value in found), end="\n" * bool(found))
+            print("".join(f"{path}:{line}: {kind} {value}\n" for line, kind, value in found), end="")
     print("; ".join(f"{kind}s {counts[kind]}" for kind in KINDS) + f"; all {counts.total()}; lines of Python {lines}")
     return 0
 

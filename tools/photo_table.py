@@ -75,7 +75,9 @@ def row(path: Path, config: str | None, out: Path | None, model) -> list[str]:
     people = consistency(result, model)
     summary = summarise(result, people)
     failed = sum(bool(person.failed_checks) for person in result.people)
-    notes = [f"{failed} failed a check"] * bool(failed) + [f"{len(result.warnings)} warnings"] * bool(result.warnings)
+    notes = [f"{failed} failed a check"] if failed else []
+    if result.warnings:
+        notes.append(f"{len(result.warnings)} warnings")
     return [
         str(summary.people),
         f"{seconds:.1f}",

@@ -60,7 +60,7 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], left_out: int = 0, command
     """
     from physic_core.pipeline.checks import CHECKS
 
-    notes = [f"{left_out:,} more photos are in the summary table only."] * bool(left_out)
+    notes = [f"{left_out:,} more photos are in the summary table only."] if left_out else []
     if command:
         notes.append(f"Some results have no page in 3D yet. To write them: {command}")
     labels = {spec.name: spec.label for spec in CHECKS.values()}

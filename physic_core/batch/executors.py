@@ -65,9 +65,9 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
 
 
 def _local(settings: ExecutorSettings) -> Executor:
-    given = ["--address"] * (settings.address is not None) + ["--executor-set"] * bool(settings.options)
-    if given:
-        raise ConfigError(f"{given[0]} is for clusters; the executor 'local' uses this machine (see --executor)")
+    if settings.address is not None or settings.options:
+        option = "--executor-set" if settings.address is None else "--address"
+        raise ConfigError(f"{option} is for clusters; the executor 'local' uses this machine (see --executor)")
 
     def run(items: Iterable[PhotoItem], job: BatchJob) -> Generator[dict[str, Any], None, None]:
         count = settings.workers or partial(default_workers, device=job.config.run.device)

@@ -199,8 +199,9 @@ def _photos_below(top: str, skipped: Counter[str]) -> Iterator[Path]:
         skipped.update(links)
         for name in names:
             reason = _OF_RESULTS if DOCUMENT_FILE in names else _reason(name)
-            skipped.update([reason] * bool(reason))
-            if not reason:
+            if reason:
+                skipped[reason] += 1
+            else:
                 yield Path(folder, name)
 
 

@@ -45,7 +45,8 @@ def file_sizes(out: Path, folder: str, saving: Saving) -> str:
         OSError: one of them is missing.
     """
     if saving.level == "summary":
-        names = [PREVIEW_FILE] * saving.preview + [REPORT_FILE] * saving.report
+        pages = {PREVIEW_FILE: saving.preview, REPORT_FILE: saving.report}
+        names = [name for name, wanted in pages.items() if wanted]
     else:
         names = _names(out / folder)
     paths = {name: out / folder / name for name in names}

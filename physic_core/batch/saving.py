@@ -49,8 +49,8 @@ class Saving:
             raise ConfigError(f"--glb needs --save full, compact or numbers (got {self.level})")
 
     def __str__(self) -> str:
-        more = [name for name in ("preview", "glb") if getattr(self, name) and self.level != "full"]
-        return "+".join([self.level, *more, *["report"] * self.report])
+        parts = ("report",) if self.level == "full" else ("preview", "glb", "report")
+        return "+".join([self.level, *(name for name in parts if getattr(self, name))])
 
     @property
     def can_be_loaded(self) -> bool:

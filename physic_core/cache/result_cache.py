@@ -177,7 +177,8 @@ class ResultCache:
             else:
                 cure = "name another folder in PHYSIC_CACHE, or switch it off"
                 note = f"answers of backends cannot be kept: {error}; {cure}"
-            self.notes += [note] * (note not in self.notes)
+            if note not in self.notes:
+                self.notes.append(note)
 
     def trim(self) -> None:
         """Delete the least recently used files beyond the size limit, and release the inputs of this run."""

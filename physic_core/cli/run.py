@@ -309,7 +309,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
             pass  # the check of the folder reports the error
         if folder != first:
             echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
-        return folder, [folder] * made
+        return folder, [folder] if made else []
     raise AssertionError
 
 

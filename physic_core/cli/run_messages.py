@@ -41,8 +41,11 @@ def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:
 def print_messages(messages: Sequence[tuple[str, str]], verbose: bool) -> None:
     """Print one line about the networks to stderr, or with ``verbose`` all messages."""
     runtimes = ", ".join(dict.fromkeys(runtime for runtime, _ in messages if runtime))
-    for line in [text for _, text in messages] if verbose else [f"networks: {runtimes}"] * bool(runtimes):
-        echo(line, err=True)
+    if verbose:
+        for _, text in messages:
+            echo(text, err=True)
+    elif runtimes:
+        echo(f"networks: {runtimes}", err=True)
 
 
 @contextmanager

@@ -162,6 +162,5 @@ def summarize_checks(checks: Sequence[CheckResult]) -> str:
     if not checks:
         return "no checks were run"
     count = Counter(check.state for check in checks)
-    parts = [f"{count[CheckState.FAILED]} failed"] * bool(count[CheckState.FAILED])
-    parts += [f"{count[CheckState.UNKNOWN]} not measured"] * bool(count[CheckState.UNKNOWN])
-    return ", ".join([*parts, f"{count[CheckState.OK]} ok"])
+    words = ((CheckState.FAILED, "failed"), (CheckState.UNKNOWN, "not measured"), (CheckState.OK, "ok"))
+    return ", ".join(f"{count[state]} {word}" for state, word in words if count[state] or state is CheckState.OK)

@@ -46,7 +46,7 @@ def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
     rows = [_cells(reconstruction, index, rooms[4], rooms[5]) for index in people]
     heights = [max(tall, _LINE * max(map(len, row))) + _PAD for row in rows]
     left_out = len(reconstruction.people) - len(people)
-    table = Image.new("RGB", (width, _HEAD + sum(heights) + _LINE * bool(left_out)), PAGE_RGB)
+    table = Image.new("RGB", (width, _HEAD + sum(heights) + (_LINE if left_out else 0)), PAGE_RGB)
     pen = ImageDraw.Draw(table)
     for name, x in zip(names, columns, strict=True):
         draw_text(pen, (x, 2), name, _TEXT, SOFT_RGB)
@@ -80,13 +80,18 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
     distance = float(np.linalg.norm(person.joints[0]))
     likely = "; ".join(str(contact) for contact in person.contacts if contact.likely)
     possible = "; ".join(str(contact) for contact in person.contacts if not contact.likely)
-    touches = [(likely, INK_RGB)] * bool(likely) + [(f"possible: {possible}", SOFT_RGB)] * bool(possible)
+    touches: list[Line] = []
+    if likely:
+        touches.append((likely, INK_RGB))
+    if possible:
+        touches.append((f"possible: {possible}", SOFT_RGB))
     if not touches:  # results of earlier versions have no contacts by part
         touches = [(f"{np.sum(person.contact)} of {len(person.contact)} vertices", SOFT_RGB)]
     checks = [check for check in reconstruction.checks if check.person == index]
     why = [(str(check), ALERT_RGB) for check in checks if check.failed]
     unknown = "; ".join(check.title for check in checks if not check.failed and not check.ok)
-    why += [(f"not measured: {unknown}", SOFT_RGB)] * bool(unknown)
+    if unknown:
+        why.append((f"not measured: {unknown}", SOFT_RGB))
     return [
         [(person.grade or "none", INK_RGB if person.grade is None else _GRADE_RGB[person.grade])],
         [(f"{distance:.2f} m" if np.isfinite(distance) else "unknown", INK_RGB)],
