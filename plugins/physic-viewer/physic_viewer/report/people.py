@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyContact, Person, Reconstruction
 
-__all__ = ["body_of", "people_records"]
+__all__ = ["PersonRecord", "body_of", "people_records"]
 
 _MAX_COMPARED = 120_000  # vertices of all people between which gaps are measured; of a crowd, every n-th
 _PELVIS = 0
@@ -38,55 +39,93 @@ def body_of(reconstruction: Reconstruction) -> BodyModel | None:
     return model if model.name == reconstruction.body_model else None
 
 
-def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
-    """Return the numbers of each person, ready for JSON; a number that is not known is None.
+@dataclass(frozen=True)
+class PersonRecord:
+    """Numbers of one person, ready for JSON; a number that is not known is None.
 
-    Keys: ``grade``, ``score``, ``box`` px, ``color`` and ``tint`` (of the body) sRGB, ``posed``, ``stature`` m,
-    ``camera`` (distance of the pelvis from it, m), ``pelvis`` (3,) camera frame, ``pelvis_height`` and ``lowest``
-    (heights over the floor, m), ``others`` (``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of
-    the surfaces, m), ``contact_vertices``, ``vertices``, ``contacts`` (``part``, ``partner``, ``color`` sRGB,
-    ``probability``, ``likely``), and ``contact`` (``part``, ``cm2``, ``share``, ``colors``) by body part, where
-    ``colors`` divides the share by what is touched (``color`` sRGB, ``share``). ``support`` is a sentence on what
-    carries the person.
+    Attributes:
+        grade: of :class:`physic_core.types.Grade`, or None.
+        score: of the detection, in [0, 1].
+        box: x0 y0 x1 y1 px.
+        color: of the person's number, sRGB.
+        tint: of the body, sRGB.
+        posed: whether there is a finite body; without one, the distances are None.
+        contact_vertices: number of vertices in contact.
+        vertices: number of vertices.
+        contacts: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely`` of each contact.
+        support: sentence on what carries the person.
+        stature: metres.
+        camera: distance of the pelvis from the camera, metres.
+        pelvis: (3,) metres, camera frame.
+        pelvis_height: over the floor, metres.
+        lowest: height of the lowest vertex over the floor, metres.
+        others: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the surfaces, metres.
+        contact: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors`` divides the share by what is
+            touched (``color`` sRGB, ``share``).
     """
+
+    grade: str | None
+    score: float
+    box: list[float]
+    color: list[int]
+    tint: list[int]
+    posed: bool
+    contact_vertices: int
+    vertices: int
+    contacts: list[dict[str, Any]]
+    support: str | None
+    stature: float | None = None
+    camera: float | None = None
+    pelvis: list[float] | None = None
+    pelvis_height: float | None = None
+    lowest: float | None = None
+    others: list[dict[str, Any]] = field(default_factory=list)
+    contact: list[dict[str, Any]] | None = None
+
+
+def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
+    """Return the numbers of each person, with the keys of :class:`PersonRecord`."""
     model = body_of(reconstruction) if any(is_posed(person) for person in reconstruction.people) else None
     gaps = _gaps(reconstruction)
-    return [_record(reconstruction, index, model, gaps) for index in range(len(reconstruction.people))]
+    records = []
+    for index, person in enumerate(reconstruction.people):
+        record = _record(person, index)
+        if record.posed:
+            record = _with_distances(record, reconstruction, index, gaps)
+            if model is not None and model.num_vertices == len(person.vertices):
+                contact = _contact_by_part(reconstruction, person, model)
+                record = replace(record, stature=_stature(person, model), contact=contact)
+        records.append(asdict(record))
+    return records
 
 
-def _record(
-    reconstruction: Reconstruction, index: int, model: BodyModel | None, gaps: dict[tuple[int, int], float]
-) -> dict[str, Any]:
+def _record(person: Person, index: int) -> PersonRecord:
+    return PersonRecord(
+        grade=None if person.grade is None else str(person.grade),
+        score=float(person.score),
+        box=[float(edge) for edge in person.box],
+        color=list(person_color(index)),
+        tint=list(person_tint(index)),
+        posed=is_posed(person),
+        contact_vertices=int(np.sum(person.contact)),
+        vertices=len(person.vertices),
+        contacts=[_contact(contact) for contact in person.contacts],
+        support=None if person.support is None else str(person.support),
+    )
+
+
+def _with_distances(
+    record: PersonRecord, reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
+) -> PersonRecord:
     person = reconstruction.people[index]
-    record = {
-        "grade": None if person.grade is None else str(person.grade),
-        "score": float(person.score),
-        "box": [float(edge) for edge in person.box],
-        "color": list(person_color(index)),
-        "tint": list(person_tint(index)),
-        "posed": is_posed(person),
-        "contact_vertices": int(np.sum(person.contact)),
-        "vertices": len(person.vertices),
-        "contacts": [_contact(contact) for contact in person.contacts],
-        "support": None if person.support is None else str(person.support),
-    }
-    if not is_posed(person):
-        unknown = ("stature", "camera", "pelvis", "pelvis_height", "lowest", "contact")
-        return record | dict.fromkeys(unknown) | {"others": []}
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    fits = model is not None and model.num_vertices == len(person.vertices)
-    return record | {
-        "stature": _stature(person, model) if fits and model is not None else None,
-        "camera": float(np.linalg.norm(pelvis)),
-        "pelvis": pelvis.tolist(),
-        **_heights(reconstruction, person),
-        "others": [
-            {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
-            for (first, other), gap in gaps.items()
-            if first == index
-        ],
-        "contact": _contact_by_part(reconstruction, person, model) if fits and model is not None else None,
-    }
+    others = [
+        {"person": other, "pelvis": _pelvis_distance(reconstruction, index, other), "gap": gap}
+        for (first, other), gap in gaps.items()
+        if first == index
+    ]
+    camera = float(np.linalg.norm(pelvis))
+    return replace(record, camera=camera, pelvis=pelvis.tolist(), others=others, **_heights(reconstruction, person))
 
 
 def _contact(contact: BodyContact) -> dict[str, Any]:
@@ -109,7 +148,7 @@ def _stature(person: Person, model: BodyModel) -> float | None:
     return float(model.stature(betas))
 
 
-def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, float | None]:
+def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
     """Return the heights of pelvis and lowest vertex over the floor, metres."""
     floor = reconstruction.scene.floor
     if floor is None:
