@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, ABCMeta, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -99,6 +99,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     hints: ClassVar[tuple[str, ...]] = ()
     Options: ClassVar[type[Options]] = Options
     cacheable: ClassVar[bool] = True
+    infer: Callable[..., Any]  # each interface has arguments of its own
 
     def __init__(self, options: BaseModel | None = None, **_: Any) -> None:  # keywords become ``options`` before
         self.options = self.Options() if options is None else options
@@ -184,6 +185,5 @@ def call(backend: Backend, request: Request[Any]) -> object:
         InputError: the image of the request is invalid; the backend is not called.
     """
     require_image(request.image)
-    infer: Any = getattr(backend, "infer")  # noqa: B009 -- each interface has arguments of its own
-    result: object = infer(*request.arguments)
+    result: object = backend.infer(*request.arguments)
     return result

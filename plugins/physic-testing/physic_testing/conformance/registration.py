@@ -77,7 +77,7 @@ def check_target_is_a_concrete_class(subject: BackendUnderTest) -> None:
 
 def check_infer_has_the_right_signature(subject: BackendUnderTest) -> None:
     """`infer` has the parameters of its interface, in the same order."""
-    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)  # type: ignore[attr-defined]
+    wanted = list(inspect.signature(INTERFACES[subject.interface].infer).parameters)
     fault = signature_problem(subject.kind, subject.interface)
     expect(not fault, f"infer({', '.join(wanted)})", fault)
 
