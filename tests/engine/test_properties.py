@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.distances import plane_height, root_relative, signed_distance
-from physic_core.engine.joint.terms.contact import contact_energy
-from physic_core.engine.joint.terms.depth import depth_energy
 from physic_core.engine.joint.terms.limits import limit_energy
-from physic_core.engine.joint.terms.penetration import penetration_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
 from physic_core.engine.joint.terms.soles import sole_energy
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
+
+from .reference_energies import contact_energy, depth_energy, penetration_energy
 
 RHO = partial(cauchy, c=2.0)
 SEEDS = st.integers(0, 2**31 - 1)

@@ -8,11 +8,12 @@ import pytest
 import torch
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surface_energies
-from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
+from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.terms.surface_energies import surface_energies
 from physic_core.engine.presets import PRESETS
 
 from .adjusted import adjusted, with_options
+from .reference_energies import reference_surface_energies
 
 DEFAULT = PRESETS["default"].joint
 SETTINGS = {
@@ -61,7 +62,7 @@ def assert_alike(energy: JointEnergy) -> dict[str, torch.Tensor]:
     """Fused and reference energies have the same values and gradients; the fused ones."""
     somewhere(energy)
     surface = surface_of(energy)
-    assert surface.energies is fused_surface_energies
+    assert surface.energies is surface_energies
     fused = energy()
     surface.energies = reference_surface_energies
     reference = energy()

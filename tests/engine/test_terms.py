@@ -16,10 +16,7 @@ from physic_core.engine.joint.distances import hinge_angles, lowest_height, plan
 from physic_core.engine.joint.settings import AdamSettings
 from physic_core.engine.joint.terms.balance import balance_energy
 from physic_core.engine.joint.terms.chamfer import chamfer_energy
-from physic_core.engine.joint.terms.contact import contact_energy
-from physic_core.engine.joint.terms.depth import depth_energy
 from physic_core.engine.joint.terms.limits import limit_energy
-from physic_core.engine.joint.terms.penetration import penetration_energy
 from physic_core.engine.joint.terms.point_penetration import point_penetration_energy
 from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
@@ -28,6 +25,8 @@ from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.presets.paper import CONTACT_RANGE_M
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust_loss
+
+from .reference_energies import contact_energy, depth_energy, penetration_energy
 
 RHO = partial(cauchy, c=2.0)
 

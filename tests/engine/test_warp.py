@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.local_depth_scale import log_local_scale, warp_share
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.terms.surface import SurfaceTerms, reference_surface_energies
-from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
+from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.terms.surface_energies import surface_energies
 from physic_core.engine.presets import PRESETS
 
 from .adjusted import adjusted, term_of
+from .reference_energies import reference_surface_energies
 
 SETTINGS = PRESETS["default"].joint
 STIFF = adjusted(SETTINGS, scene_scale__local_sigma=0.0)
@@ -158,7 +159,7 @@ def sitter(make_stage, places=((0.0, 0.0, 3.0),)):
     return stage, (OFFSET - points[:, 1] > 0.02) & (points[:, 2] < 7.9)
 
 
-@pytest.mark.parametrize("energies", [fused_surface_energies, reference_surface_energies])
+@pytest.mark.parametrize("energies", [surface_energies, reference_surface_energies])
 def test_gradient_of_contact_and_penetration_by_the_warp(make_stage, energies):
     stage, _ = sitter(make_stage, [(-0.6, 0.0, 3.0), (0.6, 0.0, 3.2)])
     double = {

@@ -35,7 +35,6 @@ from physic_core.engine.joint.terms.seat import SeatTerm
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
-from physic_core.engine.joint.terms.surface_fused import fused_surface_energies
 
 __all__ = ["DefaultOptimisation"]
 
@@ -154,7 +153,7 @@ class DefaultOptimisation(JointSettings):
         return [
             ReprojectionTerm(context, keypoints.weight, context.person_px[:, None] * keypoints.sigma, keypoints.rho()),
             seat,
-            SurfaceTerms(context, state, surface, fused_surface_energies, seat),
+            SurfaceTerms(context, state, surface, seat),
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
             LegSymmetryTerm(self.symmetry, context),

@@ -11,9 +11,9 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import RobustLoss, Snapshot
+from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["ContactSettings", "ContactTerm", "contact_energy"]
+__all__ = ["ContactSettings", "ContactTerm"]
 
 
 @dataclass(frozen=True)
@@ -46,19 +46,10 @@ class ContactSettings:
     people_weight: NotNegative = 0.8
 
 
-def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
-    """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
-
-    Args:
-        squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
-        weight: (B, V): weights of contact vertices near a surface; 0 for the others.
-        rho: robust loss; a redescending one ignores far contacts.
-    """
-    return (weight * rho(squared)).sum(-1)
-
-
 class ContactTerm:
     """Contact term: Eq. 6 for contact vertices near scene or floor that face the nearer of these two surfaces.
+
+    ``sum_v w_v rho(d_v^2 / sigma^2)``, with signed distance d_v; a redescending rho ignores far contacts.
 
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.

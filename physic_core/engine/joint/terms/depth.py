@@ -11,12 +11,12 @@ from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.state import State
-from physic_core.engine.joint.term import RobustLoss, Snapshot
+from physic_core.engine.joint.term import Snapshot
 from physic_core.engine.joint.visibility import person_masks, sample_mask_neighbours
 from physic_core.errors import PhysicError
 from physic_core.geometry.visibility import inside_image
 
-__all__ = ["MIN_DEPTH_M", "DepthSettings", "DepthTerm", "depth_energy", "depth_offset_sigmas"]
+__all__ = ["MIN_DEPTH_M", "DepthSettings", "DepthTerm", "depth_offset_sigmas"]
 
 MIN_DEPTH_M = 0.01
 """Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""
@@ -44,28 +44,11 @@ class DepthSettings:
     offset_alone_sigma: NotNegative = 0.03
 
 
-def depth_energy(
-    z: Tensor, log_map_depth: Tensor, weight: Tensor, log_scale: Tensor, offset: Tensor, sigma: float, rho: RobustLoss
-) -> Tensor:
-    """Return L_d (Eq. 4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, (B,).
-
-    The mean does not depend on the resolution. It is 0 for a person without vertices.
-
-    Args:
-        z: (B, V) depth of the vertices, metres.
-        log_map_depth: (B, V) logarithm of the depth map at their pixels, finite.
-        weight: (B, V), 0 for vertices without a depth.
-        log_scale: () of the scene; the depth map scales with it.
-        offset: (B,) log of the ratio between the depth map at the person and the scene's depth.
-        sigma: expected difference between the logarithms.
-    """
-    residual = (z.clamp(min=MIN_DEPTH_M).log() - log_map_depth - log_scale - offset[:, None]) / sigma
-    total = (weight * rho(residual.square())).sum(-1)
-    return total / weight.sum(-1).clamp(min=1e-9)
-
-
 class DepthTerm:
     """Depth term: Eq. 4 with log depth, between each visible vertex and the depth map at its projection.
+
+    ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, with scale s of the scene and depth offset o of the person.
+    The mean does not depend on the resolution.
 
     Args:
         state: free parameters; people with a free offset have a smaller weight.

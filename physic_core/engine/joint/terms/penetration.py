@@ -10,9 +10,9 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
-from physic_core.engine.joint.term import RobustLoss, Snapshot
+from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["PenetrationSettings", "PenetrationTerm", "penetration_energy"]
+__all__ = ["PenetrationSettings", "PenetrationTerm"]
 
 
 @dataclass(frozen=True)
@@ -38,21 +38,11 @@ class PenetrationSettings:
     people_weight: NotNegative = 3.0
 
 
-def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss) -> Tensor:
-    """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
-
-    Args:
-        signed: (B, V) metres, negative inside.
-        weight: (B, V), 0 for vertices that are left out.
-        slack: depth without a penalty, metres.
-        sigma: expected error of the surface, metres.
-    """
-    depth = torch.relu(-signed - slack) / sigma
-    return (weight * rho(depth.square())).sum(-1)
-
-
 class PenetrationTerm:
-    """Penetration term: Eq. 7 for visible vertices near the scene and not in free space."""
+    """Penetration term: Eq. 7 for visible vertices near the scene and not in free space.
+
+    ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``, with signed distance d_v.
+    """
 
     def __init__(self, settings: PenetrationSettings, context: JointContext, *, occlusion_aware: bool) -> None:
         self.settings, self._context, self._occlusion_aware = settings, context, occlusion_aware

@@ -1,140 +1,29 @@
 """Surface terms, evaluated together: depth, contact, penetration, floor, soles and mesh.
 
-They share the distances to scene and floor. :func:`reference_surface_energies` adds up the equations of the terms.
-:func:`physic_core.engine.joint.terms.surface_fused.fused_surface_energies` computes equal values and gradients in one
-node of the graph. A preset selects the function ("default" the fused one); tests compare the two.
-
-Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
+They share the distances to scene and floor, and are one node of the graph
+(:mod:`physic_core.engine.joint.terms.surface_energies`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.distances import lowest_height, plane_height, root_relative
-from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.contact import ContactTerm, contact_energy
-from physic_core.engine.joint.terms.depth import DepthTerm, depth_energy
+from physic_core.engine.joint.terms.contact import ContactTerm
+from physic_core.engine.joint.terms.depth import DepthTerm
 from physic_core.engine.joint.terms.floor import FloorTerm
-from physic_core.engine.joint.terms.penetration import PenetrationTerm, penetration_energy
-from physic_core.engine.joint.terms.regularisation import RegularisationTerm, mesh_energy
+from physic_core.engine.joint.terms.penetration import PenetrationTerm
+from physic_core.engine.joint.terms.regularisation import RegularisationTerm
 from physic_core.engine.joint.terms.seat import SeatTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
+from physic_core.engine.joint.terms.surface_energies import SURFACE_ENERGIES, SurfaceInputs, surface_energies
 
-__all__ = [
-    "SURFACE_ENERGIES",
-    "SurfaceFunction",
-    "SurfaceInputs",
-    "SurfaceTermGroup",
-    "SurfaceTerms",
-    "reference_surface_energies",
-]
-
-SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
-
-
-@dataclass(frozen=True)
-class SurfaceInputs:
-    """Inputs of the surface terms for B people and n subsampled vertices, constant between two refreshes.
-
-    Attributes:
-        depth: robust sum over differences of log depth; None if the term is off, as in the next three.
-        contact: robust sum over distances to the touched surface.
-        penetration: robust sum over depths inside the scene beyond the slack.
-        floor: robust sum over depths below the floor.
-        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
-        log_map_depth: (B, n) logarithm of the depth map at the vertices.
-        on_scene: (B, n) bool, contact is with the scene; else with the floor.
-        penetration_slack: metres.
-        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
-        relative: (B, 3, n) at the start in the root's frame, metres.
-        normals: (B, 3, n) of the nearest scene points; None without a scene.
-        plane_distance: (B, n) from the camera to the planes through those points, unscaled.
-        warp_share: (B, n) share of the person's warp that applies to those points; None if warps are frozen.
-        floor_normal: (3,) unit; None without a floor.
-        floor_offset: of the floor, metres, unscaled.
-        last_scale: of the scene, at the last refresh.
-        soles: rows of the left and the right sole's vertices.
-    """
-
-    depth: RobustSum | None
-    contact: RobustSum | None
-    penetration: RobustSum | None
-    floor: RobustSum | None
-    mesh_weight: Tensor
-    log_map_depth: Tensor
-    on_scene: Tensor
-    penetration_slack: float
-    eligible: Tensor
-    relative: Tensor
-    normals: Tensor | None
-    plane_distance: Tensor
-    warp_share: Tensor | None
-    floor_normal: Tensor | None
-    floor_offset: float
-    last_scale: float
-    soles: tuple[Tensor, Tensor]
-
-
-SurfaceFunction = Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
-"""Signature of :func:`reference_surface_energies`."""
-
-
-def reference_surface_energies(
-    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Compute the weighted energy of each surface term directly from the term's equation.
-
-    Args:
-        data: inputs since the last refresh.
-        vertices: (B, n, 3) metres.
-        pelvis: (B, 3) metres.
-        root: (B, 3, 3) rotation of the root.
-        log_scale: () of the scene.
-        offset: (B,) logarithm of the depth offset of each person.
-        warp: (B,) log of the local depth scale near each person.
-
-    Returns:
-        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
-        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
-    """
-    scale = log_scale.exp()
-    zero = torch.zeros_like(offset)
-    energies = dict.fromkeys(SURFACE_ENERGIES, zero)
-    signed = height = torch.zeros_like(data.plane_distance)
-    if data.normals is not None:
-        factor = 1.0 if data.warp_share is None else torch.exp(warp[:, None] * data.warp_share)
-        signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * data.plane_distance
-    if data.floor_normal is not None:
-        height = plane_height(vertices, data.floor_normal, data.floor_offset * scale) / scale
-    if data.depth is not None:
-        s = data.depth
-        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale, offset, s.sigma, s.rho)
-        energies["depth"] = s.weight.sum(1) * mean
-    if data.contact is not None:
-        s = data.contact
-        distance = torch.where(data.on_scene, signed, height)
-        energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
-    if data.penetration is not None:
-        s = data.penetration
-        energies["penetration"] = penetration_energy(signed, s.weight, data.penetration_slack, s.sigma, s.rho)
-    if data.floor is not None:
-        s = data.floor
-        # Invisible legs give the scale no gradient: they use the scale at the last refresh.
-        invisible = (height * scale + data.floor_offset * (data.last_scale - scale)) / scale.detach()
-        above = torch.where(data.eligible, height, invisible)
-        energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
-    relative = root_relative(vertices, pelvis, root)
-    energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
-    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles]
-    return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
+__all__ = ["SurfaceTermGroup", "SurfaceTerms"]
 
 
 @dataclass(frozen=True)
@@ -158,22 +47,18 @@ class SurfaceTerms(Term):
     """Depth, contact, penetration, floor, soles and regularisation as one term.
 
     Args:
-        energies: the reference function or the fused one.
         seat: refreshed before this term; the depth map of people with a seat moves with their local depth scale.
 
     Attributes:
         surface: inputs since the last refresh.
+        energies: function of the energies.
     """
 
     def __init__(
-        self,
-        context: JointContext,
-        state: State,
-        parts: SurfaceTermGroup,
-        energies: SurfaceFunction,
-        seat: SeatTerm | None = None,
+        self, context: JointContext, state: State, parts: SurfaceTermGroup, seat: SeatTerm | None = None
     ) -> None:
-        self.context, self.parts, self.energies, self.seat = context, parts, energies, seat
+        self.context, self.parts, self.seat = context, parts, seat
+        self.energies = surface_energies
         self._warp_is_free = "warp" in state.free
         self.surface: SurfaceInputs
 

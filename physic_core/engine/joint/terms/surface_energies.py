@@ -2,10 +2,13 @@
 
 The arrays are small: the overhead of autograd for a hundred operations exceeds their cost, a quarter of stage 3.
 Arrays are (B, 3, n), since reductions over a last axis of three are slow.
+
+Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -13,18 +16,74 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from physic_core.engine.joint.distances import lowest_indices
+from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
-from physic_core.engine.joint.terms.surface import SURFACE_ENERGIES, SurfaceInputs
 
-__all__ = ["fused_surface_energies"]
+__all__ = ["SURFACE_ENERGIES", "SurfaceInputs", "surface_energies"]
+
+SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 
-def fused_surface_energies(
+@dataclass(frozen=True)
+class SurfaceInputs:
+    """Inputs of the surface terms for B people and n subsampled vertices, constant between two refreshes.
+
+    Attributes:
+        depth: robust sum over differences of log depth; None if the term is off, as in the next three.
+        contact: robust sum over distances to the touched surface.
+        penetration: robust sum over depths inside the scene beyond the slack.
+        floor: robust sum over depths below the floor.
+        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
+        log_map_depth: (B, n) logarithm of the depth map at the vertices.
+        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        penetration_slack: metres.
+        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
+        relative: (B, 3, n) at the start in the root's frame, metres.
+        normals: (B, 3, n) of the nearest scene points; None without a scene.
+        plane_distance: (B, n) from the camera to the planes through those points, unscaled.
+        warp_share: (B, n) share of the person's warp that applies to those points; None if warps are frozen.
+        floor_normal: (3,) unit; None without a floor.
+        floor_offset: of the floor, metres, unscaled.
+        last_scale: of the scene, at the last refresh.
+        soles: rows of the left and the right sole's vertices.
+    """
+
+    depth: RobustSum | None
+    contact: RobustSum | None
+    penetration: RobustSum | None
+    floor: RobustSum | None
+    mesh_weight: Tensor
+    log_map_depth: Tensor
+    on_scene: Tensor
+    penetration_slack: float
+    eligible: Tensor
+    relative: Tensor
+    normals: Tensor | None
+    plane_distance: Tensor
+    warp_share: Tensor | None
+    floor_normal: Tensor | None
+    floor_offset: float
+    last_scale: float
+    soles: tuple[Tensor, Tensor]
+
+
+def surface_energies(
     data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Return the energies of :func:`~physic_core.engine.joint.terms.surface.reference_surface_energies`, faster.
+    """Return the weighted energy of each surface term, by the equation of its class; differentiable once.
 
-    The result is differentiable once.
+    Args:
+        data: inputs since the last refresh.
+        vertices: (B, n, 3) metres.
+        pelvis: (B, 3) metres.
+        root: (B, 3, 3) rotation of the root.
+        log_scale: () of the scene.
+        offset: (B,) logarithm of the depth offset of each person.
+        warp: (B,) log of the local depth scale near each person.
+
+    Returns:
+        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
+        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
     """
     energies, lowest = _Fused.apply(  # type: ignore[no-untyped-call]
         data, vertices, pelvis, root, log_scale, offset, warp
@@ -33,7 +92,7 @@ def fused_surface_energies(
 
 
 class _Fused(torch.autograd.Function):
-    """Autograd function of :func:`fused_surface_energies`."""
+    """Autograd function of :func:`surface_energies`."""
 
     @staticmethod
     def forward(

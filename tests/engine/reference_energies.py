@@ -1,0 +1,92 @@
+"""Surface energies by the equations of the terms, one operation after another: the slow twin of the fused ones."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.distances import lowest_height, plane_height, root_relative
+from physic_core.engine.joint.term import RobustLoss
+from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
+from physic_core.engine.joint.terms.regularisation import mesh_energy
+from physic_core.engine.joint.terms.surface_energies import SURFACE_ENERGIES, SurfaceInputs
+
+
+def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
+    """Return L_c (Eq. 6) of each person (B,): ``sum_v w_v rho(d_v^2)``, on either side of the surface.
+
+    Args:
+        squared: (B, V) squared distance to the scene or the floor, in units of its expected error.
+        weight: (B, V): weights of contact vertices near a surface; 0 for the others.
+        rho: robust loss; a redescending one ignores far contacts.
+    """
+    return (weight * rho(squared)).sum(-1)
+
+
+def depth_energy(
+    z: Tensor, log_map_depth: Tensor, weight: Tensor, log_scale: Tensor, offset: Tensor, sigma: float, rho: RobustLoss
+) -> Tensor:
+    """Return L_d (Eq. 4) per pixel and person: ``mean_v rho((log z_v - log(s d_v) - o)^2 / sigma^2)``, (B,).
+
+    The mean does not depend on the resolution. It is 0 for a person without vertices.
+
+    Args:
+        z: (B, V) depth of the vertices, metres.
+        log_map_depth: (B, V) logarithm of the depth map at their pixels, finite.
+        weight: (B, V), 0 for vertices without a depth.
+        log_scale: () of the scene; the depth map scales with it.
+        offset: (B,) log of the ratio between the depth map at the person and the scene's depth.
+        sigma: expected difference between the logarithms.
+    """
+    residual = (z.clamp(min=MIN_DEPTH_M).log() - log_map_depth - log_scale - offset[:, None]) / sigma
+    total = (weight * rho(residual.square())).sum(-1)
+    return total / weight.sum(-1).clamp(min=1e-9)
+
+
+def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: float, rho: RobustLoss) -> Tensor:
+    """Return L_i (Eq. 7) by signed distance, (B,): ``sum_v w_v rho(max(0, -d_v - slack)^2 / sigma^2)``.
+
+    Args:
+        signed: (B, V) metres, negative inside.
+        weight: (B, V), 0 for vertices that are left out.
+        slack: depth without a penalty, metres.
+        sigma: expected error of the surface, metres.
+    """
+    depth = torch.relu(-signed - slack) / sigma
+    return (weight * rho(depth.square())).sum(-1)
+
+
+def reference_surface_energies(
+    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Arguments and result as of ``surface_energies``."""
+    scale = log_scale.exp()
+    zero = torch.zeros_like(offset)
+    energies = dict.fromkeys(SURFACE_ENERGIES, zero)
+    signed = height = torch.zeros_like(data.plane_distance)
+    if data.normals is not None:
+        factor = 1.0 if data.warp_share is None else torch.exp(warp[:, None] * data.warp_share)
+        signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * data.plane_distance
+    if data.floor_normal is not None:
+        height = plane_height(vertices, data.floor_normal, data.floor_offset * scale) / scale
+    if data.depth is not None:
+        s = data.depth
+        mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale, offset, s.sigma, s.rho)
+        energies["depth"] = s.weight.sum(1) * mean
+    if data.contact is not None:
+        s = data.contact
+        distance = torch.where(data.on_scene, signed, height)
+        energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
+    if data.penetration is not None:
+        s = data.penetration
+        energies["penetration"] = penetration_energy(signed, s.weight, data.penetration_slack, s.sigma, s.rho)
+    if data.floor is not None:
+        s = data.floor
+        # Invisible legs give the scale no gradient: they use the scale at the last refresh.
+        invisible = (height * scale + data.floor_offset * (data.last_scale - scale)) / scale.detach()
+        above = torch.where(data.eligible, height, invisible)
+        energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
+    relative = root_relative(vertices, pelvis, root)
+    energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
+    lowest = [lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles]
+    return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
