@@ -80,12 +80,6 @@ class JointEnergy:
         links = torch.cat([term.links for term in found])
         return connected_groups(links, len(self.problem)).to(links.device)
 
-    def add_arm_terms(self) -> bool:
-        """Add the terms of the settings that move arms alone and are positive; return whether there are any."""
-        with torch.no_grad():
-            joints = self._posed_bodies().joints
-        return bool(self._add_positive(self._settings.arm_terms(self.context, joints)))
-
     @torch.no_grad()
     def _add_positive(self, terms: Sequence[Term]) -> list[Term]:
         """Add the terms that are positive at this state, and return them."""

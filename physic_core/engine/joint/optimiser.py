@@ -19,7 +19,7 @@ from torch import Tensor
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, term_totals, total_energy
 from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
 
-__all__ = ["MinimisationResult", "join_results", "minimise", "minimise_some"]
+__all__ = ["MinimisationResult", "join_results", "minimise"]
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
@@ -76,17 +76,6 @@ def minimise(
     return result
 
 
-def minimise_some(energy: Energy, settings: LbfgsSettings, free: Tensor) -> MinimisationResult:
-    """Minimise an energy by some parameters of its state, and keep the others.
-
-    Args:
-        energy: refreshed, and finite at its present state.
-        settings: of L-BFGS.
-        free: (n,) bool, the parameters of the packed state that change.
-    """
-    return _minimise_once(energy, settings, None, None, free)
-
-
 @torch.no_grad()
 def join_results(
     energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
@@ -110,7 +99,6 @@ def _minimise_once(
     settings: LbfgsSettings | AdamSettings,
     progress: Callable[[float], None] | None,
     groups: Tensor | None,
-    free: Tensor | None = None,
 ) -> MinimisationResult:
     """Take all steps of the settings, then revert the people whose energy has increased."""
     state = energy.state
@@ -126,7 +114,7 @@ def _minimise_once(
         if isinstance(settings, AdamSettings):
             block = _adam_block(energy, settings, steps, memory)
         else:
-            block = _lbfgs_block(energy, settings, steps, memory, free)
+            block = _lbfgs_block(energy, settings, steps, memory)
         totals.append(block.before)
         evaluations += block.evaluations
         taken += block.steps
@@ -164,13 +152,8 @@ class _OptimiserMemory:
         self.adam: torch.optim.Adam | None = None
 
 
-def _lbfgs_block(
-    energy: Energy, settings: LbfgsSettings, steps: int, memory: _OptimiserMemory, free: Tensor | None
-) -> _Block:
-    """Take L-BFGS steps between two refreshes; the history is kept, since the next energy is nearly equal.
-
-    Parameters that are not ``free`` (n,) bool are kept; None frees all.
-    """
+def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: _OptimiserMemory) -> _Block:
+    """Take L-BFGS steps between two refreshes; the history is kept, since the next energy is nearly equal."""
     state = energy.state
     parameters = state.parameters()
     history = memory.history
@@ -184,8 +167,6 @@ def _lbfgs_block(
         gradients = torch.autograd.grad(total, parameters, allow_unused=True)
         flat = [torch.zeros_like(p) if g is None else g for p, g in zip(parameters, gradients, strict=True)]
         gradient = torch.cat([g.reshape(-1) for g in flat])
-        if free is not None:
-            gradient = torch.where(free, gradient, 0.0)
         value, checksum = torch.stack([total.detach(), gradient.sum()]).tolist()  # one synchronisation with the device
         return (value if math.isfinite(value) and math.isfinite(checksum) else math.inf), gradient
 

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.acceptance import finite_energy_per_person, select_lowest_energy, term_totals
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import MinimisationResult, join_results, minimise, minimise_some
+from physic_core.engine.joint.optimiser import MinimisationResult, join_results, minimise
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
 
 __all__ = ["RESTART_ERROR", "RESTART_OFFSETS", "minimise_with_restarts", "select_start_poses"]
@@ -21,9 +21,6 @@ RESTART_ERROR = 0.04
 
 _LATE_TOLERANCE = 1e-3
 """Tolerance of the steps with late terms, which are a small share of an energy that has converged."""
-
-_OF_ARMS = LbfgsSettings(steps=30, refresh_steps=20, tolerance=_LATE_TOLERANCE)
-"""Steps of terms that move arms alone, from a converged state."""
 
 _SCENE_TERMS = ("contact", "penetration", "seat", "floor", "soles")
 
@@ -42,7 +39,6 @@ def minimise_with_restarts(
     """Minimise the joint energy from its present state, in place, with restarts for people with large errors.
 
     Late terms are added at the end, since they would keep apart people whose start is on the wrong side of each other.
-    Terms of arms come last and move arms alone: the place of a person does not follow from a hand on the own body.
 
     Args:
         energy: refreshed, and finite at its present state.
@@ -56,8 +52,6 @@ def minimise_with_restarts(
         if isinstance(late, LbfgsSettings):
             late = replace(late, tolerance=min(late.tolerance, _LATE_TOLERANCE))
         result = join_results(energy, origin, result, minimise(energy, late, groups=groups))
-    if energy.add_arm_terms():
-        result = join_results(energy, origin, result, minimise_some(energy, _OF_ARMS, energy.state.of_arms()))
     return result
 
 

@@ -132,14 +132,6 @@ class JointSettings(ABC):
         """Return the terms that are added after the others have converged. By default there is none."""
         return ()
 
-    def arm_terms(self, context: JointContext, joints: Tensor) -> Sequence[Term]:
-        """Return the terms that are added last and move arms alone. By default there is none.
-
-        Args:
-            joints: (B, 55, 3) metres, converged.
-        """
-        return ()
-
     @property
     def num_start_poses(self) -> int:
         """Number of start poses for each person with a large reprojection error; 1 is the estimated pose alone."""

@@ -34,8 +34,6 @@ _BODY = slice(JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("jaw"))
 _FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
 _HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
 
-_ARMS = [row for row, name in enumerate(JOINT_NAMES[_BODY]) if name.endswith(("shoulder", "elbow", "wrist"))]
-
 _POSE_SIGMAS: dict[str, tuple[float, float, float]] = {
     # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the standard deviation
     # of people's poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
@@ -281,13 +279,6 @@ class State:
     def parameters(self) -> list[Tensor]:
         """Return the leaf tensors of the free parameters."""
         return [self.values[group] for group in self.free]
-
-    def of_arms(self) -> Tensor:
-        """Return which parameters of :meth:`pack` rotate shoulders, elbows, wrists and fingers: (n,) bool."""
-        chosen = {group: torch.zeros_like(value, dtype=torch.bool) for group, value in self.values.items()}
-        chosen["pose"][:, _ARMS] = True
-        chosen["hands"][:] = True
-        return torch.cat([chosen[group].reshape(-1) for group in self.free])
 
     def pack(self) -> Tensor:
         """Return a copy of all free parameters in one vector (n,)."""

@@ -24,7 +24,6 @@ from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
 from physic_core.engine.joint.terms.leg_symmetry import LegSymmetrySettings, LegSymmetryTerm
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
-from physic_core.engine.joint.terms.own_body import OwnBodyTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.reach import ReachTerm
@@ -55,8 +54,8 @@ class DefaultOptimisation(JointSettings):
         visibility: of vertices.
         reprojection: keypoints.
         depth: depth of the visible surface.
-        contact: contact with scene and floor, and of hands with other people and the own body.
-        penetration: vertices inside the scene and inside other people, and hands inside the own body.
+        contact: contact with scene and floor, and of hands with other people.
+        penetration: vertices inside the scene and inside other people.
         floor: vertices under the floor.
         soles: feet on the floor.
         regularisation: deviation from the start.
@@ -164,11 +163,3 @@ class DefaultOptimisation(JointSettings):
     def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the people term, which needs all of them near their places."""
         return [ReachTerm(self.contact, context), PeopleTerm(self.contact, self.penetration, context)]
-
-    def arm_terms(self, context: JointContext, joints: Tensor) -> Sequence[Term]:
-        """Return the own body term, if the settings pull or push skin at all."""
-        if not (
-            self.contact.weight * self.contact.people_weight or self.penetration.weight * self.penetration.people_weight
-        ):
-            return ()
-        return [OwnBodyTerm(self.contact, self.penetration, context, joints)]

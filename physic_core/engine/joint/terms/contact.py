@@ -31,8 +31,8 @@ class ContactSettings:
         seat_weight: of a seat under people who sit, relative to ``weight``
             (:mod:`physic_core.engine.joint.terms.seat`); 0 leaves it out.
         seat_reach_m: seats farther from thighs and buttocks are left out, metres.
-        people_weight: of hands on other people (:mod:`physic_core.engine.joint.terms.people`) and on the own body
-            (:mod:`physic_core.engine.joint.terms.own_body`), relative to ``weight``; 0 leaves it out.
+        people_weight: of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``;
+            0 leaves it out.
     """
 
     weight: NotNegative = 1.25

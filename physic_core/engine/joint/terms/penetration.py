@@ -25,9 +25,8 @@ class PenetrationSettings:
         slack_m: depth without a penalty, metres.
         sigma_m: expected error of the surface, metres.
         outlier_sigmas: beyond this many sigmas the gradient is constant (pseudo-Huber).
-        people_weight: of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`) and of hands
-            inside the own body (:mod:`physic_core.engine.joint.terms.own_body`), relative to ``weight``; 0 leaves
-            it out.
+        people_weight: of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to
+            ``weight``; 0 leaves it out.
     """
 
     weight: NotNegative = 0.3
