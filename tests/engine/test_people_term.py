@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.people_pairs import find_people_pairs, select_probes
+from physic_core.engine.joint.people_pairs import connected_groups, find_people_pairs, select_probes
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.people import PeopleTerm, pair_energy
 from physic_core.engine.presets import PRESETS
@@ -152,3 +152,9 @@ def test_the_term_is_added_after_the_others(crossing):
     assert isinstance(energy.terms[-1], PeopleTerm)
     assert energy()["people"].gt(0).all()
     assert energy.add_late_terms() is None
+
+
+def test_people_are_grouped_by_their_links():
+    links = torch.tensor([[3, 1], [1, 4], [4, 3], [0, 2]])
+    assert connected_groups(links, 6).tolist() == [0, 1, 0, 1, 1, 5]
+    assert connected_groups(links[:0], 2).tolist() == [0, 1]

@@ -26,7 +26,6 @@ from physic_core.engine.joint.terms.leg_symmetry import LegSymmetrySettings, Leg
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
-from physic_core.engine.joint.terms.reach import ReachTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationSettings, RegularisationTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
 from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
@@ -162,4 +161,4 @@ class DefaultOptimisation(JointSettings):
 
     def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the people term, which needs all of them near their places."""
-        return [ReachTerm(self.contact, context), PeopleTerm(self.contact, self.penetration, context)]
+        return [PeopleTerm(self.contact, self.penetration, context)]
