@@ -88,8 +88,7 @@ class JointSettings(ABC):
     """Share of the steps before contact and penetration are added; 0 includes them from the first step."""
 
     judges_supports: ClassVar[bool] = False
-    """Whether other supports are tried for people with raised hands (:mod:`physic_core.engine.joint.hanging`), and for
-    raised feet and knees (:mod:`physic_core.engine.joint.resting`)."""
+    """Whether other supports are tried for people with raised hands (:mod:`physic_core.engine.joint.hanging`)."""
 
     @property
     @abstractmethod

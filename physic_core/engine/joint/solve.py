@@ -13,7 +13,6 @@ from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.hanging import JudgedSupports, judge_hanging
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
-from physic_core.engine.joint.resting import judge_resting
 from physic_core.engine.joint.schedule import minimise_with_restarts
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
@@ -65,7 +64,7 @@ def optimize(
         return _start_result(problem, tuple(failures))
     minimised = minimise_with_restarts(energy, settings, progress)
     if settings.judges_supports:
-        judged = judge_resting(judge_hanging(energy, settings, minimised), settings)
+        judged = judge_hanging(energy, settings, minimised)
     else:
         judged = JudgedSupports(energy, minimised, torch.zeros_like(healthy[healthy]))
     return _merged_result(problem, judged, healthy.nonzero(as_tuple=True)[0], tuple(failures))
