@@ -475,20 +475,6 @@ def test_who_is_picked_stays_where_they_stand(two):
     assert str(caught.value) == "joint optimisation: grounded must be (2,), got (1,)"
 
 
-def test_legs_are_alike_only_where_nobody_sees_them(two):
-    observed = two.problem.observed.clone()
-    for name in ("knee", "ankle"):
-        observed[0, [JOINT_INDEX[f"left_{name}"], JOINT_INDEX[f"right_{name}"]]] = False
-    observed[1, JOINT_INDEX["left_knee"]] = False
-    turns = torch.zeros(2, 55, 3)
-    turns[:, JOINT_INDEX["left_hip"], 0] = -0.3
-    rotations = two.problem.rotations0 @ roma.rotvec_to_rotmat(turns)
-    energy = JointEnergy(replace(two.problem, observed=observed, rotations0=rotations), SETTINGS)
-    unlike = energy()["symmetry"].tolist()
-    assert unlike[0] > 0.5
-    assert unlike[1] == 0.0
-
-
 def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_ones(make_stage):
     stage = make_stage([({}, (-0.6, 0.0, 3.3)), ({}, (0.6, 0.0, 3.5)), ({}, (0.2, 0.0, 6.5))])
     problem = stage.problem

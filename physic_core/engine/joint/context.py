@@ -26,7 +26,6 @@ STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "t
 """Parts of the body that usually touch the scene, after PROX."""
 
 _ANKLES = joint_pair("ankle")
-_LEGS = [*joint_pair("knee"), *_ANKLES]
 _STEPS_PER_M = float(1 << 20)  # to which positions are rounded
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 _CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
@@ -70,7 +69,6 @@ class JointContext:
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
         standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`; not with both feet in the air.
         sitting: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_sitting`.
-        legs_invisible: (B,) bool, knees and ankles are all invisible.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None if free space is not used.
@@ -95,7 +93,6 @@ class JointContext:
     relative: Tensor
     standing: Tensor
     sitting: Tensor
-    legs_invisible: Tensor
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
@@ -152,7 +149,6 @@ def precompute(
         sitting=is_sitting(
             problem.rotations0, start.joints, problem.transl0.new_tensor(_CAMERA_UP) if up is None else up
         ),
-        legs_invisible=~observed[:, _LEGS].any(1),
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=front_depth(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,

@@ -22,7 +22,6 @@ from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
-from physic_core.engine.joint.terms.leg_symmetry import LegSymmetrySettings, LegSymmetryTerm
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
@@ -60,7 +59,6 @@ class DefaultOptimisation(JointSettings):
         regularisation: deviation from the start.
         scene_scale: scale of the scene.
         limits: knees and elbows.
-        symmetry: invisible legs.
         stature: height of people.
         balance: centre of mass over the feet.
     """
@@ -77,7 +75,6 @@ class DefaultOptimisation(JointSettings):
     regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
     scene_scale: SceneScaleSettings = field(default_factory=SceneScaleSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
-    symmetry: LegSymmetrySettings = field(default_factory=LegSymmetrySettings)
     stature: StatureSettings = field(default_factory=StatureSettings)
     balance: BalanceSettings = field(default_factory=BalanceSettings)
 
@@ -154,7 +151,6 @@ class DefaultOptimisation(JointSettings):
             SurfaceTerms(context, state, surface, seat),
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
-            LegSymmetryTerm(self.symmetry, context),
             StatureTerm(self.stature, context),
             BalanceTerm(self.balance, context, contact),
         ]
