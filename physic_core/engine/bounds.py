@@ -30,7 +30,7 @@ Degrees = Annotated[float, Interval(ge=1e-6, le=180)]
 Count = Annotated[int, Interval(ge=0, le=2000)]
 PositiveCount = Annotated[int, Interval(ge=1, le=2000)]
 FrozenGroups = Annotated[
-    tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset", "warp"], ...], MaxLen(8)
+    tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)
 ]
 RobustKind = Literal["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
 NearestStrategy = Literal["kdtree", "grid", "brute"]

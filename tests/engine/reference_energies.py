@@ -57,7 +57,7 @@ def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: floa
 
 
 def reference_surface_energies(
-    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
+    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Arguments and result as of ``surface_energies``."""
     scale = log_scale.exp()
@@ -65,8 +65,7 @@ def reference_surface_energies(
     energies = dict.fromkeys(SURFACE_ENERGIES, zero)
     signed = height = torch.zeros_like(data.plane_distance)
     if data.normals is not None:
-        factor = 1.0 if data.warp_share is None else torch.exp(warp[:, None] * data.warp_share)
-        signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - factor * data.plane_distance
+        signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - data.plane_distance
     if data.floor_normal is not None:
         height = plane_height(vertices, data.floor_normal, data.floor_offset * scale) / scale
     if data.depth is not None:

@@ -29,7 +29,7 @@ class Two:
 
     def __init__(self, *, scale=None, wall=None, after_refresh=None):
         eye = torch.eye(3).double().expand(2, 55, 3, 3)
-        frozen = ["root", "pose", "hands", "betas", "offset", "warp", *([] if scale else ["scale"])]
+        frozen = ["root", "pose", "hands", "betas", "offset", *([] if scale else ["scale"])]
         self.state = State(eye, torch.zeros(2, 2).double(), STARTS, STARTS, frozen=frozen)
         self.goals, self.wall, self.after_refresh, self.scale = GOALS.clone(), wall, after_refresh, scale
 

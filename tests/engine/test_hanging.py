@@ -13,7 +13,7 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.presets import PRESETS
 
 DEFAULT = PRESETS["default"].joint
-OF_KNOWN_SCALE = replace(DEFAULT, frozen=("scale", "warp", "offset"))
+OF_KNOWN_SCALE = replace(DEFAULT, frozen=("scale", "offset"))
 RAISED = {"left_shoulder": (0, 0, 1.3), "right_shoulder": (0, 0, -1.3)}
 FLOOR_Y = 1.4
 HEIGHT_M = 0.35

@@ -149,7 +149,7 @@ def test_nothing_free_is_nothing_done():
         torch.zeros(1, 2).double(),
         torch.ones(1, 3).double(),
         torch.ones(1, 3).double(),
-        frozen=["root", "pose", "hands", "betas", "translation", "scale", "offset", "warp"],
+        frozen=["root", "pose", "hands", "betas", "translation", "scale", "offset"],
     )
     trace = minimise(energy, LBFGS)
     assert (trace.steps, trace.evaluations) == (0, 0)

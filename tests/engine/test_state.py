@@ -57,7 +57,7 @@ def test_a_frozen_group_has_no_gradient_and_the_others_do(whitened, group):
     assert group not in state.free
     estimate = state.unpack()
     weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
-    (weighted + (estimate.betas**2).sum() + estimate.log_scale + (estimate.offset + estimate.warp).sum()).backward()
+    (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
     for name in GROUPS:
         assert (state.values[name].grad is None) == (name == group)
 
@@ -70,14 +70,13 @@ def test_the_face_is_kept():
 
 def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
-    state = State(rotations, betas, transl, pelvis, sigmas=StateSigmas(scale=0.1, offset=0.2, warp=0.06))
+    state = State(rotations, betas, transl, pelvis, sigmas=StateSigmas(scale=0.1, offset=0.2))
     with torch.no_grad():
         for group in GROUPS:
             state.values[group].zero_()
         state.values["translation"][0, 2] = 1.0
         state.values["scale"].fill_(1.0)
         state.values["offset"][1] = 1.0
-        state.values["warp"][1] = 1.0
         state.values["root"][0, 0] = 1.0
         state.values["pose"][0, 3, 0] = 1.0  # left knee
     estimate = state.unpack()
@@ -87,7 +86,6 @@ def test_one_unit_is_the_expected_move():
     torch.testing.assert_close(estimate.transl[1], transl[1])
     assert estimate.log_scale.item() == pytest.approx(0.1)
     assert estimate.offset.tolist() == pytest.approx([0, 0.2])
-    assert estimate.warp.tolist() == pytest.approx([0, 0.06])
     angle = roma.rotmat_geodesic_distance(estimate.rotations[0, [0, 4]], rotations[0, [0, 4]])
     assert angle.tolist() == pytest.approx([0.3, 0.3])
 
@@ -112,7 +110,6 @@ def test_all_stray_from_zero_at_the_start(whitened):
         "betas": K,
         "translation": 3,
         "offset": 1,
-        "warp": 1,
     }
     numbers = {group: float(i) for i, group in enumerate(sizes)}
     assert state.expand_to_parameters(numbers).tolist() == [
@@ -144,7 +141,7 @@ def test_gradient_through_unpacking(whitened):
         for name, value in zip(names, values, strict=True):
             state.values[name] = value
         estimate = state.unpack()
-        moved = (estimate.transl, estimate.log_scale, estimate.offset, estimate.warp)
+        moved = (estimate.transl, estimate.log_scale, estimate.offset)
         return estimate.rotations[:, :22], estimate.betas, *moved
 
     assert torch.autograd.gradcheck(f, [state.values[n].detach().clone().requires_grad_() for n in names])
@@ -154,7 +151,7 @@ def test_bad_input_says_what_to_do():
     with pytest.raises(PhysicError) as group:
         State(*start(), frozen=["scale", "shape"])
     assert str(group.value) == (
-        "cannot freeze shape: the groups are root, pose, hands, betas, translation, scale, offset, warp"
+        "cannot freeze shape: the groups are root, pose, hands, betas, translation, scale, offset"
     )
     state = State(*start())
     with pytest.raises(PhysicError) as packed:

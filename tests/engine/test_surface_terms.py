@@ -18,7 +18,7 @@ from .reference_energies import reference_surface_energies
 DEFAULT = PRESETS["default"].joint
 SETTINGS = {
     "default": DEFAULT,
-    "frozen": adjusted(DEFAULT, frozen=("scale", "warp", "offset")),
+    "frozen": adjusted(DEFAULT, frozen=("scale", "offset")),
     "no plane": with_options(DEFAULT, floor="points"),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
     "contact alone": adjusted(DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0),

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import plane_height, signed_distance
-from physic_core.engine.joint.local_depth_scale import warp_share
 from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
@@ -38,7 +37,6 @@ class ContactState:
         points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields below.
         normals: (B, n, 3) of those points.
         plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
-        warp_share: share of their person's warp that applies to those points, 0-1.
     """
 
     found: Tensor
@@ -52,7 +50,6 @@ class ContactState:
     points: Tensor | None
     normals: Tensor | None
     plane_distance: Tensor | None
-    warp_share: Tensor | None
 
 
 def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
@@ -66,7 +63,7 @@ def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> Neare
 
 @torch.no_grad()
 def update_contacts(
-    context: JointContext, body_normals: Tensor, scene: NearestPointSearch, vertices: Tensor, scale: float, warp: Tensor
+    context: JointContext, body_normals: Tensor, scene: NearestPointSearch, vertices: Tensor, scale: float
 ) -> ContactState:
     """Find the nearest scene points and measure the distances to them and to the floor.
 
@@ -75,22 +72,19 @@ def update_contacts(
         scene: from :func:`nearby_scene`.
         vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
-        warp: (B,) log of the local depth scale near each person.
     """
     problem, plane = context.problem, context.floor_normal
-    warped = vertices / warp.exp()[:, None, None]
-    nearest = scene.query(warped, scale)
+    nearest = scene.query(vertices, scale)
     far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
     no = torch.zeros_like(context.on_visible_part)
-    free = no if context.fronts is None else in_free_space(warped / scale, context.fronts, problem.K)
+    free = no if context.fronts is None else in_free_space(vertices / scale, context.fronts, problem.K)
     floor_offset = vertices.new_tensor(problem.floor_offset * scale)
     signed, facing_scene, on_step = far, zeros, no
-    points = normals = plane_distance = share = None
+    points = normals = plane_distance = None
     if len(scene.points):
         points, normals = scene.points[nearest.index], scene.normals[nearest.index]
         plane_distance = (normals * points).sum(-1)
-        share = warp_share(points, problem.floor_normal, problem.floor_offset)
-        scaled = points * (scale * torch.exp(warp[:, None] * share))[..., None]
+        scaled = points * scale
         signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
         facing_scene = -(body_normals * normals).sum(-1)
         if plane is not None:
@@ -108,5 +102,4 @@ def update_contacts(
         points=points,
         normals=normals,
         plane_distance=plane_distance,
-        warp_share=share,
     )

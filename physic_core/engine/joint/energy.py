@@ -108,11 +108,11 @@ class JointEnergy:
             self.scene = nearby_scene(context, bodies.vertices, scale)
         self.visibility = self._settings.update_visibility(context, bodies, self._self_occlusion, self._last_visibility)
         self._last_visibility = self.visibility
-        self._update(bodies.vertices[:, context.ids], scale, estimate.warp)
+        self._update(bodies.vertices[:, context.ids], scale)
 
-    def _update(self, vertices: Tensor, scale: float, warp: Tensor) -> None:
+    def _update(self, vertices: Tensor, scale: float) -> None:
         """Update nearest points and the weights of each term."""
-        self.contacts = update_contacts(self.context, self.visibility.normals, self.scene, vertices, scale, warp)
+        self.contacts = update_contacts(self.context, self.visibility.normals, self.scene, vertices, scale)
         self._snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
         for term in self.terms:
             term.refresh(self._snapshot)
@@ -133,9 +133,7 @@ class JointEnergy:
         self.evaluations += 1
         bodies = self._posed_bodies()
         if self.context.options.nearest_every_step:
-            estimate = bodies.estimate
-            scale = float(estimate.log_scale.detach().exp())
-            self._update(bodies.vertices.detach(), scale, estimate.warp.detach())
+            self._update(bodies.vertices.detach(), float(bodies.estimate.log_scale.detach().exp()))
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
         if self._people is not None:
             energies = {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}

@@ -1,4 +1,4 @@
-"""Final scene after stage 3: local depth scales applied, inpainted points moved out of people, floor completed."""
+"""Final scene after stage 3: inpainted points moved out of people, floor completed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.engine.joint.local_depth_scale import log_local_scale
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.build import SceneState
 from physic_core.engine.scene.cleaning import edge_ratio
@@ -28,19 +27,14 @@ def finalize_scene(
 ) -> tuple[SceneState, JointProblem]:
     """Return the scene after the joint optimisation, and the problem with the points, depth and floor of that scene.
 
-    The scene's scale is not applied, the local depth scales are. Inpainted points inside people are moved out. If no
-    floor was found, one may be placed under the soles. Normals are kept: the local depth scale rotates them by a few
-    degrees only, at half a metre and more from a person.
+    The scene's scale is not applied. Inpainted points inside people are moved out. If no floor was found, one may be
+    placed under the soles.
 
     Args:
         hole: (H, W) bool, inpainted pixels.
     """
     s = result.scene_scale
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
-    if bool(result.warp.any()):
-        bodies, warps = (x[finite].to(scene.points) for x in (result.vertices / s, result.warp))
-        log = log_local_scale(scene.points, bodies, warps, scene.floor_normal, scene.floor_offset)
-        scene = replace(scene, points=scene.points * log.exp()[..., None])
     if settings.carve_m and bool(finite.any()):
         scene = _carved(scene, result.vertices[finite] / s, problem.model.faces, problem.masks[finite], hole, settings)
     problem = replace(

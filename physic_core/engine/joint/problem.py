@@ -186,8 +186,6 @@ class JointResult(ShortRepr):
         scene_scale: factor on all scene points, human points and on the floor's offset.
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
-        warp: (B,) log of the local depth scale near each person
-            (:mod:`physic_core.engine.joint.local_depth_scale`).
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
         hanging: (B,) bool, people who were found to hang from their hands; their feet are in the air.
         depth_inside: (B, V) metres of visible vertices inside the scene or under the floor, without dents; else 0.
@@ -203,7 +201,6 @@ class JointResult(ShortRepr):
     betas: Tensor
     transl: Tensor
     scene_scale: float
-    warp: Tensor
     vertices: Tensor
     joints: Tensor
     occluded: Tensor

@@ -77,7 +77,7 @@ class JointSettings(ABC):
     A preset of the engine is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
 
     Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset, warp.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
         optimiser: of the energy.
     """
 

@@ -92,7 +92,6 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
         betas=problem.betas0,
         transl=problem.transl0,
         scene_scale=1.0,
-        warp=torch.zeros_like(problem.transl0[:, 0]),
         vertices=output.vertices,
         joints=output.joints,
         occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
@@ -136,7 +135,6 @@ def _merged_result(
         betas=betas,
         transl=transl,
         scene_scale=float(estimate.log_scale.exp()),
-        warp=start.warp.index_copy(0, rows, estimate.warp),
         vertices=output.vertices,
         joints=output.joints,
         occluded=start.occluded.index_copy(0, rows, hidden),
@@ -163,7 +161,6 @@ def _diagnostics(
     penetration_share: share of the visible surface that lies over 3 cm inside the scene or under the floor.
     floating_m: gap between the body and the nearest surface; 0 in contact.
     depth_offset: log of the ratio of the depth map to the person's depth.
-    warp: log of the local depth scale near the person, relative to the scene's scale.
     occluded_share: share of vertices that are hidden by objects, other people or the own body.
     depth_order_share: share of vertices in front of a person who hides them in the photo.
     """
@@ -171,7 +168,7 @@ def _diagnostics(
     tracked = vertices[:, context.ids]
     error, confident = energy.reprojection_errors(estimate), context.keypoints.confident
     scale, visibility = float(estimate.log_scale.exp()), energy.visibility
-    distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale, estimate.warp).signed
+    distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed
     height: Tensor | None = None
     if problem.floor_normal is not None and context.options.floor != "ignored":
         offset = tracked.new_tensor(problem.floor_offset * scale)
@@ -190,7 +187,6 @@ def _diagnostics(
             "occluded_share": float(hidden[i].float().mean()),
             "depth_order_share": float(behind[:, i].max()),
             "depth_offset": float(estimate.offset[i]),
-            "warp": float(estimate.warp[i]),
         }
         if confident[i].any():
             numbers["reprojection_px"] = float(error[i][confident[i]].mean())

@@ -1,4 +1,4 @@
-"""Free parameters of the joint optimisation: bodies, scene scale, and a depth offset and local depth scale per person.
+"""Free parameters of the joint optimisation: bodies, scene scale, and a depth offset per person.
 
 Whitened parameters are deviations from the start, divided by their expected sizes. One step length then suits all of
 them, and their sum of squares is a Gaussian prior. Raw parameters are the quantities themselves, with each rotation as
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 __all__ = ["GROUPS", "Estimate", "State", "build_unwhitened_state"]
 
-GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset", "warp")
-"""Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale,
-depth offset and log of the local depth scale."""
+GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
+"""Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
+depth offset."""
 
 _OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
 
@@ -68,7 +68,6 @@ class Estimate(ShortRepr):
         transl: (B, 3) metres.
         log_scale: () log of the factor on the scene.
         offset: (B,) log of the ratio between the depth map at each person and the scene's depth.
-        warp: (B,) log of the local depth scale near each person, relative to the scene's scale.
     """
 
     rotations: Tensor
@@ -76,22 +75,19 @@ class Estimate(ShortRepr):
     transl: Tensor
     log_scale: Tensor
     offset: Tensor
-    warp: Tensor
 
 
 @dataclass(frozen=True)
 class StateSigmas:
-    """Expected sizes of log scale, log depth offset and log local depth scale, used for whitening.
+    """Expected sizes of log scale and log depth offset, used for whitening.
 
     Attributes:
         scale: of log(scale).
         offset: of the depth offsets; (B,) differs per person.
-        warp: of the local depth scales.
     """
 
     scale: float = 0.1
     offset: float | Tensor = 0.2
-    warp: float = 0.06
 
 
 _DEFAULT_SIGMAS = StateSigmas()
@@ -108,7 +104,7 @@ class State:
             and across its ray.
         whitened: whitened parameters; else raw ones (see the module).
         frozen: groups of :data:`GROUPS` that are kept constant.
-        sigmas: expected sizes of scale, depth offset and local depth scale.
+        sigmas: expected sizes of scale and depth offset.
         offset_free: (B,) bool, people with a free depth offset; None is all people.
 
     Raises:
@@ -138,7 +134,6 @@ class State:
             transl.detach(),
             rotations.new_zeros(()),
             rotations.new_zeros(people),
-            rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
         pose_sigmas = [_POSE_SIGMAS[name.rpartition("_")[2]] for name in JOINT_NAMES[_BODY]]
@@ -150,7 +145,6 @@ class State:
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
             "scale": sigmas.scale,
             "offset": sigmas.offset,
-            "warp": sigmas.warp,
         }
         self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
         self._offset_mask = self.offset_free.to(dtype)
@@ -176,7 +170,6 @@ class State:
                 "translation": zeros(people, 3),
                 "scale": zeros(()),
                 "offset": zeros(people),
-                "warp": zeros(people),
             }
         columns = start.rotations[..., :2]
         return {
@@ -187,7 +180,6 @@ class State:
             "translation": start.transl.clone(),
             "scale": torch.ones_like(start.log_scale),
             "offset": start.offset.clone(),
-            "warp": start.warp.clone(),
         }
 
     def unpack(self) -> Estimate:
@@ -222,7 +214,6 @@ class State:
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
             values["offset"] * sigmas["offset"] * self._offset_mask,
-            values["warp"] * sigmas["warp"],
         )
 
     def _unpack_raw(self) -> Estimate:
@@ -238,7 +229,6 @@ class State:
             values["translation"],
             values["scale"].clamp(min=1e-3).log(),
             values["offset"] * self._offset_mask,
-            values["warp"],
         )
 
     def deviation(self) -> tuple[Tensor, Tensor]:
@@ -328,12 +318,12 @@ class State:
 
 
 def build_unwhitened_state(context: JointContext, frozen: Sequence[str]) -> State:
-    """Build a state with unwhitened parameters, without depth offsets and local depth scales.
+    """Build a state with unwhitened parameters, without depth offsets.
 
     The groups ``frozen`` are constant, and the scale as well if there is neither scene nor floor.
     """
     problem = context.problem
-    constant = {*frozen, "offset", "warp"}
+    constant = {*frozen, "offset"}
     if not len(context.surface) and problem.floor_normal is None:
         constant.add("scale")
     start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])

@@ -44,7 +44,7 @@ class DefaultOptimisation(JointSettings):
     counts as an outlier. A weight of 0 removes a term.
 
     Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset, warp.
+        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
         optimiser: L-BFGS on whitened parameters.
         restarts: number of start poses for people with a large final reprojection error; the best result is kept. 1 is
             the estimated pose, 3 adds rotations by 15 degrees either way about the camera's horizontal axis, 5 adds
@@ -106,7 +106,7 @@ class DefaultOptimisation(JointSettings):
         return self.restarts
 
     def initial_state(self, context: JointContext) -> State:
-        """Return whitened parameters, with a depth offset and a local depth scale for each person."""
+        """Return whitened parameters, with a depth offset for each person."""
         problem = context.problem
         frozen = set(self.frozen)
         offset_sigma = depth_offset_sigmas(self.depth, context)
@@ -114,8 +114,6 @@ class DefaultOptimisation(JointSettings):
             offset_sigma = torch.zeros_like(offset_sigma)
         if not offset_sigma.any():
             frozen.add("offset")
-        if not len(context.surface) or not self.scene_scale.local_sigma:
-            frozen.add("warp")
         if not len(context.surface) and problem.floor_normal is None:
             frozen.add("scale")  # nothing constrains the scale
         return State(
@@ -127,7 +125,6 @@ class DefaultOptimisation(JointSettings):
             sigmas=StateSigmas(
                 scale=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
                 offset=offset_sigma,
-                warp=self.scene_scale.local_sigma,
             ),
             offset_free=offset_sigma > 0,
         )
@@ -148,7 +145,7 @@ class DefaultOptimisation(JointSettings):
         return [
             ReprojectionTerm(context, keypoints.weight, context.person_px[:, None] * keypoints.sigma, keypoints.rho()),
             seat,
-            SurfaceTerms(context, state, surface, seat),
+            SurfaceTerms(context, surface),
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
             StatureTerm(self.stature, context),

@@ -133,7 +133,7 @@ class ProxOptimisation(JointSettings):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of PROX without self-penetration and bending prior."""
         unit = torch.full_like(context.person_px[:, None], max(context.problem.masks.shape[-2:]) / _FULL_HD_PX)
-        others = dict.fromkeys(("root", "translation", "offset", "warp"), 0.0)
+        others = dict.fromkeys(("root", "translation", "offset"), 0.0)
         p = self.prior
         return [
             ReprojectionTerm(

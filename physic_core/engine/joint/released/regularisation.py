@@ -47,7 +47,7 @@ class ReleasedRegularisationTerm(PrintedRegularisationTerm):
         super().__init__(settings, context, occlusion_aware=occlusion_aware)
         problem = context.problem
         self._translation = problem.transl0 if problem.estimated_transl is None else problem.estimated_transl
-        others = dict.fromkeys(("pose", "hands", "betas", "translation", "offset", "warp"), 0.0)
+        others = dict.fromkeys(("pose", "hands", "betas", "translation", "offset"), 0.0)
         self._parameter_weight = state.expand_to_parameters({"root": _ROOT_WEIGHT, **others})
         with torch.no_grad():
             start = state.unpack()

@@ -81,7 +81,6 @@ class RegularisationTerm:
                 "betas": settings.shape_weight,
                 "translation": settings.translation_weight,
                 "offset": 1.0,
-                "warp": 1.0,
             }
         )
         self.weights: dict[str, Tensor] = {}

@@ -21,12 +21,9 @@ class SceneScaleSettings:
 
     Attributes:
         weight: of the squared change, in units of its expected size.
-        local_sigma: expected error of the log local depth scale near a person, relative to the scene's scale; 0 applies
-            no local scale.
     """
 
     weight: NotNegative = 1.5
-    local_sigma: NotNegative = 0.1
 
 
 class SceneScaleTerm(Term):

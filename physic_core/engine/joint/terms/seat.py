@@ -11,7 +11,6 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.distances import plane_height
-from physic_core.engine.joint.local_depth_scale import warp_share
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactSettings
@@ -54,7 +53,6 @@ class SeatTerm(Term):
         state: free parameters.
 
     Attributes:
-        found: (B,) 1 for people with a seat within reach, else 0.
     """
 
     def __init__(self, settings: ContactSettings, context: JointContext, state: State) -> None:
@@ -62,7 +60,7 @@ class SeatTerm(Term):
         self._people = context.sitting.nonzero(as_tuple=True)[0]
         self.weights = {"seat": context.sitting.to(context.area.dtype)}
         self.found = torch.zeros_like(context.area[:, 0])
-        self._rows = self._normals = self._distance = self._share = self._mean = torch.zeros(0)
+        self._rows = self._normals = self._distance = self._mean = torch.zeros(0)
         problem = context.problem
         self._up = (
             problem.transl0.new_tensor([0.0, -1.0, 0.0]) if context.floor_normal is None else context.floor_normal
@@ -85,14 +83,11 @@ class SeatTerm(Term):
         if self._search is None:
             return
         context, people, rows = self._context, self._people, self._rows
-        warp = self._state.unpack().warp.detach()[people, None]
         vertices = snapshot.vertices[people][:, rows]
-        found = self._search.query(vertices / warp.exp()[..., None], snapshot.scale)
+        found = self._search.query(vertices, snapshot.scale)
         points, self._normals = self._search.points[found.index], self._search.normals[found.index]
         self._distance = (self._normals * points).sum(-1)
-        self._share = warp_share(points, context.problem.floor_normal, context.problem.floor_offset)
-        factor = snapshot.scale * torch.exp(warp * self._share)
-        offset = vertices - points * factor[..., None]
+        offset = vertices - points * snapshot.scale
         along = (offset * self._normals).sum(-1)
         beside = (offset - along[..., None] * self._normals).norm(dim=-1)
         down = snapshot.visibility.normals[people][:, rows] @ self._up < -_MIN_DOWN_COSINE
@@ -111,8 +106,7 @@ class SeatTerm(Term):
             return {}
         estimate, people = bodies.estimate, self._people
         vertices = bodies.vertices[people][:, self._rows]
-        factor = torch.exp(estimate.warp[people, None] * self._share)
-        signed = (self._normals * vertices).sum(-1) / estimate.log_scale.exp() - factor * self._distance
+        signed = (self._normals * vertices).sum(-1) / estimate.log_scale.exp() - self._distance
         # A lost seat costs as much as one at the limit of the reach: else the minimum would be away from all seats.
         lost = torch.full_like(signed[:, 0], self._settings.seat_reach_m)
         nearest = torch.where(self._mean.sum(1) > 0, (self._mean * signed).sum(1), lost)

@@ -12,14 +12,12 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm
 from physic_core.engine.joint.terms.depth import DepthTerm
 from physic_core.engine.joint.terms.floor import FloorTerm
 from physic_core.engine.joint.terms.penetration import PenetrationTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationTerm
-from physic_core.engine.joint.terms.seat import SeatTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
 from physic_core.engine.joint.terms.surface_energies import SURFACE_ENERGIES, SurfaceInputs, surface_energies
 
@@ -47,19 +45,15 @@ class SurfaceTerms(Term):
     """Depth, contact, penetration, floor, soles and regularisation as one term.
 
     Args:
-        seat: refreshed before this term; the depth map of people with a seat moves with their local depth scale.
 
     Attributes:
         surface: inputs since the last refresh.
         energies: function of the energies.
     """
 
-    def __init__(
-        self, context: JointContext, state: State, parts: SurfaceTermGroup, seat: SeatTerm | None = None
-    ) -> None:
-        self.context, self.parts, self.seat = context, parts, seat
+    def __init__(self, context: JointContext, parts: SurfaceTermGroup) -> None:
+        self.context, self.parts = context, parts
         self.energies = surface_energies
-        self._warp_is_free = "warp" in state.free
         self.surface: SurfaceInputs
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -82,7 +76,6 @@ class SurfaceTerms(Term):
             relative=context.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
             plane_distance=contacts.plane_distance if contacts.plane_distance is not None else no_scene,
-            warp_share=contacts.warp_share if self._warp_is_free else None,
             floor_normal=context.floor_normal,
             floor_offset=context.problem.floor_offset,
             last_scale=snapshot.scale,
@@ -92,12 +85,8 @@ class SurfaceTerms(Term):
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of each term that is not off: name -> (B,)."""
         parts, surface, e = self.parts, self.surface, bodies.estimate
-        offset = e.offset
-        if self._warp_is_free and self.seat is not None:
-            # A person and their seat have one error of depth.
-            offset = offset + self.seat.found * e.warp
         values, lowest = self.energies(
-            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, offset, e.warp
+            surface, bodies.vertices, bodies.joints[:, 0], e.rotations[:, 0], e.log_scale, e.offset
         )
         sums = (surface.depth, surface.contact, surface.penetration, surface.floor)
         energies = {n: v for n, v, on in zip(SURFACE_ENERGIES, values[:4], sums, strict=False) if on is not None}

@@ -41,7 +41,6 @@ class SurfaceInputs:
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points; None without a scene.
         plane_distance: (B, n) from the camera to the planes through those points, unscaled.
-        warp_share: (B, n) share of the person's warp that applies to those points; None if warps are frozen.
         floor_normal: (3,) unit; None without a floor.
         floor_offset: of the floor, metres, unscaled.
         last_scale: of the scene, at the last refresh.
@@ -60,7 +59,6 @@ class SurfaceInputs:
     relative: Tensor
     normals: Tensor | None
     plane_distance: Tensor
-    warp_share: Tensor | None
     floor_normal: Tensor | None
     floor_offset: float
     last_scale: float
@@ -68,7 +66,7 @@ class SurfaceInputs:
 
 
 def surface_energies(
-    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor, warp: Tensor
+    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the weighted energy of each surface term, by the equation of its class; differentiable once.
 
@@ -79,14 +77,13 @@ def surface_energies(
         root: (B, 3, 3) rotation of the root.
         log_scale: () of the scene.
         offset: (B,) logarithm of the depth offset of each person.
-        warp: (B,) log of the local depth scale near each person.
 
     Returns:
         energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
         lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
     """
     energies, lowest = _Fused.apply(  # type: ignore[no-untyped-call]
-        data, vertices, pelvis, root, log_scale, offset, warp
+        data, vertices, pelvis, root, log_scale, offset
     )
     return energies, lowest
 
@@ -103,7 +100,6 @@ class _Fused(torch.autograd.Function):
         root: Tensor,
         log_scale: Tensor,
         offset: Tensor,
-        warp: Tensor,
     ) -> tuple[Tensor, Tensor]:
         points = vertices.transpose(1, 2).contiguous()
         none = torch.zeros_like(offset)
@@ -111,13 +107,10 @@ class _Fused(torch.autograd.Function):
         slopes: dict[str, Tensor] = {}
         unit = 1.0 / log_scale.exp()
 
-        ahead = base = signed = over = height = torch.zeros_like(data.plane_distance)
+        ahead = signed = over = height = torch.zeros_like(data.plane_distance)
         if data.normals is not None:
             ahead = unit * (data.normals * points).sum(1)
-            base = data.plane_distance
-            if data.warp_share is not None:
-                base = base * torch.exp(warp[:, None] * data.warp_share)
-            signed = ahead - base
+            signed = ahead - data.plane_distance
         if data.floor_normal is not None:
             over = unit * (data.floor_normal @ points)
             height = over + data.floor_offset
@@ -144,19 +137,19 @@ class _Fused(torch.autograd.Function):
         lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
 
         ctx.data, ctx.slopes, ctx.feet = data, slopes, feet
-        ctx.save_for_backward(points, ahead, base, over, unit)
+        ctx.save_for_backward(points, ahead, over, unit)
         return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         data: SurfaceInputs = ctx.data
-        points, ahead, base, over, unit = ctx.saved_tensors
+        points, ahead, over, unit = ctx.saved_tensors
         of_terms = dict(zip(SURFACE_ENERGIES, gradients[0][..., None], strict=True))
         of_feet = gradients[1].unbind(1)
         slopes: dict[str, Tensor] = ctx.slopes
         by_scale = torch.zeros_like(unit)
-        by_offset = by_warp = None
+        by_offset = None
 
         # Gradients by the distance to the scene, by the height over the floor, and by that height at the last scale.
         by_signed = by_height = by_last = torch.zeros_like(ahead)
@@ -178,8 +171,6 @@ class _Fused(torch.autograd.Function):
         if data.normals is not None:
             by_point = (unit * by_signed)[:, None] * data.normals
             by_scale = by_scale - (by_signed * ahead).sum()
-            if data.warp_share is not None:
-                by_warp = -(by_signed * base * data.warp_share).sum(1)
         if data.floor_normal is not None:
             by_point = by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
             by_scale = by_scale - (by_height * over).sum()
@@ -192,4 +183,4 @@ class _Fused(torch.autograd.Function):
             by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, torch.zeros_like(away))
             by_offset = -by_log.sum(1)
             by_scale = by_scale + by_offset.sum()
-        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset, by_warp
+        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset
