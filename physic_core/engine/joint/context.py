@@ -12,7 +12,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
 from physic_core.engine.joint.distances import plane_height, root_relative
 from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.limbs import is_sitting, is_standing, observed_parts
+from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
@@ -29,7 +29,6 @@ _ANKLES = joint_pair("ankle")
 _STEPS_PER_M = float(1 << 20)  # to which positions are rounded
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 _CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
-_CAMERA_UP = (0.0, -1.0, 0.0)  # up of a level camera, where no floor is known
 _FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the floor
 
 
@@ -68,7 +67,6 @@ class JointContext:
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
         standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`; not with both feet in the air.
-        sitting: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_sitting`.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None if free space is not used.
@@ -92,7 +90,6 @@ class JointContext:
     start: BodyOutput
     relative: Tensor
     standing: Tensor
-    sitting: Tensor
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
@@ -126,7 +123,7 @@ def precompute(
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), options.vertex_spacing_m, area)
     person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
-    depth, up = problem.human_depth, problem.floor_normal
+    depth = problem.human_depth
     use_fronts = options.free_space and problem.scene_depth is not None
     surface, surface_normals = _surface(problem, options)
     return JointContext(
@@ -146,9 +143,6 @@ def precompute(
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
         standing=_standing(problem, start.joints, observed),
-        sitting=is_sitting(
-            problem.rotations0, start.joints, problem.transl0.new_tensor(_CAMERA_UP) if up is None else up
-        ),
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=front_depth(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,

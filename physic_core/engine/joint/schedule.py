@@ -22,7 +22,7 @@ RESTART_ERROR = 0.04
 _LATE_TOLERANCE = 1e-3
 """Tolerance of the steps with late terms, which are a small share of an energy that has converged."""
 
-_SCENE_TERMS = ("contact", "penetration", "seat", "floor", "soles")
+_SCENE_TERMS = ("contact", "penetration", "floor", "soles")
 
 Progress = Callable[[float], None]
 

@@ -28,7 +28,6 @@ from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationSettings, RegularisationTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
 from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
-from physic_core.engine.joint.terms.seat import SeatTerm
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
@@ -141,10 +140,9 @@ class DefaultOptimisation(JointSettings):
             soles=SoleTerm(self.soles, context),
             regularisation=RegularisationTerm(self.regularisation, context, state, occlusion_aware=aware),
         )
-        keypoints, seat = self.reprojection, SeatTerm(self.contact, context, state)
+        keypoints = self.reprojection
         return [
             ReprojectionTerm(context, keypoints.weight, context.person_px[:, None] * keypoints.sigma, keypoints.rho()),
-            seat,
             SurfaceTerms(context, surface),
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),

@@ -28,9 +28,6 @@ class ContactSettings:
         max_distance_m: contact vertices farther from scene and floor are left out, metres.
         sigma_m: expected error of the surface, metres.
         outlier_sigmas: beyond this many sigmas a distance counts as an outlier (Geman-McClure).
-        seat_weight: of a seat under people who sit, relative to ``weight``
-            (:mod:`physic_core.engine.joint.terms.seat`); 0 leaves it out.
-        seat_reach_m: seats farther from thighs and buttocks are left out, metres.
         people_weight: of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``;
             0 leaves it out.
     """
@@ -41,8 +38,6 @@ class ContactSettings:
     max_distance_m: Positive = 0.15
     sigma_m: Positive = 0.02
     outlier_sigmas: Positive = 3.5
-    seat_weight: NotNegative = 3.0
-    seat_reach_m: Positive = 0.4
     people_weight: NotNegative = 0.8
 
 
