@@ -20,7 +20,7 @@ from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
-QUICK = with_overrides(PRESETS["default"], {"joint": {"optimiser": {"steps": 1}, "restarts": 1, "frozen": ("scale",)}})
+QUICK = with_overrides(PRESETS["default"], {"joint": {"optimiser": {"steps": 1}, "frozen": ("scale",)}})
 SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f in (150.0, 200.0))
 
 

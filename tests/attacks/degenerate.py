@@ -20,7 +20,7 @@ __all__ = ["CONFIG", "DEVIATIONS", "Deviation", "deviating_backends", "mock_of",
 
 CONFIG = {
     "extends": "mock",
-    "engine": {"joint": {"optimiser": {"steps": 1}, "restarts": 1}},
+    "engine": {"joint": {"optimiser": {"steps": 1}}},
     "run": {"cache": False},
 }
 _PER_PERSON = ("keypoint_detector", "body_estimator", "hand_estimator", "contact_prior")

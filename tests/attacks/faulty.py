@@ -184,7 +184,6 @@ globals().update({kind.__name__: kind for kind in BACKENDS.values()})
 
 SETTINGS = [
     "engine.joint.optimiser.steps=1",
-    "engine.joint.restarts=1",
     *(f'{interface}.backend="{__name__}:{kind.__name__}"' for interface, kind in BACKENDS.items()),
 ]
 """Settings over the preset mock."""

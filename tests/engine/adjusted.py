@@ -1,4 +1,4 @@
-"""Settings and problems with some values changed, for tests: ``adjusted(joint, contact__weight=0.0, restarts=1)``."""
+"""Settings and problems with some values changed, for tests: ``adjusted(joint, contact__weight=0.0)``."""
 
 from __future__ import annotations
 

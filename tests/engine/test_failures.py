@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint import schedule
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.state import GROUPS
 from physic_core.engine.presets import PRESETS
@@ -93,13 +92,3 @@ def test_the_other_ends_as_alone(start, way, what):
     assert apart < 8
     assert torch.isfinite(both.vertices[1]).all()
     assert both.diagnostics[1].keys() == alone.diagnostics[0].keys()
-
-
-@pytest.mark.parametrize("what", ["empty mask", "keypoints = nan", "betas0 = nan"])
-def test_with_other_starts_too(two, what, monkeypatch):
-    monkeypatch.setattr(schedule, "RESTART_ERROR", 0.0)
-    every = adjusted(DEFAULT, optimiser__steps=10, optimiser__refresh_steps=5, restarts=3)
-    result = optimize(broken(two.problem, what), every)
-    alone = optimize(two.problem.select_people(torch.tensor([1])), every)
-    assert result.failures[1] == ""
-    assert 1e3 * (result.vertices[1] - alone.vertices[0]).norm(dim=-1).mean() < 2

@@ -104,9 +104,7 @@ def test_probes_carry_the_area_of_all_vertices(crossing):
 
 
 def settings(inside: float, contact: float):
-    return adjusted(
-        DEFAULT, depth__weight=0.0, restarts=1, penetration__people_weight=inside, contact__people_weight=contact
-    )
+    return adjusted(DEFAULT, depth__weight=0.0, penetration__people_weight=inside, contact__people_weight=contact)
 
 
 def distances(stage, result) -> torch.Tensor:

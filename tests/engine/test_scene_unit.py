@@ -10,9 +10,7 @@ from physic_core.engine.presets import PRESETS
 from .adjusted import adjusted
 
 # Contact that is never let go of, so that it is always worth something to be nearer.
-STUBBORN = adjusted(
-    PRESETS["default"].joint, depth__weight=0.0, restarts=1, contact__weight=20.0, contact__outlier_sigmas=30.0
-)
+STUBBORN = adjusted(PRESETS["default"].joint, depth__weight=0.0, contact__weight=20.0, contact__outlier_sigmas=30.0)
 
 
 @pytest.fixture(scope="module")

@@ -103,15 +103,12 @@ def revert_if_worse(
 
 
 @torch.no_grad()
-def select_lowest_energy(
-    energy: Energy, states: Sequence[Tensor], *, refresh: bool = False, groups: Tensor | None = None
-) -> None:
+def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None) -> None:
     """Set each person to the state of lowest energy, and the scene to the scale with the lowest total energy.
 
     Args:
         energy: its state is changed.
         states: packed, at least one.
-        refresh: compare each state under its own visibility, instead of all under the present one.
         groups: (B,) int64, see :func:`revert_if_worse`.
     """
     state = energy.state
@@ -122,8 +119,6 @@ def select_lowest_energy(
         for other in states:
             state.load(shared)
             state.load_people(other, everybody)
-            if refresh:
-                energy.refresh()
             energies = energy()
             scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
             found = finite_energy_per_person(energies, groups)
@@ -141,8 +136,6 @@ def select_lowest_energy(
             if value < best:
                 best, chosen = value, mixed
     state.load(chosen)
-    if refresh:
-        energy.refresh()
 
 
 def _finite_total(energies: Mapping[str, Tensor]) -> float:

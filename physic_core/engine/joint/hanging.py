@@ -15,7 +15,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import MinimisationResult
-from physic_core.engine.joint.schedule import minimise_with_restarts
+from physic_core.engine.joint.schedule import minimise_with_schedule
 from physic_core.engine.joint.settings import JointSettings
 
 __all__ = ["JudgedSupports", "judge_hanging"]
@@ -65,7 +65,7 @@ def judge_hanging(energy: JointEnergy, settings: JointSettings, minimised: Minim
     while bool(hanging.any()):
         # From the same start: the depth of feet on the floor and that of the depth map are different minima.
         lifted = JointEnergy(energy.problem.lift_feet(hanging), settings)
-        found = minimise_with_restarts(lifted, settings)
+        found = minimise_with_schedule(lifted, settings)
         result = replace(found, evaluations=result.evaluations + found.evaluations, steps=result.steps + found.steps)
         confirmed = hanging & (before - _surface_energies(lifted) > _COST)
         if torch.equal(confirmed, hanging):

@@ -131,11 +131,6 @@ class JointSettings(ABC):
         """Return the terms that are added after the others have converged. By default there is none."""
         return ()
 
-    @property
-    def num_start_poses(self) -> int:
-        """Number of start poses for each person with a large reprojection error; 1 is the estimated pose alone."""
-        return 1
-
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""
         return replace(self, **{term: replace(getattr(self, term), weight=0.0)}) if hasattr(self, term) else self

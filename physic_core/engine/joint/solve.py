@@ -13,7 +13,7 @@ from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.hanging import JudgedSupports, judge_hanging
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
-from physic_core.engine.joint.schedule import minimise_with_restarts
+from physic_core.engine.joint.schedule import minimise_with_schedule
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
 from physic_core.geometry.camera import project
@@ -62,7 +62,7 @@ def optimize(
         energy = None
     if energy is None:
         return _start_result(problem, tuple(failures))
-    minimised = minimise_with_restarts(energy, settings, progress)
+    minimised = minimise_with_schedule(energy, settings, progress)
     if settings.judges_supports:
         judged = judge_hanging(energy, settings, minimised)
     else:

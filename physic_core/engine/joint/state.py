@@ -251,21 +251,6 @@ class State:
             [values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None] for group in _OF_PEOPLE], 1
         )
 
-    @torch.no_grad()
-    def displace(self, people: Tensor, tilt: float, farther: float) -> None:
-        """Rotate people about the camera's horizontal axis and move them along their rays. Needs a whitened state.
-
-        Args:
-            people: (B,) bool.
-            tilt: radians.
-            farther: added to the logarithm of depth.
-        """
-        rows = people.to(self._start.transl.dtype)
-        if "root" in self.free:
-            self.values["root"][:, 0] += rows * (tilt / _ROOT_SIGMA)
-        if "translation" in self.free:
-            self.values["translation"][:, 2] += rows * (farther / _DEPTH_SIGMA)
-
     def parameters(self) -> list[Tensor]:
         """Return the leaf tensors of the free parameters."""
         return [self.values[group] for group in self.free]

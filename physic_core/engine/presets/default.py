@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -45,9 +45,6 @@ class DefaultOptimisation(JointSettings):
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
         optimiser: L-BFGS on whitened parameters.
-        restarts: number of start poses for people with a large final reprojection error; the best result is kept. 1 is
-            the estimated pose, 3 adds rotations by 15 degrees either way about the camera's horizontal axis, 5 adds
-            positions 10 % nearer and farther.
         visibility: of vertices.
         reprojection: keypoints.
         depth: depth of the visible surface.
@@ -63,7 +60,6 @@ class DefaultOptimisation(JointSettings):
     """
 
     optimiser: LbfgsSettings = field(default_factory=LbfgsSettings)
-    restarts: Literal[1, 3, 5] = 3
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
     reprojection: ReprojectionSettings = field(default_factory=ReprojectionSettings)
     depth: DepthSettings = field(default_factory=DepthSettings)
@@ -98,11 +94,6 @@ class DefaultOptimisation(JointSettings):
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
         return weighted_keypoints(problem, person_px, observed, self.reprojection)
-
-    @property
-    def num_start_poses(self) -> int:
-        """Number of start poses for each person with a large reprojection error."""
-        return self.restarts
 
     def initial_state(self, context: JointContext) -> State:
         """Return whitened parameters, with a depth offset for each person."""
