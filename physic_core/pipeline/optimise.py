@@ -29,8 +29,8 @@ from physic_core.engine.placement.human_points import (
     move_photo_points_to_scene,
 )
 from physic_core.engine.placement.lifted_feet import LiftedFeet, depth_gaps_at_feet, find_lifted_feet
-from physic_core.engine.placement.people import Detections, PlacedPeople, place_people
-from physic_core.engine.placement.place import PosedBodies
+from physic_core.engine.placement.people import Detections, observed_joints, place_people
+from physic_core.engine.placement.place import Placement, PosedBodies
 from physic_core.engine.scene.build import alignment_diagnostics, build_scene
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.floor_below_people import without_floor, wrong_floor
@@ -98,13 +98,15 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             scene = without_floor(scene, not_theirs)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
-        problem = _joint_problem(estimates, scene, photo, bodies, placed, model)
+        problem = _joint_problem(
+            estimates, scene, photo, bodies, placed, observed_joints(detections, settings.placement), model
+        )
         if known is not None:
             sigma = problem.scale_sigma if factor is None else _EXACT_SCALE_SIGMA
             problem = replace(problem, known=known, scale_sigma=sigma)
         if feet is not None:
             problem = replace(
-                problem, grounded=placed.placement.grounded & ~feet.airborne, lifted_feet=feet.lifted.to(model.device)
+                problem, grounded=placed.grounded & ~feet.airborne, lifted_feet=feet.lifted.to(model.device)
             )
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
@@ -115,10 +117,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         scene, problem = finalize_scene(scene, problem, result, tensor(estimates.hole), settings.scene)
         placement = {
             "alignment": alignment_diagnostics(photo.alignment),
-            "people": [
-                {**person, "exchanged": list(pairs)}
-                for person, pairs in zip(placed.placement.diagnostics, placed.exchanged, strict=True)
-            ],
+            "people": placed.diagnostics,
         }
         warnings, measured = contradictions(estimates.known, scene, problem, result)
         stages.warn(*warnings)
@@ -250,9 +249,9 @@ class _EstimatedBodies:
     def K(self, scene: SceneState) -> Tensor:
         return scene.K.to(self.betas)
 
-    def placed_vertices(self, placed: PlacedPeople) -> Tensor:
+    def placed_vertices(self, placed: Placement) -> Tensor:
         """Return the vertices (B, V, 3) of the placed bodies, metres."""
-        return self.posed.vertices + (placed.placement.transl - self.posed.transl)[:, None]
+        return self.posed.vertices + (placed.transl - self.posed.transl)[:, None]
 
 
 def _pose_bodies(
@@ -294,10 +293,10 @@ def _size_by_scene(
     placed = place_people(
         bodies.posed, _detections(estimates, photo, bodies), bodies.K(scene), scene.floor_plane, settings
     )
-    at = placed.placement.keypoint_transl.to(bodies.posed.transl) - bodies.posed.transl
+    at = placed.keypoint_transl.to(bodies.posed.transl) - bodies.posed.transl
     vertices = bodies.posed.vertices + at[:, None]
     by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
-    for i, (body, person) in enumerate(zip(vertices, placed.placement.people, strict=True)):
+    for i, (body, person) in enumerate(zip(vertices, placed.people, strict=True)):
         if scene.floor_plane is not None and bodies.posed.soles is not None and person.on_floor and person.grounded:
             normal, offset = scene.floor_plane
             drop = -(body[bodies.posed.soles] @ normal.to(body)).amin()
@@ -374,26 +373,27 @@ def _joint_problem(
     scene: SceneState,
     photo: _AlignedPhoto,
     bodies: _EstimatedBodies,
-    placed: PlacedPeople,
+    placed: Placement,
+    observed: Tensor,
     model: BodyModel,
 ) -> JointProblem:
-    like, placement = bodies.betas, placed.placement
+    like = bodies.betas
     agrees = photo.alignment.inlier_share > 0
     return JointProblem(
         model=model,
         rotations0=bodies.rotations,
         betas0=bodies.betas,
         expression0=bodies.expression,
-        transl0=placement.transl.to(like),
-        keypoints=placed.keypoints,
-        keypoint_confidence=placed.confidence,
+        transl0=placed.transl.to(like),
+        keypoints=bodies.keypoints,
+        keypoint_confidence=bodies.confidence,
         skeleton=bodies.skeleton,
         K=scene.K.to(like),
         masks=tensor(estimates.people.masks).to(like.device),
         scene_points=scene.points[scene.valid].to(like),
         scene_normals=scene.normals[scene.valid].to(like),
         contact_probability=tensor(estimates.contact.probability).to(like),
-        observed=placed.observed,
+        observed=observed,
         scene_depth=scene.depth.to(like),
         floor_normal=None if scene.floor_normal is None else scene.floor_normal.to(like),
         floor_offset=scene.floor_offset,
@@ -401,7 +401,7 @@ def _joint_problem(
         human_depth=photo.depth.to(like) if agrees else None,
         human_points=tuple(p.to(like) for p in photo.people) if agrees else None,
         scale_sigma=estimates.depth.scale_sigma,
-        grounded=placement.grounded.to(like.device),
+        grounded=placed.grounded.to(like.device),
         estimated_transl=bodies.posed.transl,
-        keypoint_transl=placement.keypoint_transl.to(like),
+        keypoint_transl=placed.keypoint_transl.to(like),
     )

@@ -22,7 +22,7 @@ __all__ = ["JudgedSupports", "judge_hanging"]
 
 _HEAD, _WRISTS = JOINT_INDEX["head"], joint_pair("wrist")
 
-_COMPARED = ("contact", "soles", "floor", "balance", "depth")
+_COMPARED = ("contact", "soles", "floor", "depth")
 """Terms that are compared: of surfaces and of depth. Two minimisations end with keypoint errors and deviations from the
 start that differ by more than the two hypotheses."""
 

@@ -1,4 +1,4 @@
-"""Stage 2 for all people of a photo: placement, and correction of left-right swaps of keypoints."""
+"""Stage 2 for all people of a photo."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.engine.joint.limbs import detected_joints, placement_keypoints
 from physic_core.engine.joint.released.reprojection import released_keypoint_weights
-from physic_core.engine.placement.left_right import fix_left_right_swaps
 from physic_core.engine.placement.place import PeopleObservations, PersonPlacement, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.settings import PlacementSettings
-from physic_core.geometry.camera import project
 from physic_core.types import Skeleton
 
-__all__ = ["Detections", "PlacedPeople", "place_people"]
+__all__ = ["Detections", "observed_joints", "place_people"]
 
 _ANKLES = joint_pair("ankle")
 
@@ -45,36 +43,15 @@ class Detections:
     airborne: Tensor | None = None
 
 
-@dataclass(frozen=True)
-class PlacedPeople:
-    """Placement and corrected keypoints of B people.
-
-    Attributes:
-        placement: with the corrected keypoints.
-        keypoints: (B, J, 2) px, corrected.
-        confidence: (B, J), of the corrected keypoints.
-        observed: (B, 55) bool, visible joints.
-        exchanged: per person, the pairs of limbs whose left and right were exchanged.
-        detected: placement with the keypoints as detected.
-    """
-
-    placement: Placement
-    keypoints: Tensor
-    confidence: Tensor
-    observed: Tensor
-    exchanged: tuple[tuple[str, ...], ...]
-    detected: Placement
-
-
 def place_people(
     bodies: PosedBodies,
     detections: Detections,
     K: Tensor,
     floor: tuple[Tensor, float] | None,
     settings: PlacementSettings,
-    before: PlacedPeople | None = None,
-) -> PlacedPeople:
-    """Place B posed bodies, correct left-right swaps of their keypoints, and place the affected people again.
+    before: Placement | None = None,
+) -> Placement:
+    """Place B posed bodies.
 
     Args:
         bodies: as estimated, with one landmark for each keypoint.
@@ -88,40 +65,15 @@ def place_people(
     if settings.method != "released":
         columns = placement_keypoints(detections.skeleton)
     used = replace(bodies, landmarks=bodies.landmarks[:, columns])
-
-    def placed_by(given: Detections, known: list[PersonPlacement | None]) -> Placement:
-        return place_bodies(used, _evidence(given, columns, settings), K, floor, settings, known)
-
     known: list[PersonPlacement | None] = [None] * len(bodies.transl)
     if before is not None:
-        known = [None if person.on_floor else person for person in before.detected.people]
-    detected = placed_by(detections, known)
-    moved = bodies.landmarks + (detected.transl.to(bodies.transl) - bodies.transl)[:, None]
-    sides = fix_left_right_swaps(
-        detections.skeleton, detections.keypoints, detections.confidence, project(moved, K), settings.swapped_sides_deg
-    )
-    placement = detected
-    if any(sides.exchanged):
-        detections = replace(
-            detections,
-            keypoints=detections.keypoints.take_along_dim(sides.order[..., None], 1),
-            confidence=detections.confidence.take_along_dim(sides.order, 1),
-        )
-        known = [None if pairs else person for pairs, person in zip(sides.exchanged, detected.people, strict=True)]
-        placement = placed_by(detections, known)
-    return PlacedPeople(
-        placement=placement,
-        keypoints=detections.keypoints,
-        confidence=detections.confidence,
-        observed=_observed(detections, settings),
-        exchanged=sides.exchanged,
-        detected=detected,
-    )
+        known = [None if person.on_floor else person for person in before.people]
+    return place_bodies(used, _evidence(detections, columns, settings), K, floor, settings, known)
 
 
 def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PeopleObservations:
     weight, masks = detections.confidence, detections.masks
-    feet_seen = _observed(detections, settings)[:, _ANKLES].any(1)
+    feet_seen = observed_joints(detections, settings)[:, _ANKLES].any(1)
     if detections.airborne is not None:
         feet_seen = feet_seen & ~detections.airborne.to(feet_seen.device)
     if settings.method == "released":
@@ -136,7 +88,7 @@ def _evidence(detections: Detections, columns: list[int], settings: PlacementSet
     )
 
 
-def _observed(detections: Detections, settings: PlacementSettings) -> Tensor:
+def observed_joints(detections: Detections, settings: PlacementSettings) -> Tensor:
     """Return the joints (B, 55) bool that the body estimator or a confident keypoint reports as visible."""
     keypoints = detections.keypoints
     reported = detections.observed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from physic_core.engine.bounds import Degrees, NotNegative, PositiveOrInfinite, Share
+from physic_core.engine.bounds import NotNegative, PositiveOrInfinite, Share
 
 __all__ = ["PlacementSettings"]
 
@@ -23,8 +23,6 @@ class PlacementSettings:
         min_confidence: keypoints below are ignored.
         seen_confidence: a joint is observed if its keypoint has this confidence and lies on the person's mask, or if
             the body estimator reports it; 1 uses the report alone.
-        swapped_sides_deg: left and right keypoints of a person's arms, or legs, are exchanged if the directions from
-            left to right differ by more than this from those of the body; 180 exchanges none.
         robust_px_share: scale of the robust reprojection error, as a share of the person's size in the image; "inf" is
             least squares.
         robust_m: least scale of the robust Chamfer distance, metres; "inf" is least squares.
@@ -42,7 +40,6 @@ class PlacementSettings:
     chamfer_weight: NotNegative = 0.6
     min_confidence: Share = 0.3
     seen_confidence: Share = 0.7
-    swapped_sides_deg: Degrees = 125.0
     robust_px_share: PositiveOrInfinite = 0.05
     robust_m: PositiveOrInfinite = 0.15
     depth_offset_sigma: NotNegative = 0.2

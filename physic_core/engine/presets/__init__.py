@@ -39,7 +39,6 @@ _PAPER = EngineSettings(
         reprojection_weight=5000.0,
         min_confidence=0.5,
         seen_confidence=1.0,
-        swapped_sides_deg=180.0,
         robust_px_share=math.inf,
         robust_m=math.inf,
         depth_offset_sigma=0.0,
@@ -62,7 +61,6 @@ _PROX = EngineSettings(
     scene=SceneSettings(source="metric_depth", outliers="off", floor="off", floor_under_people=False, carve_m=0.0),
     placement=PlacementSettings(
         seen_confidence=1.0,
-        swapped_sides_deg=180.0,
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,
