@@ -2,17 +2,20 @@
 
     python -m benchmarks.rules run OUT --seed 2 --worlds 60 --jobs 2 [--only NAME,...]
     python -m benchmarks.rules table OUT [--level 99]
+    python -m benchmarks.rules compare OUT OTHER [--level 99]
 
 A row removes one rule, by a setting or by a replacement of the function that states it. ``run`` keeps one JSON file a
 world and row in OUT, and an interrupted run continues. ``table`` prints a Markdown table: the change of each figure by
-the rule, full model minus row, with a bootstrap interval over worlds. A rule helps if F1 rises and errors fall. The
-worlds have the noise of version 4, other bodies, and labelled surfaces, as the embedded segmenter labels them.
+the rule, full model minus row, with a bootstrap interval over worlds. A rule helps if F1 rises and errors fall.
+``compare`` prints the full model of one version of the code minus that of another. The worlds have
+the noise of version 4, other bodies, and labelled surfaces, as the embedded segmenter labels them.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import pkgutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -50,6 +53,9 @@ class Rule:
         settings: overrides of the engine's settings, as for ``physic bench accuracy --set``.
         replaced: dotted names of functions -> their replacement.
         contact_only: whether stages 1 to 3 are those of the full model.
+        watched: dotted name of a function of the full model that decides whether the rule acts; "" if it always may.
+        acts: of the first argument and the result of that function, whether the rule acts in this world. Where it does
+            not, the row is that of the full model.
     """
 
     name: str
@@ -57,18 +63,18 @@ class Rule:
     settings: tuple[str, ...] = ()
     replaced: tuple[tuple[str, Callable[..., Any]], ...] = ()
     contact_only: bool = False
+    watched: str = ""
+    acts: Callable[[Any, Any], bool] = lambda argument, result: True
+
+    @property
+    def joint_only(self) -> bool:
+        """Whether stages 1 and 2 are those of the full model."""
+        changed = [*self.settings, *(name.removeprefix("physic_core.engine.") for name, _ in self.replaced)]
+        return all(name.startswith(("joint.", "presets.default.")) for name in changed)
 
 
 def _first(value: Any, *_: Any, **__: Any) -> Any:
     return value
-
-
-def _undented(distance: Any, give: Any) -> Any:
-    return distance
-
-
-def _no_arms(model: Any, joints: Any, nearest: Any) -> Any:
-    return nearest < 0
 
 
 def _not_hanging(energy: Any, settings: Any, minimised: Any) -> Any:
@@ -80,50 +86,39 @@ def _not_hanging(energy: Any, settings: Any, minimised: Any) -> Any:
     return JudgedSupports(energy, minimised, nobody)
 
 
-def _people_alone(self: Any, context: Any, state: Any) -> Any:
-    from physic_core.engine.joint.terms.people import PeopleTerm
-
-    return [PeopleTerm(self.contact, self.penetration, context)]
-
-
-def _no_terms(self: Any, context: Any, joints: Any) -> Any:
-    return ()
-
-
-_CONTACTS, _DEFAULT = "physic_core.pipeline.contacts", "physic_core.engine.presets.default.DefaultOptimisation"
 _SOLVE = "physic_core.engine.joint.solve"
 
 RULES = (
     Rule("depth term", "MPJPE mm", ("joint.depth.weight=0",)),
     Rule("occlusion awareness", "hidden limbs mm", ("joint.visibility.occlusion_aware=false",)),
-    Rule("balance", "PA mm", ("joint.balance.weight=0",)),
     Rule("limits", "PA mm", ("joint.limits.weight=0",)),
     Rule("soles", "F1", ("joint.soles.weight=0",)),
-    Rule("seat", "F1", ("joint.contact.seat_weight=0",)),
-    Rule("symmetry", "hidden limbs mm", ("joint.symmetry.weight=0",)),
-    Rule("stature", "MPJPE mm", ("joint.stature.weight=0",)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
-    Rule("reach", "people F1", replaced=((f"{_DEFAULT}.late_terms", _people_alone),)),
-    Rule("own body", "self F1", replaced=((f"{_DEFAULT}.arm_terms", _no_terms),)),
-    Rule("resting", "support F1", replaced=((f"{_SOLVE}.judge_resting", _first),)),
-    Rule("hanging", "support F1", replaced=((f"{_SOLVE}.judge_hanging", _not_hanging),)),
-    Rule("restarts", "PA mm", ("joint.restarts=1",)),
-    Rule("local depth scale", "MPJPE mm", ("joint.scene_scale.local_sigma=0",)),
-    Rule("exchanged sides", "PA mm", ("placement.swapped_sides_deg=180",)),
-    Rule("floor under people", "F1", ("scene.floor_under_people=false",)),
-    Rule("lifted feet", "F1", ("placement.detect_lifted_feet=false",)),
+    Rule(
+        "hanging",
+        "support F1",
+        replaced=((f"{_SOLVE}.judge_hanging", _not_hanging),),
+        watched=f"{_SOLVE}.judge_hanging",
+        acts=lambda _, judged: bool(judged.hanging.any()),
+    ),
+    Rule(
+        "floor under people",
+        "F1",
+        ("scene.floor_under_people=false",),
+        watched="physic_core.engine.joint.final_scene.floor_under_people",
+        acts=lambda _, floor: floor is not None,
+    ),
+    Rule(
+        "lifted feet",
+        "F1",
+        ("placement.detect_lifted_feet=false",),
+        watched="physic_core.pipeline.optimise.find_lifted_feet",
+        acts=lambda _, feet: bool(feet.lifted.any()),
+    ),
     Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
     Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
     Rule("hidden supports", "support F1", ("contact.assume_supports=false",), contact_only=True),
     Rule("probability", "F1", ("contact.rule=distance",), contact_only=True),
-    Rule("dents", "F1", replaced=((f"{_CONTACTS}.above_dents", _undented),), contact_only=True),
-    Rule("carrying classes", "F1", replaced=((f"{_CONTACTS}.correct_carrying_classes", _first),), contact_only=True),
-    Rule("inpainted surfaces", "F1", replaced=((f"{_CONTACTS}.lower_to_parts", _first),), contact_only=True),
-    Rule(
-        "floor by plane and points", "F1", replaced=((f"{_CONTACTS}.combine_floor_points", _first),), contact_only=True
-    ),
-    Rule("straight hips", "self F1", replaced=((f"{_CONTACTS}.arms_at_straight_hips", _no_arms),), contact_only=True),
-    Rule("known prior", "support F1", replaced=((f"{_CONTACTS}._known_prior", _first),), contact_only=True),
 )
 """Every rule that can be removed alone."""
 
@@ -144,7 +139,14 @@ def main() -> int:
     table = commands.add_parser("table")
     table.add_argument("out", type=Path)
     table.add_argument("--level", type=float, default=99.0)
+    compare = commands.add_parser("compare")
+    compare.add_argument("out", type=Path)
+    compare.add_argument("other", type=Path)
+    compare.add_argument("--level", type=float, default=99.0)
     given = parser.parse_args()
+    if given.command == "compare":
+        print(comparison(given.out, given.other, given.level))
+        return 0
     if given.command == "table":
         print(table_of(given.out, given.level))
         return 0
@@ -162,8 +164,12 @@ def run_rows(given: argparse.Namespace, chosen: Sequence[Rule], removed: Sequenc
     cases = with_other_bodies(benchmark_cases(given.worlds, given.seed, (320, 240), "both"))
     given.out.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
+        in_turn = sorted(range(len(cases)), key=lambda number: number % given.worlds)
         work = [
-            pool.submit(run_case, i, case, given.out, tuple(chosen), tuple(removed)) for i, case in enumerate(cases)
+            pool.submit(
+                run_named, i, cases[i], given.out, [rule.name for rule in chosen], [rule.name for rule in removed]
+            )
+            for i in in_turn
         ]
         for done, future in enumerate(as_completed(work), 1):
             print(f"[{done}/{len(work)}] {future.result()}", file=sys.stderr, flush=True)
@@ -188,6 +194,12 @@ def _setup() -> tuple[Any, Any, Any]:
     return plan, model, Evaluator.body_graph(model)
 
 
+def run_named(number: int, case: Any, out: Path, chosen: Sequence[str], removed: Sequence[str]) -> str:
+    """Run rows by the names of their rules, in a process of the pool."""
+    rules = {rule.name: rule for rule in RULES}
+    return run_case(number, case, out, tuple(rules[name] for name in chosen), tuple(rules[name] for name in removed))
+
+
 def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], removed: tuple[Rule, ...]) -> str:
     """Run the missing rows of one world; return a line about it."""
     from physic_core.files.strict_json import to_json
@@ -202,11 +214,16 @@ def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], remove
     world = build_world(case.name, case.seed, case.size)
     evidence = estimate_evidence(case, world, plan, model, cache_folder())
     evaluator = Evaluator(world, evidence.people.masks, skin)
-    solved: list[Any] = []
+    kept = FullModel()
+    base: dict[str, Any] = {}
     for rule in (BASE, *chosen):
-        if files[rule.name].exists() and not (rule is BASE and any(r.contact_only for r in chosen)):
+        if files[rule.name].exists() and rule is not BASE:
             continue
-        row = run_row((rule, *removed), evidence, evaluator, model, solved, reuse=rule.contact_only)
+        if rule.watched and rule.name not in kept.acted:
+            row = base
+        else:
+            row = run_row((rule, *removed), evidence, evaluator, model, kept)
+        base = row if rule is BASE else base
         record = {
             "name": case.name,
             "seed": case.seed,
@@ -219,32 +236,37 @@ def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], remove
     return case.title
 
 
-def run_row(
-    rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, solved: list[Any], *, reuse: bool
-) -> dict[str, Any]:
-    """Run the engine without ``rules`` and score it; ``solved`` keeps stage 3 of the full model for other rows."""
+class FullModel:
+    """What the full model found in one world, for rows that share stages with it.
+
+    Attributes:
+        placed: results of stage 2, in the order of the calls.
+        solved: result of stage 3, if it ran.
+        acted: names of the watched rules that act in this world.
+    """
+
+    def __init__(self) -> None:
+        self.placed: list[Any] = []
+        self.solved: list[Any] = []
+        self.acted: set[str] = set()
+
+
+def run_row(rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, kept: FullModel) -> dict[str, Any]:
+    """Run the engine without ``rules`` and score it."""
     import torch
 
-    import physic_core.pipeline.optimise as engine
     from physic_core import load_config
+    from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_testing.bench.evaluation import engine_estimate
 
     overrides = [f"engine.{text}" for rule in rules for text in rule.settings]
     settings = load_config(preset="mock", overrides=overrides).engine.settings()
-    optimize = engine.optimize
-
-    def remembered(problem: Any, settings: Any) -> Any:
-        if not reuse:
-            solved[:] = [optimize(problem, settings)] if rules[0] is BASE else solved
-            return solved[0] if rules[0] is BASE else optimize(problem, settings)
-        return solved[0]
-
     torch.manual_seed(0)
-    with _without(rules), patch.object(engine, "optimize", remembered):
+    with without_rules(rules), _shared_stages(rules[0], kept):
         try:
             stages = StageRunner("cpu", 4)
-            estimate = engine_estimate(engine.run_engine(evidence, settings, model, stages))
+            estimate = engine_estimate(run_engine(evidence, settings, model, stages))
             people, scene, error = evaluator.person_records(estimate), evaluator.scene_record(estimate), ""
         except Exception as cause:  # a row that fails in one world is counted
             error = f"{type(cause).__name__}: {cause}"
@@ -253,7 +275,53 @@ def run_row(
 
 
 @contextmanager
-def _without(rules: Sequence[Rule]) -> Iterator[None]:
+def _shared_stages(rule: Rule, kept: FullModel) -> Iterator[None]:
+    """Keep stages 2 and 3 of the full model and whether rules act in it, or use them in a row that shares them."""
+    import physic_core.pipeline.optimise as engine
+
+    place, solve = engine.place_people, engine.optimize
+    with ExitStack() as stack:
+        if rule is BASE:
+
+            def placing(*args: Any, **named: Any) -> Any:
+                kept.placed.append(place(*args, **named))
+                return kept.placed[-1]
+
+            def solving(*args: Any, **named: Any) -> Any:
+                kept.solved[:] = [solve(*args, **named)]
+                return kept.solved[0]
+
+            stack.enter_context(patch.object(engine, "place_people", placing))
+            stack.enter_context(patch.object(engine, "optimize", solving))
+            for one in RULES:
+                if one.watched:
+                    stack.enter_context(_watching(one, kept.acted))
+        elif rule.contact_only or rule.joint_only:
+            placed = iter(kept.placed)
+            stack.enter_context(patch.object(engine, "place_people", lambda *args, **named: next(placed)))
+            if rule.contact_only:
+                stack.enter_context(patch.object(engine, "optimize", lambda *args, **named: kept.solved[0]))
+        yield
+
+
+@contextmanager
+def _watching(rule: Rule, acted: set[str]) -> Iterator[None]:
+    """Note whether a rule acts."""
+    owner, _, name = rule.watched.rpartition(".")
+    watched = getattr(pkgutil.resolve_name(owner), name)
+
+    def noting(*args: Any, **named: Any) -> Any:
+        result = watched(*args, **named)
+        if rule.acts(args[0], result):
+            acted.add(rule.name)
+        return result
+
+    with patch(rule.watched, noting):
+        yield
+
+
+@contextmanager
+def without_rules(rules: Sequence[Rule]) -> Iterator[None]:
     with ExitStack() as stack:
         for rule in rules:
             for target, replacement in rule.replaced:
@@ -301,6 +369,29 @@ def table_of(out: Path, level: float) -> str:
             for a, b in zip(record["rows"]["base"]["people"], record["rows"]["off"]["people"], strict=True)
         )
         lines.append("| " + " | ".join([rule.name, str(changed), *cells]) + " |")
+    return "\n".join(lines)
+
+
+def comparison(out: Path, other: Path, level: float) -> str:
+    """Return the Markdown table of the full model of two versions, and their paired difference."""
+    from physic_testing.bench.summary import row_statistics
+
+    records = []
+    for file in sorted(out.glob("*-base.json")):
+        if (other / file.name).exists():
+            about, before = json.loads(file.read_text()), json.loads((other / file.name).read_text())
+            records.append({**about, "rows": {"now": about["row"], "before": before["row"]}})
+    now, before = row_statistics(records, "now"), row_statistics(records, "before")
+    lines = [
+        f"| figure, {len(records)} worlds | before | now | difference, {level:g} % interval |",
+        "|---|---|---|---|",
+    ]
+    for head, name in FIGURES.items():
+        low, high = np.nanpercentile(now.draws[name] - before.draws[name], [50 - level / 2, 50 + level / 2])
+        values = before.figures[name].value, now.figures[name].value
+        lines.append(
+            f"| {head} | {values[0]:.4g} | {values[1]:.4g} | {values[1] - values[0]:+.3g} [{low:.2g}, {high:.2g}] |"
+        )
     return "\n".join(lines)
 
 

@@ -89,7 +89,7 @@ def test_the_host_waits_once_an_evaluation_and_twice_a_step(two, steps):
     energy = JointEnergy(two.problem, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
-        block = _lbfgs_block(energy, settings, steps, _OptimiserMemory(), None)
+        block = _lbfgs_block(energy, settings, steps, _OptimiserMemory())
     assert block.steps == steps
     assert reads.count == block.evaluations + 2 * block.steps + 1
 

@@ -525,12 +525,12 @@ def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.Monk
     seen = Detections(own, picture.keypoints, picture.confidence, observed, picture.points, picture.masks)
     on_floor = place_people(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
     without = place_people(bodies, seen, picture.K, None, DEFAULT)
-    assert [p.on_floor for p in on_floor.placement.people] == [True, False]
-    assert not torch.equal(on_floor.placement.transl[0], without.placement.transl[0])
+    assert [p.on_floor for p in on_floor.people] == [True, False]
+    assert not torch.equal(on_floor.transl[0], without.transl[0])
     solved = []
     solve = placing._place_person
     monkeypatch.setattr(placing, "_place_person", lambda *given: solved.append(given) or solve(*given))
     again = place_people(bodies, seen, picture.K, None, DEFAULT, before=on_floor)
     assert len(solved) == 1
-    assert torch.equal(again.placement.transl, without.placement.transl)
-    assert again.placement.diagnostics == without.placement.diagnostics
+    assert torch.equal(again.transl, without.transl)
+    assert again.diagnostics == without.diagnostics
