@@ -4,7 +4,7 @@
     python -m benchmarks.rules table OUT [--level 99]
     python -m benchmarks.rules compare OUT OTHER [--level 99]
 
-A row removes one rule, by a setting or by a replacement of the function that states it. ``run`` keeps one JSON file a
+A row removes one rule by its settings. ``run`` keeps one JSON file a
 world and row in OUT, and an interrupted run continues. ``table`` prints a Markdown table: the change of each figure by
 the rule, full model minus row, with a bootstrap interval over worlds. A rule helps if F1 rises and errors fall.
 ``compare`` prints the full model of one version of the code minus that of another. The worlds have
@@ -51,7 +51,6 @@ class Rule:
         name: of the row.
         figure: heading of :data:`FIGURES` that the rule exists for.
         settings: overrides of the engine's settings, as for ``physic bench accuracy --set``.
-        replaced: dotted names of functions -> their replacement.
         contact_only: whether stages 1 to 3 are those of the full model.
         watched: dotted name of a function of the full model that decides whether the rule acts; "" if it always may.
         acts: of the first argument and the result of that function, whether the rule acts in this world. Where it does
@@ -61,7 +60,6 @@ class Rule:
     name: str
     figure: str
     settings: tuple[str, ...] = ()
-    replaced: tuple[tuple[str, Callable[..., Any]], ...] = ()
     contact_only: bool = False
     watched: str = ""
     acts: Callable[[Any, Any], bool] = lambda argument, result: True
@@ -69,24 +67,8 @@ class Rule:
     @property
     def joint_only(self) -> bool:
         """Whether stages 1 and 2 are those of the full model."""
-        changed = [*self.settings, *(name.removeprefix("physic_core.engine.") for name, _ in self.replaced)]
-        return all(name.startswith(("joint.", "presets.default.")) for name in changed)
+        return all(text.startswith("joint.") for text in self.settings)
 
-
-def _first(value: Any, *_: Any, **__: Any) -> Any:
-    return value
-
-
-def _not_hanging(energy: Any, settings: Any, minimised: Any) -> Any:
-    import torch
-
-    from physic_core.engine.joint.hanging import JudgedSupports
-
-    nobody = torch.zeros(len(energy.problem), dtype=torch.bool, device=energy.problem.transl0.device)
-    return JudgedSupports(energy, minimised, nobody)
-
-
-_SOLVE = "physic_core.engine.joint.solve"
 
 RULES = (
     Rule("depth term", "MPJPE mm", ("joint.depth.weight=0",)),
@@ -94,13 +76,6 @@ RULES = (
     Rule("limits", "PA mm", ("joint.limits.weight=0",)),
     Rule("soles", "F1", ("joint.soles.weight=0",)),
     Rule("people term", "people F1", ("joint.contact.people_weight=0", "joint.penetration.people_weight=0")),
-    Rule(
-        "hanging",
-        "support F1",
-        replaced=((f"{_SOLVE}.judge_hanging", _not_hanging),),
-        watched=f"{_SOLVE}.judge_hanging",
-        acts=lambda _, judged: bool(judged.hanging.any()),
-    ),
     Rule(
         "floor under people",
         "F1",
@@ -263,7 +238,7 @@ def run_row(rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, 
     overrides = [f"engine.{text}" for rule in rules for text in rule.settings]
     settings = load_config(preset="mock", overrides=overrides).engine.settings()
     torch.manual_seed(0)
-    with without_rules(rules), _shared_stages(rules[0], kept):
+    with _shared_stages(rules[0], kept):
         try:
             stages = StageRunner("cpu", 4)
             estimate = engine_estimate(run_engine(evidence, settings, model, stages))
@@ -317,15 +292,6 @@ def _watching(rule: Rule, acted: set[str]) -> Iterator[None]:
         return result
 
     with patch(rule.watched, noting):
-        yield
-
-
-@contextmanager
-def without_rules(rules: Sequence[Rule]) -> Iterator[None]:
-    with ExitStack() as stack:
-        for rule in rules:
-            for target, replacement in rule.replaced:
-                stack.enter_context(patch(target, replacement))
         yield
 
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .rules import BASE, RULES, Rule, without_rules
+from .rules import BASE, RULES, Rule
 from .truth.__main__ import compared, samples_of
 from .truth.measures import calibration_error, detection_scores
 from .truth.run import measured_fields
@@ -69,7 +69,7 @@ def answer_of(sample: Sample, rule: Rule, removed: Sequence[Rule], out: Path) ->
         fx, fy, cx, cy = (float(v) for v in sample.K[[0, 1, 0, 1], [0, 1, 2, 2]])
         camera = Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN)
     overrides = [f"engine.{text}" for one in (rule, *removed) for text in one.settings]
-    with without_rules((rule, *removed)), Pipeline(load_config(preset="embedded", overrides=overrides)) as pipeline:
+    with Pipeline(load_config(preset="embedded", overrides=overrides)) as pipeline:
         try:
             result = pipeline(picture, intrinsics=camera)
             answer = {"error": "", **measured_fields(result, (width, height), sample)}

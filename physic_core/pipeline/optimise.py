@@ -111,8 +111,6 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)
-        if bool(result.hanging.any()):
-            problem = problem.lift_feet(result.hanging)
     with stages.time_engine("contact"):
         scene, problem = finalize_scene(scene, problem, result, tensor(estimates.hole), settings.scene)
         placement = {

@@ -164,17 +164,6 @@ def test_people_whose_feet_the_photo_shows_stand_on_nothing_hidden_and_hold_noth
     assert not found.hidden.any()
 
 
-def test_who_was_found_to_hang_holds_something_hidden_whatever_the_contact_prior(posed):
-    model, body = posed(HANGS)
-    in_air = evidence(model, lifted=(True, True))
-    found = find_support(model, body, replace(in_air, hanging=True), UP, assume=True)
-    assert found.state == SupportState.ASSUMED
-    assert within(model, found.hidden, "left_hand", "right_hand")
-    assert found.hidden[model.contact_sets["left_hand"]].all()
-    on_bar = replace(evidence(model, "left_hand", "right_hand", lifted=(True, True)), hanging=True)
-    assert find_support(model, body, on_bar, UP, assume=True).state == SupportState.HANGING
-
-
 def test_hands_above_the_centre_of_mass_carry_alone(posed):
     model, body = posed(HANGS)
     high = find_support(model, body, evidence(model, "left_hand", "right_hand"), UP, assume=False)

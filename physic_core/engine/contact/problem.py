@@ -32,7 +32,6 @@ class ContactInput:
         prior: (N, V) of the contact prior, in [0, 1].
         observed: (N, 55) bool, visible joints.
         lifted_feet: (N, 2) bool, left and right feet in the air.
-        hanging: (N,) bool, people whom stage 3 found to hang from their hands.
         surfaces: scaled scene near the people, and the floor.
         uncarved: the same scene before inpainted points were moved out of people.
         classes: of the points of the scene.
@@ -48,7 +47,6 @@ class ContactInput:
     prior: Tensor
     observed: Tensor
     lifted_feet: Tensor
-    hanging: Tensor
     surfaces: ContactSurfaces
     uncarved: NearestPointSearch
     classes: ClassifiedPoints

@@ -96,7 +96,6 @@ def find_supports(
             prior=given.prior[i],
             lifted_feet=given.lifted_feet[i],
             seen=seen[i],
-            hanging=bool(given.hanging[i]),
         )
         found.append(find_support(given.model, body, evidence, given.up, assume=settings.assume_supports))
     return tuple(found)

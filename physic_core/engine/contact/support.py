@@ -69,14 +69,12 @@ class ContactEvidence:
         prior: (V,) probability of the contact prior.
         lifted_feet: (2,) bool, left and right foot in the air.
         seen: (V,) bool, vertices on limbs that the photo shows.
-        hanging: whether the person was found to hang from the hands by the pose.
     """
 
     contact: Tensor
     prior: Tensor
     lifted_feet: Tensor
     seen: Tensor
-    hanging: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,7 +155,7 @@ def _hidden_supports(
 ) -> Iterator[tuple[bool, Tensor]]:
     """Yield whether it is a seat, and the vertices (V,) bool on it, of each support that the photo cannot show."""
     soles = _members(model, *(f"{side}_sole" for side in SIDES))
-    in_air = bool(evidence.lifted_feet.all()) or evidence.hanging
+    in_air = bool(evidence.lifted_feet.all())
     if not in_air and not bool((evidence.seen & soles).any()):
         yield False, _lowest(body, soles, up)
     if not in_air and bool(is_sitting(body.rotations[None], body.joints[None], up)[0]):
@@ -165,7 +163,7 @@ def _hidden_supports(
     trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
         yield False, _lowest(body, model.outer, up)
-    held = hands_may_hold(model, evidence.prior[None])[0] | evidence.hanging
+    held = hands_may_hold(model, evidence.prior[None])[0]
     if in_air and bool(held.any()):
         yield False, _members(model, *(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
 

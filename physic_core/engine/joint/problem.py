@@ -158,13 +158,6 @@ class JointProblem(ShortRepr):
                 vertices |= part & self.lifted_feet[:, foot, None]
         return vertices
 
-    def lift_feet(self, people: Tensor) -> JointProblem:
-        """Return a copy in which both feet of some people, (B,) bool, are in the air."""
-        lifted = people[:, None].expand(-1, len(SIDES))
-        if self.lifted_feet is not None:
-            lifted = lifted | self.lifted_feet
-        return replace(self, lifted_feet=lifted, grounded=~people if self.grounded is None else self.grounded & ~people)
-
     def select_people(self, rows: Tensor) -> JointProblem:
         """Return a copy with a selection of the people, (n,) int64."""
         changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
@@ -187,7 +180,6 @@ class JointResult(ShortRepr):
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
         occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
-        hanging: (B,) bool, people who were found to hang from their hands; their feet are in the air.
         depth_inside: (B, V) metres of visible vertices inside the scene or under the floor, without dents; else 0.
         surface_share: (B, V) share of the visible surface of each vertex; 0 for vertices that were not tracked.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
@@ -204,7 +196,6 @@ class JointResult(ShortRepr):
     vertices: Tensor
     joints: Tensor
     occluded: Tensor
-    hanging: Tensor
     depth_inside: Tensor
     surface_share: Tensor
     losses: Mapping[str, tuple[float, float]]

@@ -87,9 +87,6 @@ class JointSettings(ABC):
     scene_start_share: ClassVar[float] = 0.0
     """Share of the steps before contact and penetration are added; 0 includes them from the first step."""
 
-    judges_supports: ClassVar[bool] = False
-    """Whether other supports are tried for people with raised hands (:mod:`physic_core.engine.joint.hanging`)."""
-
     @property
     @abstractmethod
     def energy_options(self) -> EnergyOptions:

@@ -11,7 +11,7 @@ from torch import Tensor
 from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.hanging import JudgedSupports, judge_hanging
+from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.joint.schedule import minimise_with_schedule
 from physic_core.engine.joint.settings import JointSettings
@@ -63,11 +63,7 @@ def optimize(
     if energy is None:
         return _start_result(problem, tuple(failures))
     minimised = minimise_with_schedule(energy, settings, progress)
-    if settings.judges_supports:
-        judged = judge_hanging(energy, settings, minimised)
-    else:
-        judged = JudgedSupports(energy, minimised, torch.zeros_like(healthy[healthy]))
-    return _merged_result(problem, judged, healthy.nonzero(as_tuple=True)[0], tuple(failures))
+    return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 
 def _finite_energy(energy: JointEnergy) -> Tensor:
@@ -95,7 +91,6 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
         vertices=output.vertices,
         joints=output.joints,
         occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
-        hanging=torch.zeros(len(failures), dtype=torch.bool, device=output.vertices.device),
         depth_inside=torch.zeros_like(output.vertices[..., 0]),
         surface_share=torch.zeros_like(output.vertices[..., 0]),
         losses={},
@@ -108,10 +103,9 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
 
 @torch.no_grad()
 def _merged_result(
-    problem: JointProblem, judged: JudgedSupports, rows: Tensor, failures: tuple[str, ...]
+    problem: JointProblem, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor, failures: tuple[str, ...]
 ) -> JointResult:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
-    energy, minimised = judged.energy, judged.minimised
     estimate = energy.state.unpack()
     start = _start_result(problem, failures)
     rotations, betas, transl = (
@@ -138,7 +132,6 @@ def _merged_result(
         vertices=output.vertices,
         joints=output.joints,
         occluded=start.occluded.index_copy(0, rows, hidden),
-        hanging=start.hanging.index_copy(0, rows, judged.hanging),
         depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, depth)),
         surface_share=start.surface_share.index_copy(0, rows, everywhere.index_copy(1, ids, share)),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -66,8 +65,6 @@ class DefaultOptimisation(JointSettings):
     regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
     scene_scale: SceneScaleSettings = field(default_factory=SceneScaleSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
-
-    judges_supports: ClassVar[bool] = True
 
     @property
     def energy_options(self) -> EnergyOptions:
