@@ -347,7 +347,7 @@ def test_losses_are_given_at_start_and_end(standing):
     result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.0)), SETTINGS)
     assert set(result.losses) == {
         *("reprojection", "depth", "contact", "penetration", "floor", "soles"),
-        *("regularisation", "scale", "limits"),
+        *("regularisation", "scale", "stature", "limits", "balance"),
     }
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert end < 0.05 * start

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.terms.stature import STATURE_SIGMA
 from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.stature import linearise_stature, stature_prior
+
+from .adjusted import adjusted
 
 JOINT = PRESETS["default"].joint
 
@@ -53,3 +59,45 @@ def spread_of_stature(body):
 
 def test_the_shape_prior_alone_knows_stature_to_five_percent(body):
     assert spread_of_stature(body) == pytest.approx(0.054, abs=0.003)
+
+
+@pytest.mark.parametrize("scale_sigma", [0.05, 0.1])
+@pytest.mark.parametrize("stature_weight", [0.0, 1.0])
+def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing, body, scale_sigma, stature_weight):
+    """A scene 8 % too large for its person: floor and picture say only that one of them is wrong."""
+    too_large = 1.08
+    problem = standing.problem
+    large = replace(
+        problem,
+        scene_points=too_large * problem.scene_points,
+        floor_offset=too_large * problem.floor_offset,
+        human_depth=too_large * problem.human_depth,
+        scale_sigma=scale_sigma,
+    )
+    # Pose and place have next to no say in it: only how large the person is, and how large the scene.
+    settings = adjusted(
+        JOINT,
+        frozen=("pose", "hands", "root"),
+        optimiser__tolerance=0.0,
+        optimiser__steps=120,
+        depth__offset_sigma=0.0,
+        regularisation__translation_weight=0.0,
+        regularisation__sigma_m=10.0,
+        balance__weight=0.0,
+        stature__weight=stature_weight,
+        scene_scale__weight=1.0,
+    )
+    result = optimize(large, settings)
+    precision = settings.regularisation.shape_weight / spread_of_stature(body) ** 2 + stature_weight / STATURE_SIGMA**2
+    expected = -math.log(too_large) * scale_sigma**2 / (scale_sigma**2 + 1 / precision)
+    grown = math.log(float(body.stature(result.betas)) / float(body.stature(problem.betas0)))
+    print(
+        f"log scale {math.log(result.scene_scale):+.4f}, wanted {expected:+.4f}; "
+        f"log stature {grown:+.4f}, wanted {expected + math.log(too_large):+.4f}"
+    )
+    assert math.log(result.scene_scale) == pytest.approx(expected, abs=0.01)
+    assert grown == pytest.approx(expected + math.log(too_large), abs=0.01)
+
+
+def test_no_weight_no_term(standing):
+    assert "stature" not in JointEnergy(standing.problem, adjusted(JOINT, stature__weight=0.0))()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import get_args
 
@@ -13,6 +14,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.bounds import RobustKind
 from physic_core.engine.joint.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
 from physic_core.engine.joint.settings import AdamSettings
+from physic_core.engine.joint.terms.balance import balance_energy
 from physic_core.engine.joint.terms.chamfer import chamfer_energy
 from physic_core.engine.joint.terms.limits import limit_energy
 from physic_core.engine.joint.terms.point_penetration import point_penetration_energy
@@ -107,6 +109,12 @@ def test_gradient_of_regularisation():
 
 def test_gradient_of_joint_limits():
     check(lambda x: limit_energy(roma.rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
+
+
+def test_gradient_of_balance():
+    up = torch.nn.functional.normalize(torch.tensor([0.1, -1.0, -0.2], dtype=torch.float64), dim=0)
+    weight = torch.tensor([1.0, 0.5]).double()
+    check(lambda m, j: balance_energy(m, j, up, weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
 
 
 # ---- values
@@ -235,6 +243,27 @@ def test_knees_and_elbows_bend_as_the_body_does(body):
     assert moved[JOINT_INDEX["left_ankle"], 2] < -0.1
     assert moved[JOINT_INDEX["left_wrist"], 2] > 0.1
     assert moved[JOINT_INDEX["right_wrist"], 2] > 0.1
+
+
+def test_balance_lets_stand_and_rights_who_leans(body):
+    up = torch.tensor([0.0, 1.0, 0.0])
+    output = body(*body.zero_pose(1))
+    mass = output.vertices.mean(1) * torch.tensor([1.0, 1.0, 0.0]) + torch.tensor([0.0, 0.0, 0.05])
+
+    def value(angle):
+        turn = roma.rotvec_to_rotmat(torch.tensor([angle, 0.0, 0.0]))
+        return balance_energy(mass @ turn.T, output.joints @ turn.T, up, torch.ones(1), square).item()
+
+    assert value(0.0) == 0
+    assert value(math.radians(15)) > 5
+    assert value(math.radians(-15)) > 5
+
+
+def test_balance_is_finite_when_the_camera_looks_straight_down():
+    up = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
+    mass = rand(1, 3)
+    balance_energy(mass, rand(1, 55, 3, seed=1), up, torch.ones(1), RHO).sum().backward()
+    assert torch.isfinite(mass.grad).all()
 
 
 def test_every_loss_that_settings_can_name_exists():

@@ -12,7 +12,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
 from physic_core.engine.joint.distances import plane_height, root_relative
 from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.limbs import observed_parts
+from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
@@ -60,11 +60,13 @@ class JointContext:
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices: of a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
+        above_knees: (n,) bool, on neither a lower leg nor a foot.
         soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
         keypoints: with their weights.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
+        standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`; not with both feet in the air.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None if free space is not used.
@@ -81,11 +83,13 @@ class JointContext:
     contact_probability: Tensor
     is_contact: Tensor
     on_visible_part: Tensor
+    above_knees: Tensor
     soles: tuple[Tensor, Tensor]
     keypoints: Keypoints
     person_px: Tensor
     start: BodyOutput
     relative: Tensor
+    standing: Tensor
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
@@ -132,17 +136,25 @@ def precompute(
         contact_probability=probability[:, ids],
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
+        above_knees=_above_knees(model)[ids],
         soles=_sole_rows(model, ids),
         keypoints=weigh_keypoints(problem, person_px, observed),
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
+        standing=_standing(problem, start.joints, observed),
         feet_visible=observed[:, _ANKLES] & inside_image(project(start.joints[:, _ANKLES], problem.K), height, width),
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=front_depth(problem.scene_depth) if use_fronts and problem.scene_depth is not None else None,
         surface=surface,
         surface_normals=surface_normals,
     )
+
+
+def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:
+    """Return the people (B,) bool who stand by their pose, and have a foot on something."""
+    standing = is_standing(problem.rotations0, joints, observed, problem.floor_normal)
+    return standing if problem.lifted_feet is None else standing & ~problem.lifted_feet.all(1)
 
 
 def _contact_probability(problem: JointProblem, options: EnergyOptions) -> Tensor:
@@ -185,6 +197,12 @@ def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Ten
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
+
+
+def _above_knees(model: BodyModel) -> Tensor:
+    """Return the vertices (V,) bool on neither a lower leg nor a foot."""
+    high = [not name.endswith(("lower_leg", "foot")) for name in model.part_names]
+    return torch.tensor(high, device=model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:

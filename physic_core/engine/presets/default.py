@@ -17,6 +17,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, VisibilitySettings
 from physic_core.engine.joint.state import State, StateSigmas
 from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
@@ -27,6 +28,7 @@ from physic_core.engine.joint.terms.regularisation import RegularisationSettings
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
 from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
+from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 
 __all__ = ["DefaultOptimisation"]
@@ -52,6 +54,8 @@ class DefaultOptimisation(JointSettings):
         regularisation: deviation from the start.
         scene_scale: scale of the scene.
         limits: knees and elbows.
+        stature: height of people.
+        balance: centre of mass over the feet.
     """
 
     optimiser: LbfgsSettings = field(default_factory=LbfgsSettings)
@@ -65,6 +69,8 @@ class DefaultOptimisation(JointSettings):
     regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
     scene_scale: SceneScaleSettings = field(default_factory=SceneScaleSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
+    stature: StatureSettings = field(default_factory=StatureSettings)
+    balance: BalanceSettings = field(default_factory=BalanceSettings)
 
     @property
     def energy_options(self) -> EnergyOptions:
@@ -113,9 +119,10 @@ class DefaultOptimisation(JointSettings):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
         aware = self.visibility.occlusion_aware
+        contact = ContactTerm(self.contact, context)
         surface = SurfaceTermGroup(
             depth=DepthTerm(self.depth, context, state),
-            contact=ContactTerm(self.contact, context),
+            contact=contact,
             penetration=PenetrationTerm(self.penetration, context, occlusion_aware=aware),
             floor=FloorTerm(self.floor, context),
             soles=SoleTerm(self.soles, context),
@@ -127,6 +134,8 @@ class DefaultOptimisation(JointSettings):
             SurfaceTerms(context, surface),
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits),
+            StatureTerm(self.stature, context),
+            BalanceTerm(self.balance, context, contact),
         ]
 
     def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
