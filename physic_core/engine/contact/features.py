@@ -149,7 +149,8 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
     distance = torch.where(by_plane, surface.floor, surface.scene)
     is_near = torch.isfinite(distance)
     group = given.model.part_of_vertex.expand_as(point)
-    shared = _shared_columns(torch.where(given.model.outer, distance, torch.inf), group, given.seen)
+    may_touch = given.model.outer & ~given.in_air  # a foot that is found in the air has nothing near it
+    shared = _shared_columns(torch.where(may_touch, distance, torch.inf), group, given.seen)
     floor, seen = (by_plane | ground).to(distance), given.seen.to(distance)
     towards = torch.zeros_like(near.normals)
     if len(parts.ground):
@@ -168,7 +169,6 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
         "prior, unseen limb": prior * (1 - seen),
         "hand": given.part("hand").to(distance).expand_as(distance),
         "foot": given.part("foot").to(distance).expand_as(distance),
-        "lifted foot": given.in_air.to(distance),
         "skin faces down": -(near.normals @ given.up),
         "point from plane": difference / _LOG_UNIT_M,
     }

@@ -63,8 +63,9 @@ def scene_parts(
     """Find class and connected surface of scene points.
 
     A hidden point has the class of the nearest visible one, within half a metre. A hidden point more than 10 cm over
-    the floor is not floor. Points of one class are one surface if they are connected by steps of less than two cells of
-    4 cm. Without a class, their normals also agree within 37 degrees.
+    the floor is not floor. Points within 4 cm of its plane are, whatever their class: labels around feet are those of
+    what the feet look like. Points of one class are one surface if they are connected by steps of less than two cells
+    of 4 cm. Without a class, their normals also agree within 37 degrees.
 
     Args:
         points: (n, 3) metres.
@@ -80,7 +81,7 @@ def scene_parts(
     floor_labels = torch.tensor([names.index(name) for name in GROUND_CLASSES if name in names], dtype=torch.int64)
     ground = ground | (torch.isin(label, floor_labels) & ~raised)
     if height is not None:
-        ground = ground | ((label < 0) & (height.cpu().abs() < _CELL_M))
+        ground = ground | (height.cpu().abs() < _CELL_M)
     surface = _connected(points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy())
     at = points.device
     return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
