@@ -531,16 +531,16 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
 
 def test_a_class_that_no_plugin_registers_is_shown(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "own_fill.py").write_text(
+    (tmp_path / "shown_fill.py").write_text(
         "from physic_core.interfaces import Inpainter\n"
         "class Fill(Inpainter):\n"
         "    def infer(self, image, mask): return image\n"
     )
-    shown = physic("plugins", "show", "own_fill:Fill").stdout.splitlines()
+    shown = physic("plugins", "show", "shown_fill:Fill").stdout.splitlines()
     assert shown[:3] == [
-        "inpainter 'own_fill:Fill'",
+        "inpainter 'shown_fill:Fill'",
         "  plugin    a class that no plugin registers",
-        "  class     own_fill:Fill",
+        "  class     shown_fill:Fill",
     ]
 
 

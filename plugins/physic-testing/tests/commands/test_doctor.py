@@ -70,14 +70,14 @@ def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
 def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "own_fill.py").write_text(
+    (tmp_path / "doctor_fill.py").write_text(
         "from physic_core.interfaces import Inpainter\n"
         "class Fill(Inpainter):\n"
         "    def infer(self, image, mask): return image\n"
     )
-    done = physic("plugins", "doctor", "own_fill:Fill")
+    done = physic("plugins", "doctor", "doctor_fill:Fill")
     assert done.exit_code == 0
-    assert done.stdout.startswith("ok       inpainter 'own_fill:Fill' (named in the config): ")
+    assert done.stdout.startswith("ok       inpainter 'doctor_fill:Fill' (named in the config): ")
 
 
 def test_a_refused_record_and_a_missing_module_are_broken(site):
