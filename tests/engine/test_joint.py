@@ -74,7 +74,7 @@ def test_who_floats_or_sinks_ends_on_the_floor(standing, lift):
     result = optimize(moved(standing.problem, by=(0.0, lift, 0.0)), SETTINGS)
     print(f"sole {sole_mm(result, standing).item():.1f} mm, vertices {error_mm(result, standing).item():.1f} mm")
     assert abs(sole_mm(result, standing)) < 5
-    assert error_mm(result, standing) < 10
+    assert error_mm(result, standing) < 5
     assert abs(result.diagnostics[0]["lowest_sole_m"]) < 0.005
     assert result.diagnostics[0]["floating_m"] < 0.005
 
