@@ -97,13 +97,9 @@ def test_a_result_that_an_earlier_version_wrote_is_still_read(version: int):
     assert result.scene.floor.offset == pytest.approx(1.4)
 
 
-def test_every_key_of_the_document_is_on_the_page_with_the_words_of_the_schema():
-    rows = dict(re.findall(r"^\| `([\w.]+)` \| ([^|]*) \|$", PAGE.read_text(), re.M))
-    assert {name: one["description"] for name, one in SCHEMA["properties"].items()} == rows
-
-
-def test_every_nested_key_is_described_in_the_schema():
+def test_every_key_is_described_in_the_schema():
     nested = dict(properties(SCHEMA))
+    assert [name for name, one in SCHEMA["properties"].items() if "description" not in one] == []
     for name in ("intrinsics", "check", "person", "support", "partner", "contact", "unposed", "stage", "backend"):
         nested |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
     assert [name for name, one in nested.items() if not {"description", "$ref"} & set(one)] == []
