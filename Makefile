@@ -34,14 +34,17 @@ demo: $(VENV)/demo.stamp
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
 
 # Chosen by facts per second: 1,700 of the 5,100 tests in 120 s of processor time, runs of the pipeline among them.
-QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py body/test_rotations.py cache \
-	engine/test_contact.py engine/test_human.py engine/test_scene.py engine/test_settings.py engine/test_state.py \
-	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics test_cli.py \
-	test_config.py test_exit_codes.py test_packaging.py test_pipeline.py test_pipeline_mock.py test_plugins.py \
-	test_public_api.py test_registry.py test_resolve.py test_rival_names.py test_schema.py test_stages.py \
-	test_startup.py weights) plugins/physic-mock/tests/test_mock.py $(addprefix plugins/physic-testing/tests/, \
-	bench/test_evaluation.py bench/test_summary.py conformance/test_requests_and_comparison.py conformance/test_kit.py worlds/test_labels.py \
-	worlds/test_rooms.py)
+QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \
+	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
+	configuration/test_config.py configuration/test_resolve.py configuration/test_schema.py \
+	discovery/test_plugins.py discovery/test_registry.py discovery/test_rival_names.py engine/test_contact.py \
+	engine/test_human.py engine/test_scene.py engine/test_settings.py engine/test_state.py \
+	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
+	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
+	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py \
+	$(addprefix plugins/physic-testing/tests/, \
+	bench/test_evaluation.py bench/test_summary.py conformance/test_kit.py \
+	conformance/test_requests_and_comparison.py worlds/test_labels.py worlds/test_rooms.py)
 
 quick: $(VENV)/test.stamp
 	$(PYTEST) -m "not slow" $(QUICK)

@@ -15,7 +15,7 @@ from physic_core.cli import main
 from physic_core.io.photo import read_photo
 from physic_testing.bench.consistency import consistency
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")

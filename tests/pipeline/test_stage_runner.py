@@ -55,9 +55,9 @@ class Counting(interfaces.MetricDepth):
             raise self.error
 
 
-LOADS = f"(tests/test_stages.py:{Counting.note.__code__.co_firstlineno + 3})"
+LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstlineno + 3})"
 """The line in which a backend that fails in load, infer or close does so."""
-TELLS = f"(tests/test_stages.py:{Counting.fingerprint.__code__.co_firstlineno + 2})"
+TELLS = f"(tests/pipeline/test_stage_runner.py:{Counting.fingerprint.__code__.co_firstlineno + 2})"
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ import physic_core
 import physic_testing
 from physic_core import body, errors, interfaces, types, weights
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def site(name: str) -> ModuleType:

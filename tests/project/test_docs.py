@@ -17,7 +17,7 @@ from physic_core.discovery.plugins import discover
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
     [*PAPERS, *ROOT.glob("docs/**/*.md"), *ROOT.glob("plugins/*/README.md"), ROOT / "examples" / "README.md"]

@@ -17,7 +17,7 @@ from PIL import Image
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
-from .standins.results import empty_reconstruction
+from .results import empty_reconstruction
 
 TITLE = "\x1b]0;OWNED\x07"  # sets the title of a terminal
 SHOWN = r"\x1b]0;OWNED\x07"

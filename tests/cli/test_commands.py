@@ -27,7 +27,7 @@ from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPl
 from physic_core.errors import BackendNotFoundError, InputError
 from physic_core.types import Reconstruction, StageRecord
 
-from .standins.results import empty_reconstruction
+from .results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)

@@ -236,7 +236,7 @@ def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
         raise fault
 
     kind = type("Own", (backend("inpainter"),), {"__init__": fail})
-    place = f"tests/test_resolve.py:{fail.__code__.co_firstlineno + 1}"
+    place = f"tests/configuration/test_resolve.py:{fail.__code__.co_firstlineno + 1}"
     with pytest.raises(BackendError) as caught:
         resolve(config(), registry(inpainter=kind))
     assert str(caught.value) == f"inpainter 'own' (physic-mine 0.2) cannot be constructed: {said} ({place})"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
 
 CANNOT_RUN_CODE = {
@@ -30,13 +30,13 @@ CANNOT_RUN_CODE = {
     "`report.html`, made from names and results of others": (
         "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run"
     ),
-    "the values of a config": "tests/test_config.py::test_hostile_values_are_one_short_error",
+    "the values of a config": "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
     "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults",
-    "text of others in messages": "tests/test_cli_printing.py::test_a_run_escapes_names_and_texts",
-    "the current folder": "tests/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
+    "text of others in messages": "tests/cli/test_printing.py::test_a_run_escapes_names_and_texts",
+    "the current folder": "tests/cli/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
 }
 WEIGHTS = {
-    "A run downloads nothing.": "tests/test_no_network.py::test_a_test_that_uses_the_network_fails",
+    "A run downloads nothing.": "tests/project/test_no_network.py::test_a_test_that_uses_the_network_fails",
     "A downloaded file is compared": "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
     "`physic weights verify` repeats": (
         "tests/weights/test_command.py::test_verify_tells_what_differs_and_what_cannot_be_told"
@@ -56,7 +56,7 @@ WRITTEN = {
     "The photo is never replaced": "tests/io/test_output.py::test_the_photo_is_never_overwritten",
 }
 READ = {
-    "a config": "tests/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
+    "a config": "tests/configuration/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
     "a setting": "tests/attacks/test_extremes.py::test_every_setting_is_bounded",
     "a photo, a file of masks": "tests/attacks/test_photo_bombs.py::test_decoding_takes_no_more_memory_than_estimated",
     "a JPEG": "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",

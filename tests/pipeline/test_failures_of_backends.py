@@ -33,6 +33,7 @@ from physic_testing.worlds import World, build_world
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 WRONG = "{} 'wrong' (registered by hand), stage '{}'"
+FILE = "tests/pipeline/test_failures_of_backends.py"
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +138,7 @@ ANSWERED = "person 0: no valid values for this person from {}: results that need
     [
         (
             fail,
-            f": RuntimeError: no weights in w.pt (tests/test_pipeline_failures.py:{fail.__code__.co_firstlineno + 1})",
+            f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})",
         ),
         (
             nans("rotvecs", "confidence"),
@@ -169,7 +170,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
     [
         (
             fail,
-            f": RuntimeError: no weights in w.pt (tests/test_pipeline_failures.py:{fail.__code__.co_firstlineno + 1})",
+            f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})",
         ),
         (
             nans("probability"),

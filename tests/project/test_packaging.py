@@ -16,7 +16,7 @@ from hatchling.builders.wheel import WheelBuilder
 
 from physic_core.interfaces import INTERFACES
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {"physic-core": ROOT}
 
 

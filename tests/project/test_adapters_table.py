@@ -13,7 +13,7 @@ import pytest
 
 from physic_core.weights import read_manifest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "plugins" / "ADAPTERS.md"
 CHECKED = ("real weights", "real class with random weights", "exact-contract graph", "stub")
 """Ways in which an adapter's contract was checked; a row names one or more, and may add of what."""

@@ -285,8 +285,8 @@ def saying(answer: object) -> type[interfaces.Backend]:
 
 
 WRONG = [
-    (RuntimeError("no disk"), "missing() fails: RuntimeError: no disk (tests/test_missing_files.py:{})"),
-    (SystemExit(2), "missing() fails: SystemExit: 2 (tests/test_missing_files.py:{})"),
+    (RuntimeError("no disk"), "missing() fails: RuntimeError: no disk (tests/configuration/test_missing_files.py:{})"),
+    (SystemExit(2), "missing() fails: SystemExit: 2 (tests/configuration/test_missing_files.py:{})"),
     (None, "missing() must return a tuple of texts, got None"),
     ("model.onnx", "missing() must return a tuple of texts, got 'model.onnx'"),
     ([Path("x")], f"missing() must return a tuple of texts, got {[Path('x')]!r}"),

@@ -87,7 +87,7 @@ def test_a_backend_that_falls_over_keeps_its_cause(world: World) -> None:
         run(world, Broken, "keypoint_detector")
     assert str(error.value) == (
         "keypoint_detector 'wrong' (registered by hand), stage 'keypoints': KeyError: 'weights' "
-        f"(tests/test_pipeline.py:{Broken.infer.__code__.co_firstlineno + 1})"
+        f"(tests/pipeline/test_pipeline.py:{Broken.infer.__code__.co_firstlineno + 1})"
     )
     assert isinstance(error.value.__cause__, KeyError)
 
@@ -141,7 +141,8 @@ def test_a_backend_that_leaves_python_is_an_error_too(world: World) -> None:
     with pytest.raises(BackendError) as error:
         run(world, Leaver, "inpainter")
     assert re.fullmatch(
-        r"inpainter 'wrong' \(registered by hand\), stage 'inpainting': SystemExit: 3 \(tests/test_pipeline\.py:\d+\)",
+        r"inpainter 'wrong' \(registered by hand\), stage 'inpainting': "
+        r"SystemExit: 3 \(tests/pipeline/test_pipeline\.py:\d+\)",
         str(error.value),
     )
 

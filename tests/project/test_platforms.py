@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PROJECTS = [ROOT, *(p.parent for folder in ("plugins", "contrib") for p in (ROOT / folder).glob("*/pyproject.toml"))]
 NO_NETWORK = ("error sending request", "dns error", "Failed to fetch", "Connection", "timed out")
 

@@ -19,7 +19,7 @@ from physic_core.errors import InputError, NoPersonError
 from physic_core.io.photo import read_photo
 from physic_core.io.result_folder import file_digest, image_digest, photo_digest, photo_of_result
 
-from .standins.results import empty_reconstruction
+from .results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ import pytest
 
 from physic_core.configuration import model as config
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted(ROOT.glob("docs/notebooks/*.ipynb"))
 
 

@@ -95,7 +95,7 @@ def test_a_file_of_a_package_is_named_with_its_folders(site: Any):
 def test_lines_that_say_nothing_of_the_plugin_are_left_out(broken: Path):
     (broken / "physic_typo.py").write_text("x = (\n")
     assert describe_error(caught(__import__, "physic_gone"), "physic_gone") == (
-        "ModuleNotFoundError: No module named 'physic_gone' (tests/test_error_text.py:"
+        "ModuleNotFoundError: No module named 'physic_gone' (tests/discovery/test_error_text.py:"
         f"{caught.__code__.co_firstlineno + 2})"
     )
     # Python writes the place of a syntax error itself.

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PHOTOS = sorted(path for path in (ROOT / "examples").iterdir() if path.suffix in (".jpg", ".png"))
 NOTEBOOK = ROOT / "docs" / "notebooks" / "first-photo.ipynb"
 
