@@ -21,8 +21,9 @@ from types import ModuleType
 from typing import Any
 
 from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.interfaces import Packages, Repository, Requirement
 
-__all__ = ["PIP_NAMES", "Checkout"]
+__all__ = ["PIP_NAMES", "Checkout", "checkout_commit"]
 
 PIP_NAMES: Mapping[str, str] = {
     "PIL": "pillow",
@@ -32,7 +33,8 @@ PIP_NAMES: Mapping[str, str] = {
     "pytorch_lightning": "pytorch-lightning",
     "skimage": "scikit-image",
     "sklearn": "scikit-learn",
-    "utils3d": "git+https://github.com/EasternJournalist/utils3d.git",
+    # The commit that MoGe's own pyproject.toml names; the package of that name on the index has another API.
+    "utils3d": "git+https://github.com/EasternJournalist/utils3d.git@3fab839f0be9931dac7c8488eb0e1600c236e183",
     "yacs": "yacs",
     "yaml": "pyyaml",
 }
@@ -49,6 +51,7 @@ class Checkout:
         name: of the project, for messages.
         package: main module, such as "core.camerahmr_model"; its file must exist.
         homepage: where to get it.
+        commit: that the caller was tested with; "" if none was.
         option: the backend's option that names the folder, for messages.
         needs: modules of the environment that its code imports.
     """
@@ -60,11 +63,13 @@ class Checkout:
         name: str,
         package: str,
         homepage: str,
+        commit: str = "",
         option: str = "checkout",
         needs: tuple[str, ...] = (),
     ) -> None:
         self.folder = Path(os.path.expanduser(folder)) if folder else None
-        self.name, self.package, self.homepage, self.option, self.needs = name, package, homepage, option, needs
+        self.name, self.package, self.homepage, self.commit = name, package, homepage, commit
+        self.option, self.needs = option, needs
         self._modules: dict[str, ModuleType] = {}
         self._own: dict[str, Path | None] | None = None
         self._is_active = False
@@ -79,6 +84,14 @@ class Checkout:
                 f"pip install {' '.join(PIP_NAMES.get(need, need) for need in missing)}"
             )
         return tuple(messages)
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository and the packages, for a backend's ``requirements``."""
+        folder = "" if self.folder is None else str(self.folder)
+        found = checkout_commit(self.folder) if self.folder is not None else ""
+        here = not self._problem()
+        repository = Repository(self.option, self.name, self.homepage, self.commit, folder, found, here)
+        return (repository, Packages(self.needs)) if self.needs else (repository,)
 
     def load(self, module: str | None = None) -> ModuleType:
         """Import and return a module of the checkout, by default ``package``.
@@ -206,6 +219,26 @@ class Checkout:
     def _place(self) -> str:
         """Return " in FOLDER" for messages, or ""."""
         return "" if self.folder is None else f" in {self.folder}"
+
+
+def checkout_commit(folder: Path) -> str:
+    """Return the commit that a folder's repository of git has checked out; "" if it is none. Runs no program."""
+    place = folder / ".git"
+    try:
+        if place.is_file():  # a worktree or a submodule
+            place = folder / place.read_text("utf-8").partition("gitdir: ")[2].strip()
+        head = (place / "HEAD").read_text("utf-8").strip()
+        name = head.partition("ref: ")[2]
+        if not name:
+            return head
+        common = place / "commondir"
+        root = place / common.read_text("utf-8").strip() if common.is_file() else place
+        if (root / name).is_file():
+            return (root / name).read_text("utf-8").strip()
+        packed = (root / "packed-refs").read_text("utf-8").splitlines()
+        return next((line.partition(" ")[0] for line in packed if line.endswith(f" {name}")), "")
+    except (OSError, UnicodeDecodeError):
+        return ""
 
 
 def _exists(module: str) -> bool:

@@ -46,6 +46,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
         load_checked_config,
         missing_files,
         missing_gpu,
+        named_weights,
         resolve,
         size_warnings,
     )
@@ -64,6 +65,11 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     echo(f"{file or f'preset {preset}' if file or preset else 'preset embedded'}: no errors")
     if files or device:
         echo(format_missing((*files, *device), "; a run would stop"))
+    if files and preset:
+        echo(f"`physic setup {preset}` prints the steps to get them")
+    here = [file for weights in named_weights(plan, registry) for file in weights.files]
+    if files and (unpinned := sum(not file.is_pinned for file in here)):
+        echo(f"remark: {unpinned} of {len(here)} weight files are published without a SHA-256 or a revision")
     for text in further:
         echo(f"remark: {text}")
     ctx.exit(WEIGHTS if files else USAGE if device else 0)

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.engine.settings import EngineSettings
     from physic_core.interfaces import Backend, Options
+    from physic_core.weights.manifest import WeightSet
 
 __all__ = [
     "ResolvedBackend",
@@ -52,6 +53,7 @@ __all__ = [
     "load_plan",
     "missing_files",
     "missing_gpu",
+    "named_weights",
     "require_available",
     "resolve",
     "resolve_one",
@@ -218,20 +220,28 @@ def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]
         BackendError: the manifest of a plugin is invalid.
     """
     from physic_core.weights.locate import size_mismatches
+
+    mismatches = ((weights.name, size_mismatches(weights)) for weights in named_weights(plan, registry))
+    return tuple(f"weights '{name}' are found, but {text}" for name, text in mismatches if text)
+
+
+def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet, ...]:
+    """Return the weight sets that options of the backends name, each once.
+
+    Raises:
+        BackendError: the manifest of a plugin is invalid.
+    """
     from physic_core.weights.manifest import read_manifest
 
-    found: dict[str, None] = {}
+    found: dict[tuple[str, str], WeightSet] = {}
     for resolved in plan.backends.values():
         who = resolved.provenance
         for manifest in registry.manifests:
-            if (manifest.origin.plugin, manifest.origin.distribution) != (who.plugin, who.distribution):
-                continue
-            sets = read_manifest(manifest.path)
-            named = (sets.get(value) for value in who.options.values() if isinstance(value, str))
-            for weights in named:
-                if weights is not None and (text := size_mismatches(weights)):
-                    found[f"weights '{weights.name}' are found, but {text}"] = None
-    return tuple(found)
+            if (manifest.origin.plugin, manifest.origin.distribution) == (who.plugin, who.distribution):
+                sets = read_manifest(manifest.path)
+                names = (value for value in who.options.values() if isinstance(value, str) and value in sets)
+                found |= {(who.distribution, name): sets[name] for name in names}
+    return tuple(found.values())
 
 
 def check_backends(config: Config, registry: Registry) -> None:

@@ -24,6 +24,7 @@ from physic_core.interfaces.inpainter import Inpainter, InpainterRequest
 from physic_core.interfaces.keypoint_detector import KeypointDetector, KeypointDetectorRequest
 from physic_core.interfaces.metric_depth import MetricDepth, MetricDepthRequest
 from physic_core.interfaces.relative_pointmap import RelativePointmap, RelativePointmapRequest
+from physic_core.interfaces.requirements import GpuMemory, Packages, Repository, Requirement, UserFile
 from physic_core.interfaces.segmenter import Segmenter, SegmenterRequest
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "BodyEstimatorRequest",
     "ContactPrior",
     "ContactPriorRequest",
+    "GpuMemory",
     "HandEstimator",
     "HandEstimatorRequest",
     "Inpainter",
@@ -42,11 +44,15 @@ __all__ = [
     "MetricDepth",
     "MetricDepthRequest",
     "Options",
+    "Packages",
     "RelativePointmap",
     "RelativePointmapRequest",
+    "Repository",
     "Request",
+    "Requirement",
     "Segmenter",
     "SegmenterRequest",
+    "UserFile",
 ]
 
 INTERFACES: dict[str, type[Backend]] = {

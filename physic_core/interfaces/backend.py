@@ -14,6 +14,7 @@ from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
 
 if TYPE_CHECKING:
+    from physic_core.interfaces.requirements import Requirement
     from physic_core.types import UInt8Array
 
 __all__ = ["Backend", "Options", "Request", "Result", "call", "interface_of", "violations"]
@@ -141,6 +142,13 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
 
         Cheap and offline, the same at every call, and called before ``load``. If any backend of a run misses something,
         the run stops before its first stage with a list for all backends.
+        """
+        return ()
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return what this backend needs besides the weight sets that its options name, whether it is here or not.
+
+        ``physic setup`` makes its steps from it. Cheap and offline.
         """
         return ()
 

@@ -88,8 +88,9 @@ def format_licence(weights: WeightSet) -> str:
         from physic_core.weights.hub import LOGIN
 
         hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
-        page = f"https://huggingface.co/{hub[0]}" if hub else weights.homepage
-        login = LOGIN if hub else "log in there"
+        is_gated = len(hub) == len(weights.files)  # else the account is for the files that have no source
+        page = f"https://huggingface.co/{hub[0]}" if is_gated else weights.homepage
+        login = LOGIN if is_gated else "log in there"
         lines.append(f"  account     needed: request access at {page}, and {login}")
     if weights.homepage:
         lines.append(f"  homepage    {weights.homepage}")

@@ -41,6 +41,7 @@ _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
 _MAX_BYTES = 2**63
 _MAX_SHOWN = 80
 _HASH = re.compile(r"[0-9a-f]{64}")
+_COMMIT = re.compile(r"[0-9a-f]{40}")
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,13 @@ class WeightFile:
     bytes: int | None = None
     sha256: str | None = None
     source: str = ""
+
+    @property
+    def is_pinned(self) -> bool:
+        """Whether the manifest has a SHA-256, or the commit of a Hugging Face repository."""
+        origin = self.origin
+        commit = isinstance(origin, HubSource) and _COMMIT.fullmatch(origin.revision) is not None
+        return self.sha256 is not None or commit
 
     @property
     def origin(self) -> HubSource | WebSource | None:

@@ -165,7 +165,8 @@ def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy
         "my.toml: no errors\n"
         "2 things are missing; a run would stop:\n"
         f"  {BOTH}: {NET}\n"
-        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n",
+        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
+        "remark: 1 of 1 weight files are published without a SHA-256 or a revision\n",
     )
 
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.interfaces import Inpainter, Options
+from physic_core.interfaces import GpuMemory, Inpainter, Options, Requirement, UserFile
 from physic_core.weights import fingerprint, locate, missing
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ __all__ = ["OmniEraser", "OmniEraserOptions"]
 MANIFEST = Path(__file__).parent / "weights"
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"
+FLUX_PAGE = "https://huggingface.co/black-forest-labs/FLUX.1-dev"
+FLUX_BYTES = 34_000_000_000
+"""Approximate size of the parts of FLUX.1-dev that the pipeline reads."""
 CHANNEL_FACTOR = 4
 """Number of maps side by side in the transformer's input: noise, the photo with and without the object, the mask."""
 
@@ -116,6 +119,18 @@ class OmniEraser(Inpainter):
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkout, packages, FLUX.1-dev and LoRA."""
         return (*self._checkout.missing(), *self._missing_base_model(), *missing(MANIFEST, self.options.weights))
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository, its packages, FLUX.1-dev, and the memory of the GPU."""
+        advice = (
+            f"accept the licence (non-commercial) on {FLUX_PAGE}, then `hf auth login` and "
+            f"`hf download {self.options.base}`; or set base to a folder that has it"
+        )
+        here = not self._missing_base_model()
+        flux = UserFile("", self.options.base, advice, FLUX_PAGE, FLUX_BYTES, here)
+        gigabytes = {"none": 60, "model": 40, "sequential": 8}[self.options.offload]
+        memory = GpuMemory(gigabytes, f"README of PhySIC's released code, for offload = '{self.options.offload}'")
+        return (*self._checkout.requirements(), flux, memory)
 
     def fingerprint(self) -> str:
         """Return the identity of LoRA and checkout."""

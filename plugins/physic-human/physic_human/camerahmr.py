@@ -20,7 +20,7 @@ from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
 from physic_core.adapters.smpl import empty_bodies
 from physic_core.errors import BackendError
-from physic_core.interfaces import BodyEstimator, Options
+from physic_core.interfaces import BodyEstimator, Options, Requirement
 from physic_human.checkout_backend import (
     CheckoutBackend,
     CheckoutOptions,
@@ -30,7 +30,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
-from physic_human.user_smpl import open_smpl, posed_bodies, smpl_missing
+from physic_human.user_smpl import open_smpl, posed_bodies, smpl_missing, smpl_requirement
 
 if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
@@ -89,6 +89,7 @@ class CameraHmr(CheckoutBackend, BodyEstimator):
         "core.camerahmr_model",
         "https://github.com/pixelite1201/CameraHMR",
         ("pytorch_lightning", "einops", "timm", "torchvision"),
+        "65d11a0640d23c60f55ec82ae54298e9e7e549e0",
     )
 
     def __init__(self, options: CameraHmrOptions | None = None) -> None:
@@ -103,6 +104,10 @@ class CameraHmr(CheckoutBackend, BodyEstimator):
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkout, packages, weights and SMPL file."""
         return (*super().missing(), *smpl_missing(self.options.smpl_file))
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository, its packages, and the SMPL file."""
+        return (*super().requirements(), smpl_requirement(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
         """Build the networks and load their weights.

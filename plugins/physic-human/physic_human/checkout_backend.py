@@ -16,7 +16,7 @@ from pydantic import Field
 from physic_core import weights
 from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError
-from physic_core.interfaces import Backend, Options
+from physic_core.interfaces import Backend, Options, Requirement
 
 if TYPE_CHECKING:
     import torch
@@ -113,7 +113,7 @@ class CheckoutNetwork:
 
 @dataclass(frozen=True)
 class CheckoutProject:
-    """Published repository: name, package, homepage and required packages.
+    """Published repository: name, package, homepage, required packages, and the commit that was tested.
 
     The fields are those of :class:`physic_core.adapters.checkouts.Checkout`.
     """
@@ -122,6 +122,7 @@ class CheckoutProject:
     package: str
     homepage: str
     needs: tuple[str, ...]
+    commit: str = ""
 
 
 class CheckoutBackend(Backend):
@@ -148,6 +149,10 @@ class CheckoutBackend(Backend):
     def missing(self) -> tuple[str, ...]:
         """Describe missing code and weights."""
         return self._checkout_network.missing()
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository and its packages."""
+        return self._checkout_network.checkout.requirements()
 
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""

@@ -11,7 +11,7 @@ from pydantic import Field
 from physic_core.adapters.contact_crop import BOX_GROWTH, contact_crop
 from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior, Options
+from physic_core.interfaces import ContactPrior, Options, Requirement
 from physic_core.types import ContactProbability
 from physic_human.checkout_backend import (
     CheckoutBackend,
@@ -21,7 +21,7 @@ from physic_human.checkout_backend import (
     inference_context,
     to_numpy,
 )
-from physic_human.user_smpl import load_rest_mesh, smpl_missing
+from physic_human.user_smpl import load_rest_mesh, smpl_missing, smpl_requirement
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -59,6 +59,7 @@ class Deco(CheckoutBackend, ContactPrior):
         "models.deco",
         "https://github.com/sha2nkt/deco",
         ("torchvision", "yacs", "loguru"),
+        "d1061cef2ae94c3364ba5c9338eea58d654acd77",
     )
 
     def __init__(self, options: DecoOptions | None = None) -> None:
@@ -68,6 +69,10 @@ class Deco(CheckoutBackend, ContactPrior):
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkout, packages, weights and SMPL file."""
         return (*super().missing(), *smpl_missing(self.options.smpl_file))
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repository, its packages, and the SMPL file."""
+        return (*super().requirements(), smpl_requirement(self.options.smpl_file))
 
     def load(self, device: str = "cpu") -> None:
         """Build the network and load its weights.

@@ -51,6 +51,7 @@ class Hamer(ManoHandEstimator):
         "hamer.models",
         "https://github.com/geopavlakos/hamer",
         ("pytorch_lightning", "yacs", "smplx", "timm", "einops", "torchvision", "pyrender", "trimesh"),
+        "3a01849f4148352e9260b69bf28b65d1671a4905",
     )
 
     def load(self, device: str = "cpu") -> None:

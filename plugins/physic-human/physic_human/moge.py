@@ -46,6 +46,7 @@ class Moge1(CheckoutBackend, RelativePointmap):
         "moge.model.v1",
         "https://github.com/microsoft/MoGe",
         ("utils3d", "huggingface_hub"),
+        "07444410f1e33f402353b99d6ccd26bd31e469e8",
     )
 
     def load(self, device: str = "cpu") -> None:

@@ -21,7 +21,7 @@ from physic_core.adapters.devices import check_device
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError
-from physic_core.interfaces import BodyEstimator, Options
+from physic_core.interfaces import BodyEstimator, Options, Packages, Requirement
 from physic_core.types import Bodies, Mesh
 from physic_human.checkout_backend import MANIFEST, SeenConfidence, to_numpy
 
@@ -89,6 +89,10 @@ class Nlf(BodyEstimator):
         if self.options.smplx_file and not Path(os.path.expanduser(self.options.smplx_file)).is_file():
             lacking.append(f"there is no file {self.options.smplx_file}: set smplx_file to your SMPLX_NEUTRAL.npz")
         return tuple(lacking)
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return torchvision."""
+        return (Packages(("torchvision",)),)
 
     def fingerprint(self) -> str:
         """Return the checksum of the TorchScript file."""

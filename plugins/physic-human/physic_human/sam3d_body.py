@@ -20,7 +20,7 @@ from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.interfaces import BodyEstimator, Options
+from physic_core.interfaces import BodyEstimator, Options, Requirement
 from physic_core.types import Bodies, Mesh
 from physic_human.checkout_backend import (
     CheckoutBackend,
@@ -121,6 +121,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         "sam_3d_body",
         "https://github.com/facebookresearch/sam-3d-body",
         ("torchvision", "pytorch_lightning", "yacs", "omegaconf", "braceexpand", "roma", "einops", "timm"),
+        "b5c765a0d89d789985e186d396315e7590887b94",
     )
 
     def __init__(self, options: Sam3dBodyOptions | None = None) -> None:
@@ -131,12 +132,17 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             name="DINOv3",
             package="dinov3.hub.backbones",
             homepage=f"https://github.com/{_DINOV3}",
+            commit="6876159a11b4df116f30f667f8c9888617df0751",
             option="dinov3_checkout",
         )
 
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkouts, packages and weights."""
         return (*super().missing(), *(self._dinov3.missing() if self._needs_dinov3() else ()))
+
+    def requirements(self) -> tuple[Requirement, ...]:
+        """Return the repositories and their packages."""
+        return (*super().requirements(), *(self._dinov3.requirements() if self._needs_dinov3() else ()))
 
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""

@@ -46,6 +46,7 @@ class UniDepth(CheckoutBackend, MetricDepth):
         "unidepth.models",
         "https://github.com/lpiccinelli-eth/UniDepth",
         ("torchvision", "einops", "timm", "huggingface_hub", "wandb", "matplotlib"),
+        "8d8cfe4c7ee15297099983607febf0d4f32eb3d6",
     )
 
     def load(self, device: str = "cpu") -> None:

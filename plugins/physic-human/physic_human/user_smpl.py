@@ -11,13 +11,14 @@ import numpy as np
 from physic_core.adapters.rotations import to_rotvecs
 from physic_core.adapters.smpl import SMPL_JOINTS, bodies_from_smpl
 from physic_core.errors import WeightsMissingError
+from physic_core.interfaces import UserFile
 from physic_core.types import Mesh
 
 if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, RestMesh
 
-__all__ = ["load_rest_mesh", "open_smpl", "posed_bodies", "smpl_missing"]
+__all__ = ["load_rest_mesh", "open_smpl", "posed_bodies", "smpl_missing", "smpl_requirement"]
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de (non-commercial) and "
@@ -30,6 +31,13 @@ def smpl_missing(path: str) -> tuple[str, ...]:
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
     return () if Path(os.path.expanduser(path)).is_file() else (f"there is no file {path}: {_ADVICE}",)
+
+
+def smpl_requirement(path: str) -> UserFile:
+    """Return the SMPL file as a requirement."""
+    return UserFile(
+        "smpl_file", "SMPL_NEUTRAL.pkl", _ADVICE, "https://smpl.is.tue.mpg.de", is_here=not smpl_missing(path)
+    )
 
 
 def open_smpl(path: str) -> SmplBody:

@@ -54,6 +54,7 @@ class Wilor(ManoHandEstimator):
         "wilor_mini.models.wilor",
         "https://github.com/warmshao/WiLoR-mini",
         ("smplx", "timm", "torchvision", "roma"),
+        "ebec42f94c389070cdd7dda6fd1bf0b4a659c960",
     )
 
     def load(self, device: str = "cpu") -> None:

@@ -1,8 +1,7 @@
 """What the files of published repositories import that lie on the way from a backend to its network.
 
 Of each file only its import statements are here, at the level where the published file has them; ``ENVIRONMENT`` is the
-same of packages that import others. Commits: WiLoR-mini ebec42f, HaMeR 3a01849, CameraHMR 65d11a0, DECO d1061ce,
-SAM 3D Body b5c765a, UniDepth 8d8cfe4, MoGe 0744441.
+same of packages that import others. The commits are those of the classes' ``project``.
 """
 
 from __future__ import annotations

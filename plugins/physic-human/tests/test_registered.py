@@ -54,5 +54,5 @@ def test_what_needs_an_account_or_forbids_commerce_says_so() -> None:
         assert sets[name].commercial is False, name
     for one in sets.values():
         assert one.license, one.name
-        assert not one.account or not any(file.source for file in one.files), one.name
+        assert not (one.account and one.is_free), one.name
         assert one.advice or all(file.source for file in one.files), one.name

@@ -1,0 +1,130 @@
+"""The command ``physic setup``: the whole way from a bare installation to a preset that runs."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from physic_core.cli.exit_codes import OTHER, WEIGHTS
+from physic_core.cli.output import echo
+from physic_core.errors import OutputError
+
+if TYPE_CHECKING:
+    from physic_core.cli.setup_steps import Setup, SetupStep
+
+__all__ = ["setup"]
+
+
+@click.command()
+@click.argument("preset")
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="For checkouts, your own files and the configuration.  [default: physic-PRESET]",
+)
+@click.option(
+    "--run", "run_steps", is_flag=True, help="Run the commands of the steps that are left, each shown before."
+)
+@click.pass_context
+def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool) -> None:
+    """Print the steps that install the estimators of PRESET, as a shell script whose comments say what is left to you.
+
+    Steps that are done are marked, and left out by --run: the same command goes on where it stopped. A licence that
+    restricts use is never accepted for you. Exits with code 4 if a step is left.
+    """
+    place = (folder or Path(f"physic-{preset}")).absolute()
+    found = _find(preset, place)
+    if not run_steps:
+        echo("\n".join(_script(found, preset, place)))
+    else:
+        for number, step in enumerate(found.steps, 1):
+            echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
+            if not step.is_done:
+                _run(step)
+        found = _find(preset, place)
+        left = [step for step in found.steps if not step.is_done]
+        echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
+        for step in left:
+            echo(f"left to you: {step.title}")
+            for line in step.by_hand:
+                echo(f"  {line}")
+        echo(f"then: physic config check {shlex.quote(str(place / f'{preset}.toml'))}")
+    ctx.exit(0 if all(step.is_done for step in found.steps) else WEIGHTS)
+
+
+def _find(preset: str, folder: Path) -> Setup:
+    """Return the steps; a configuration that an earlier setup wrote counts with the changes of the user."""
+    from physic_core.cli.setup_steps import setup_steps
+    from physic_core.configuration.model import load_config
+    from physic_core.discovery.plugins import discover
+
+    written = folder / f"{preset}.toml"
+    config = load_config(written) if written.is_file() else load_config(preset=preset)
+    return setup_steps(config, discover(), preset, folder)
+
+
+def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:
+    left = [step for step in found.steps if not step.is_done]
+    config = shlex.quote(str(folder / f"{preset}.toml"))
+    yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps are left."
+    yield from (f"# {line}" for line in _costs(found))
+    for number, step in enumerate(found.steps, 1):
+        yield ""
+        yield f"# {number}. {step.title}{': done' if step.is_done else ''}"
+        if step.is_done:
+            continue
+        yield from (f"#    by hand: {line}" for line in step.by_hand)
+        yield from step.commands
+        if step.file is not None:
+            path, text = step.file
+            yield f"mkdir -p {shlex.quote(str(path.parent))}"
+            yield f"cat > {shlex.quote(str(path))} <<'END'\n{text}END"
+    yield f"\nphysic config check {config}\n# physic run PHOTO --config {config}"
+
+
+def _costs(found: Setup) -> Iterator[str]:
+    """Yield lines about download, GPU memory, accounts and what is not pinned."""
+    from physic_core.weights.locate import format_size
+
+    more = f", and {found.unsized} files of a size that is not published" if found.unsized else ""
+    yield f"Download and disk, without packages: {format_size(found.download_bytes) or '0 bytes'}{more}"
+    for name, memory in found.gpu:
+        yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
+    if found.gpu_unknown:
+        yield f"GPU memory not known: {', '.join(found.gpu_unknown)}"
+    yield f"Accounts: {', '.join(found.accounts) or 'none'}"
+    if found.unpinned:
+        yield (
+            f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and repositories have "
+            "neither a SHA-256 nor a commit that was read at their publisher"
+        )
+
+
+def _run(step: SetupStep) -> None:
+    """Run the commands of a step, or write its file."""
+    for command in step.commands:
+        echo(f"   $ {command}")
+        words = shlex.split(command)
+        if words[0] in ("python", "physic"):
+            words[:1] = [sys.executable, "-m", "physic_core"] if words[0] == "physic" else [sys.executable]
+        try:
+            code = subprocess.run(words, check=False).returncode
+        except OSError as error:
+            raise OutputError(f"{words[0]} cannot be run: {error.strerror}") from error
+        if code:
+            echo(f"Error: this command ended with code {code}. Mend its cause, and run setup again.", err=True)
+            click.get_current_context().exit(OTHER)
+    if step.file is not None:
+        path, text = step.file
+        echo(f"   writes {path}")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"{path} cannot be written: {error.strerror}") from error

@@ -1,0 +1,249 @@
+"""The steps that make a configuration run on this machine: packages, weights, code, files of the user, a config."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from physic_core.adapters.checkouts import PIP_NAMES
+from physic_core.cli.toml import toml_value
+from physic_core.configuration.resolve import named_weights, resolve
+from physic_core.discovery.catalog import distribution_for, how_to_install
+from physic_core.errors import BackendNotFoundError
+from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
+from physic_core.weights.folders import default_download_folder
+from physic_core.weights.locate import how_to_get, locate_files
+
+if TYPE_CHECKING:
+    from physic_core.configuration.model import Config
+    from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.discovery.registry import Registry
+    from physic_core.weights.manifest import WeightSet
+
+__all__ = ["Setup", "SetupStep", "setup_steps"]
+
+_Kind = TypeVar("_Kind")
+
+
+@dataclass(frozen=True)
+class SetupStep:
+    """One step.
+
+    Attributes:
+        title: what it is for.
+        is_done: whether nothing of it is left.
+        commands: shell commands that need no decision of the user.
+        by_hand: lines about what only the user can do: accept a licence, register, choose a file.
+        file: path and text of a file to write.
+    """
+
+    title: str
+    is_done: bool
+    commands: tuple[str, ...] = ()
+    by_hand: tuple[str, ...] = ()
+    file: tuple[Path, str] | None = None
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All steps, and what they cost.
+
+    Attributes:
+        steps: in their order.
+        download_bytes: of the missing files whose size is published.
+        unsized: number of missing files whose size is not published.
+        gpu: memory of a GPU that backends state, by backend.
+        gpu_unknown: backends of a "cuda" configuration that state none.
+        accounts: web addresses that ask for an account, of what is missing.
+        unpinned: files and repositories that have neither a hash nor a revision.
+        pinned: number of the others.
+    """
+
+    steps: tuple[SetupStep, ...]
+    download_bytes: int = 0
+    unsized: int = 0
+    gpu: tuple[tuple[str, GpuMemory], ...] = ()
+    gpu_unknown: tuple[str, ...] = ()
+    accounts: tuple[str, ...] = ()
+    unpinned: tuple[str, ...] = ()
+    pinned: int = 0
+
+
+def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -> Setup:
+    """Return the steps for a configuration.
+
+    Args:
+        config: of the preset, or of the file that an earlier setup wrote.
+        registry: the installed plugins.
+        preset: that the written configuration extends.
+        folder: for checkouts, files of the user and the configuration.
+
+    Raises:
+        ConfigError: names or options are invalid.
+        BackendError: a backend is broken, or the manifest of a plugin is invalid.
+    """
+    if uninstalled := _uninstalled(config, registry):
+        commands = tuple(f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled)
+        return Setup((SetupStep("Plugins of the preset; the same command then lists the rest", False, commands),))
+    plan = resolve(config, registry)
+    sets = named_weights(plan, registry)
+    repositories = _unique(plan, Repository)
+    files = _unique(plan, UserFile)
+    absent = {file for _, file in files if not file.is_here}
+    sizes = [file.bytes for weights in sets for file in weights.files if not _is_here(weights, file.path)]
+    sizes += [file.bytes for file in absent]
+    accounts = [weights.homepage for weights in sets if weights.account and not _is_complete(weights)]
+    accounts += [file.account for file in absent if file.account]
+    gpu = _unique(plan, GpuMemory)
+    unpinned = [f"{weights.name}/{file.path}" for weights in sets for file in weights.files if not file.is_pinned]
+    unpinned += [one.url for _, one in repositories if not one.commit]
+    steps = (
+        _packages(plan),
+        _free_weights(sets),
+        _code(repositories, folder),
+        *(_restricted_weights(weights) for weights in sets if not _is_downloadable(weights)),
+        *(_user_file(file, folder) for file in dict.fromkeys(file for _, file in files)),
+        _config_file(preset, folder, [*repositories, *files]),
+    )
+    return Setup(
+        steps=tuple(step for step in steps if step is not None),
+        download_bytes=sum(size for size in sizes if size is not None),
+        unsized=sizes.count(None),
+        gpu=tuple(gpu),
+        gpu_unknown=tuple(name for name in plan.backends if name not in dict(gpu)) if plan.device != "cpu" else (),
+        accounts=tuple(dict.fromkeys(accounts)),
+        unpinned=tuple(unpinned),
+        pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
+    )
+
+
+def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
+    """Return the requirements of one kind, with their interfaces; a repository or file of two backends is in both."""
+    return [
+        (interface, one)
+        for interface, resolved in plan.backends.items()
+        for one in resolved.backend.requirements()
+        if isinstance(one, kind)
+    ]
+
+
+def _uninstalled(config: Config, registry: Registry) -> tuple[str, ...]:
+    """Return the known distributions that the configuration names and that are not installed."""
+    found = []
+    for interface in INTERFACES:
+        name = config.choice(interface).backend
+        if name == "none":
+            continue
+        try:
+            registry.get(interface, name)
+        except BackendNotFoundError:
+            owner, _, bare = name.rpartition(":")
+            if distribution := owner or distribution_for(interface, bare):
+                found.append(distribution)
+    return tuple(dict.fromkeys(found))
+
+
+def _source(distribution: str) -> str:
+    """Return what pip installs a distribution from: a folder of the checkout of PhySIC, or its name."""
+    words = how_to_install(distribution).strip("`").partition("`")[0].split()
+    root = _root()
+    return f"-e {shlex.quote(str(root / words[-1]))}" if words[-2] == "-e" and root else " ".join(words[2:])
+
+
+def _root() -> Path | None:
+    """Return the checkout that PhySIC is installed from, or None."""
+    import physic_core
+
+    root = Path(physic_core.__file__).resolve().parent.parent
+    return root if (root / "constraints.txt").is_file() else None
+
+
+def _constraints() -> str:
+    root = _root()
+    return f" -c {shlex.quote(str(root / 'constraints.txt'))}" if root else ""
+
+
+def _packages(plan: ResolvedPipeline) -> SetupStep | None:
+    modules = sorted({module for _, one in _unique(plan, Packages) for module in one.modules})
+    lacking = [PIP_NAMES.get(module, module) for module in modules if find_spec(module) is None]
+    if not modules:
+        return None
+    commands = (f"python -m pip install{_constraints()} {shlex.join(lacking)}",) if lacking else ()
+    return SetupStep(f"Packages of Python ({len(modules)})", not lacking, commands)
+
+
+def _is_here(weights: WeightSet, path: str) -> bool:
+    return path in locate_files(weights).files
+
+
+def _is_complete(weights: WeightSet) -> bool:
+    return len(locate_files(weights).files) == len(weights.files)
+
+
+def _is_downloadable(weights: WeightSet) -> bool:
+    """Return whether a set needs no decision of the user."""
+    return weights.is_free and all(file.source for file in weights.files)
+
+
+def _free_weights(sets: tuple[WeightSet, ...]) -> SetupStep | None:
+    free = [weights for weights in sets if _is_downloadable(weights)]
+    if not free:
+        return None
+    lacking = [weights.name for weights in free if not _is_complete(weights)]
+    commands = (f"physic weights fetch {shlex.join(lacking)}",) if lacking else ()
+    licences = ", ".join(f"{weights.name} ({weights.license})" for weights in free)
+    return SetupStep(f"Weights without conditions: {licences}", not lacking, commands)
+
+
+def _restricted_weights(weights: WeightSet) -> SetupStep:
+    title = f"Weights '{weights.name}': {weights.license}"
+    if _is_complete(weights):
+        return SetupStep(title, True)
+    by_hand = [file.path for file in weights.files if not file.source]
+    place = default_download_folder()
+    into = (f"put {', '.join(by_hand)} into {place / weights.name}",) if by_hand and place is not None else ()
+    return SetupStep(title, False, by_hand=(f"licence: {weights.homepage}", how_to_get(weights), *into))
+
+
+def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
+    commands = []
+    for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
+        if not one.is_here:
+            place = shlex.quote(str(_checkout_folder(one, folder)))
+            if not _checkout_folder(one, folder).is_dir():
+                commands.append(f"git clone {one.url} {place}")
+            if one.commit:
+                commands.append(f"git -C {place} checkout --quiet {one.commit}")
+    return SetupStep("Code of the estimators", not commands, tuple(commands)) if repositories else None
+
+
+def _checkout_folder(one: Repository, folder: Path) -> Path:
+    return Path(one.folder) if one.folder else folder / one.url.rstrip("/").rpartition("/")[2]
+
+
+def _user_file(file: UserFile, folder: Path) -> SetupStep:
+    into = (f"put it at {folder / file.name}",) if file.option else ()
+    return SetupStep(file.name, file.is_here, by_hand=() if file.is_here else (file.advice, *into))
+
+
+def _config_file(preset: str, folder: Path, options: list[tuple[str, Repository | UserFile]]) -> SetupStep:
+    path = folder / f"{preset}.toml"
+    lines = [f'extends = "{preset}"']
+    for interface in dict.fromkeys(name for name, _ in options):
+        values = dict(_paths(interface, options, folder))
+        if values:
+            lines += ["", f"[{interface}.options]", *(f"{key} = {toml_value(value)}" for key, value in values.items())]
+    return SetupStep("Configuration", path.is_file(), file=(path, "\n".join(lines) + "\n"))
+
+
+def _paths(interface: str, options: list[tuple[str, Repository | UserFile]], folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield each option of a backend that names a folder or file, and the path."""
+    for name, one in options:
+        if name == interface and isinstance(one, Repository) and (one.folder or not one.is_here):
+            yield one.option, str(_checkout_folder(one, folder))
+        elif name == interface and isinstance(one, UserFile) and one.option:
+            yield one.option, str(folder / one.name)

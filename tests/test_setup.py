@@ -1,0 +1,182 @@
+"""The command ``physic setup``: what it prints is what it runs, and it accepts no licence."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from physic_core.adapters.checkouts import checkout_commit
+from physic_core.cli import main
+
+PLUGIN = """
+from pathlib import Path
+from pydantic import Field
+from physic_core import BackendRecord, hookimpl, interfaces
+from physic_core.interfaces import GpuMemory, Packages, Repository, UserFile
+
+class Options(interfaces.Options):
+    weights: str = Field(default="free-net", description="a set")
+    checkout: str = Field(default="", description="a folder")
+    body: str = Field(default="", description="a file")
+
+class Depth(interfaces.MetricDepth):
+    Options = Options
+    def infer(self, image, hints): raise NotImplementedError
+    def requirements(self):
+        code, body = Path(self.options.checkout), Path(self.options.body)
+        here = bool(self.options.checkout) and code.is_dir()
+        return (
+            Repository("checkout", "Thing", "URL", "COMMIT", self.options.checkout, is_here=here),
+            Packages(("numpy", "no_such_package")),
+            UserFile("body", "body.pkl", "register there", "https://there.org", 1000,
+                     bool(self.options.body) and body.is_file()),
+            GpuMemory(8, "its authors"),
+        )
+
+@hookimpl
+def physic_backends():
+    return [BackendRecord("metric_depth", "thing", "physic_thing:Depth", api=1)]
+
+@hookimpl
+def physic_weights():
+    return Path(__file__).parent / "physic_thing.toml"
+"""
+
+MANIFEST = """
+[free-net]
+summary = "a free one"
+license = "MIT"
+commercial = true
+[[free-net.files]]
+path = "net.onnx"
+bytes = 500
+source = "https://example.org/net.onnx"
+
+[other-net]
+summary = "not for sale"
+license = "CC-BY-NC-4.0"
+commercial = false
+homepage = "https://example.org/licence"
+[[other-net.files]]
+path = "net.onnx"
+source = "https://example.org/other.onnx"
+"""
+
+
+def physic(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+@pytest.fixture
+def thing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, str]:
+    """A plugin whose repository is a folder here; its commit."""
+    origin = tmp_path / "origin" / "Thing"
+    origin.mkdir(parents=True)
+    (origin / "net.py").write_text("A = 1")
+    who = {"GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b", "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b"}
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"]):
+        subprocess.run(["git", *words], cwd=origin, check=True, env=os.environ | who)
+    commit = checkout_commit(origin)
+    subprocess.run(["git", "commit", "--allow-empty", "-qm", "two"], cwd=origin, check=True, env=os.environ | who)
+    site = tmp_path / "site"
+    (site / "physic_thing-1.dist-info").mkdir(parents=True)
+    (site / "physic_thing-1.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: physic-thing\nVersion: 1\n"
+    )
+    entry = "[physic.plugins]\nphysic_thing = physic_thing\n"
+    (site / "physic_thing-1.dist-info" / "entry_points.txt").write_text(entry)
+    (site / "physic_thing.py").write_text(PLUGIN.replace("URL", str(origin)).replace("COMMIT", commit))
+    (site / "physic_thing.toml").write_text(MANIFEST)
+    monkeypatch.syspath_prepend(str(site))
+    monkeypatch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "physic_thing", raising=False)
+    return tmp_path, commit
+
+
+def written(folder: Path, **options: str) -> Path:
+    """A configuration that uses the plugin, as an earlier setup wrote it."""
+    lines = ['extends = "embedded"', "[metric_depth]", 'backend = "thing"', "[metric_depth.options]"]
+    (folder / "mine").mkdir(exist_ok=True)
+    path = folder / "mine" / "embedded.toml"
+    path.write_text("\n".join([*lines, *(f"{key} = '{value}'" for key, value in options.items())]))
+    return path
+
+
+def test_the_embedded_preset_needs_a_configuration_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    printed = physic("setup", "embedded", "--folder", "mine")
+    assert printed.exit_code == 4
+    assert "# Accounts: none" in printed.output.splitlines()
+    assert list(tmp_path.iterdir()) == [], "printing writes nothing"
+    done = physic("setup", "embedded", "--folder", "mine", "--run")
+    assert (done.exit_code, done.output.splitlines()[2]) == (0, "")
+    assert tomllib.loads((tmp_path / "mine" / "embedded.toml").read_text()) == {"extends": "embedded"}
+    assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
+
+
+def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path, str]) -> None:
+    folder, commit = thing
+    written(folder)
+    lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
+    place = folder / "mine"
+    assert lines[:6] == [
+        "# physic setup embedded: 4 of 5 steps are left.",
+        "# Download and disk, without packages: 1.5 kB",
+        "# GPU memory: 8 GB for the metric_depth (its authors)",
+        "# Accounts: https://there.org",
+        "# Not pinned: 1 of 2 files and repositories have neither a SHA-256 nor a commit that was read at their publisher",
+        "",
+    ]
+    assert any(line.startswith("python -m pip install") and line.endswith(" no_such_package") for line in lines)
+    for line in (
+        "physic weights fetch free-net",
+        f"git clone {folder / 'origin' / 'Thing'} {place / 'Thing'}",
+        f"git -C {place / 'Thing'} checkout --quiet {commit}",
+        "#    by hand: register there",
+        f"#    by hand: put it at {place / 'body.pkl'}",
+    ):
+        assert line in lines
+
+
+def test_a_licence_that_restricts_use_is_left_to_the_user(thing: tuple[Path, str]) -> None:
+    written(thing[0], weights="other-net")
+    lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
+    assert "#    by hand: licence: https://example.org/licence" in lines
+    assert "#    by hand: `physic weights fetch other-net --accept-licence` (no commercial use)" in lines
+    assert not any("accept" in line for line in lines if not line.startswith("#"))
+
+
+def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(thing: tuple[Path, str]) -> None:
+    folder, commit = thing
+    (folder / "weights" / "free-net").mkdir(parents=True)
+    (folder / "weights" / "free-net" / "net.onnx").write_bytes(b"x" * 500)
+    (folder / "mine").mkdir()
+    (folder / "mine" / "body.pkl").write_bytes(b"")
+    written(folder, checkout=str(folder / "mine" / "Thing"), body=str(folder / "mine" / "body.pkl"))
+    site = folder / "site" / "physic_thing.py"
+    site.write_text(site.read_text().replace("no_such_package", "scipy"))
+    (folder / "origin").rename(folder / "away")
+    command = [sys.executable, "-m", "physic_core", "setup", "embedded", "--folder", "mine", "--run"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "this command ended with code 128. Mend its cause, and run setup again." in done.stderr
+    (folder / "away").rename(folder / "origin")
+    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert checkout_commit(folder / "mine" / "Thing") == commit
+    assert f"   $ git -C {folder / 'mine' / 'Thing'} checkout --quiet {commit}" in again.stdout.splitlines()
+
+
+def test_a_plugin_that_is_not_installed_is_the_first_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-transformers,physic-human,physic-onnx,physic-embedded")
+    lines = physic("setup", "paper").output.splitlines()
+    assert any(line.startswith("python -m pip install") and "physic-omnieraser" in line for line in lines)
