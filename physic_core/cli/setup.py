@@ -102,7 +102,7 @@ def _costs(found: Setup) -> Iterator[str]:
     if found.unpinned:
         yield (
             f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and repositories have "
-            "neither a SHA-256 nor a commit that was read at their publisher"
+            "neither a SHA-256 nor a commit"
         )
 
 

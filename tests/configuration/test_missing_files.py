@@ -186,6 +186,7 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
         "my.toml: no errors\n"
         "1 thing is missing; a run would stop:\n"
         f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
+        "remark: 1 of 1 weight files are published without a SHA-256 or a revision\n"
         "remark: weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051: "
         "`physic weights verify net`\n",
     )

@@ -133,7 +133,7 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(thing: tuple[Path,
         "# Download and disk, without packages: 1.5 kB",
         "# GPU memory: 8 GB for the metric_depth (its authors)",
         "# Accounts: https://there.org",
-        "# Not pinned: 1 of 2 files and repositories have neither a SHA-256 nor a commit that was read at their publisher",
+        "# Not pinned: 1 of 2 files and repositories have neither a SHA-256 nor a commit",
         "",
     ]
     assert any(line.startswith("python -m pip install") and line.endswith(" no_such_package") for line in lines)
