@@ -55,7 +55,8 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
         given = number_array(arrays, "contact_deco", path, (-1, model.num_vertices))
         contact[:] = given if len(given) == count else given[:1]
 
-    # Nothing is known to hide people: all of the picture is theirs, and only their own bodies hide their vertices.
+    # Nothing is known to hide people: all of the picture is theirs, all limbs count as visible, and only their own
+    # bodies hide their vertices.
     width, height = (max(round(2 * side), 1) for side in K[:2, 2])
 
     def tensor(values: Any) -> torch.Tensor:
@@ -76,7 +77,7 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
         scene_points=tensor(points),
         scene_normals=tensor(normals),
         contact_probability=tensor(contact),
-        observed=torch.zeros(count, 55, dtype=torch.bool),
+        observed=torch.ones(count, 55, dtype=torch.bool),
     )
 
 

@@ -96,7 +96,6 @@ def test_a_killed_run_of_the_release_goes_on_to_the_same_rows(
     assert both[0]["left_out"][names[1]].endswith("is damaged or cut off, copy it again")
 
 
-@pytest.mark.xfail(strict=True, reason="soles end 15 mm from the points, 8 mm at the start")
 def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(files: Files, tmp_path: Path):
     write_release(tmp_path, files, frame_of())
     (file,) = tmp_path.rglob("*.npz")
