@@ -17,6 +17,7 @@ from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
 from physic_testing.worlds.contact_fit import ContactFit, PosePlan, fit_contacts, pose_body
 from physic_testing.worlds.contact_groups import CONTACT_GROUPS
 from physic_testing.worlds.group_actions import FittedGroup
+from physic_testing.worlds.raised_feet import RAISED_ACTIONS
 from physic_testing.worlds.small_objects import ball_between_palms, cup_in_hand
 from physic_testing.worlds.solids import GROUND_MATERIALS, LEVEL_GROUND, Block, Ground
 from physic_testing.worlds.solo_actions import SOLO_ACTIONS, draw_person, move_plan
@@ -25,10 +26,10 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
-__all__ = ["ACTIONS", "TOUCHING_ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
+__all__ = ["ACTIONS", "RAISED_FEET_ACTIONS", "TOUCHING_ACTIONS", "ActionScene", "PosedPerson", "draw_action"]
 
 _TRIES = 3
-_SOLO = SOLO_ACTIONS | CONTACT_ACTIONS
+_SOLO = SOLO_ACTIONS | CONTACT_ACTIONS | RAISED_ACTIONS
 _DEPTH, _GAP, _CROSSING = 0.008, 0.015, 0.02  # metres beyond which another draw is tried
 
 
@@ -76,14 +77,14 @@ def draw_action(name: str, model: BodyModel, rng: np.random.Generator) -> Action
     """Draw up to three random action scenes with fitted poses, and return the best one.
 
     Args:
-        name: key of ACTIONS or TOUCHING_ACTIONS.
+        name: key of ACTIONS, TOUCHING_ACTIONS or RAISED_FEET_ACTIONS.
         model: body model in float64.
         rng: random generator of people, furniture and poses.
 
     Raises:
         InputError: no action has this name.
     """
-    actions = ACTIONS | TOUCHING_ACTIONS
+    actions = ACTIONS | TOUCHING_ACTIONS | RAISED_FEET_ACTIONS
     if name not in actions:
         raise InputError(f"There is no action named {name!r}: choose one of {', '.join(actions)}.")
     best: tuple[float, ActionScene] | None = None
@@ -214,3 +215,12 @@ TOUCHING_ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _ActionDr
     "child_on_lap": _group_action(CONTACT_GROUPS["child_on_lap"], (-70, 70)),
 }
 """Action name -> function that draws it: contact with people, the own body, hidden or soft supports, small objects."""
+
+RAISED_FEET_ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _ActionDraw]] = {
+    "jump": _one_person_action("jump", 60, (-180, 180), outdoors=0.6),
+    "raise_foot": _one_person_action("raise_foot", 60, (-180, 180), outdoors=0.5),
+    "vault": _one_person_action("vault", 20, (-150, 150), outdoors=0.7),
+    "hold_bar": _one_person_action("hold_bar", 20, (-140, 140), outdoors=0.7),
+    "sit_high": _one_person_action("sit_high", 30, (-110, 110), outdoors=0.5),
+}
+"""Action name -> function that draws it: one or both feet over the ground, on nothing."""

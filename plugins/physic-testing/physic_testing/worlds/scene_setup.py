@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_testing.worlds import disk_cache
-from physic_testing.worlds.action_scenes import TOUCHING_ACTIONS, ActionScene, PosedPerson, draw_action
+from physic_testing.worlds.action_scenes import (
+    RAISED_FEET_ACTIONS,
+    TOUCHING_ACTIONS,
+    ActionScene,
+    PosedPerson,
+    draw_action,
+)
 from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, find_camera
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.solids import Block, Ground
@@ -106,6 +112,8 @@ def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
     unrelated: tuple[str, ...] = _UNRELATED_MODULES
     if name not in TOUCHING_ACTIONS:
         unrelated += _CONTACT_MODULES
+    if name not in RAISED_FEET_ACTIONS:
+        unrelated += ("raised_feet",)
     if not other_bodies:
         return disk_cache.cache_key("action_scene", name, seed, take, without=unrelated)
     unrelated = tuple(module for module in unrelated if module != "other_bodies")

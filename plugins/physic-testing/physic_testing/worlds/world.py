@@ -35,6 +35,7 @@ __all__ = [
     "CONTACT_DISTANCE",
     "CONTACT_WORLDS",
     "OTHER_BODIES",
+    "RAISED_FEET_WORLDS",
     "WORLDS",
     "World",
     "benchmark_worlds",
@@ -87,6 +88,9 @@ CONTACT_WORLDS: tuple[str, ...] = (
 )
 """Names of the worlds whose people touch themselves, each other, hidden or soft supports, or small objects."""
 
+RAISED_FEET_WORLDS: tuple[str, ...] = ("jump", "raise_foot", "vault", "hold_bar", "sit_high")
+"""Names of the worlds whose people have one or both feet 5 to 40 cm over the ground, on nothing."""
+
 OTHER_BODIES = "+other"
 """At the end of a world's name: its people have other proportions and skin than any shape of the body model."""
 
@@ -101,7 +105,7 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS or CONTACT_WORLDS, followed by OTHER_BODIES or nothing.
+        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
         empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
@@ -206,8 +210,8 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
-        name: one of WORLDS or CONTACT_WORLDS; with OTHER_BODIES after it, people have bodies that no shape of the
-            body model has.
+        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS; with OTHER_BODIES after it, people have bodies that
+            no shape of the body model has.
         seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
@@ -215,7 +219,7 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
         InputError: no world has this name, or the size is too small for a label.
     """
     if not is_world(name):
-        known = ", ".join((*WORLDS, *CONTACT_WORLDS))
+        known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS))
         raise InputError(f"There is no world named {name!r}: choose one of {known}.")
     if min(size) < labels.SMALLEST_PX:
         raise InputError(
@@ -231,7 +235,7 @@ _BODY_STREAM = 10  # of those of other bodies
 
 def is_world(name: str) -> bool:
     """Return whether a world has this name."""
-    return name.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS)
+    return name.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
 
 
 def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> tuple[tuple[str, int], ...]:
@@ -240,7 +244,7 @@ def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> 
     Args:
         count: of worlds.
         seed: of the seeds.
-        names: WORLDS or CONTACT_WORLDS.
+        names: WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS.
     """
     seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
     return tuple((names[i % len(names)], int(own)) for i, own in enumerate(seeds))

@@ -13,7 +13,7 @@ import torch
 from physic_core.body import load_body
 from physic_core.engine.joint.distances import hinge_angles
 from physic_core.errors import InputError
-from physic_testing.worlds.action_scenes import ACTIONS, TOUCHING_ACTIONS, ActionScene, draw_action
+from physic_testing.worlds.action_scenes import ACTIONS, RAISED_FEET_ACTIONS, TOUCHING_ACTIONS, ActionScene, draw_action
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.furniture import move_blocks
 from physic_testing.worlds.pose_builder import PoseBuilder
@@ -45,7 +45,8 @@ def test_all_names_are_known() -> None:
     assert sorted(ACTIONS) == sorted(_NAMES)
     with pytest.raises(InputError) as error:
         draw_action("fly", _model(), np.random.default_rng(0))
-    assert str(error.value) == f"There is no action named 'fly': choose one of {', '.join(ACTIONS | TOUCHING_ACTIONS)}."
+    known = ", ".join(ACTIONS | TOUCHING_ACTIONS | RAISED_FEET_ACTIONS)
+    assert str(error.value) == f"There is no action named 'fly': choose one of {known}."
 
 
 @pytest.mark.parametrize("name", ["stand", "lie", "sit_on_chair", "slope"])

@@ -13,6 +13,7 @@ from physic_core.errors import InputError
 from physic_testing.worlds import (
     CONTACT_DISTANCE,
     CONTACT_WORLDS,
+    RAISED_FEET_WORLDS,
     WORLDS,
     World,
     benchmark_worlds,
@@ -263,7 +264,7 @@ def test_the_worlds_are_what_is_performed():
 def test_an_unknown_world_is_refused():
     with pytest.raises(InputError) as caught:
         build_world("flying")
-    known = ", ".join((*WORLDS, *CONTACT_WORLDS))
+    known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS))
     assert str(caught.value) == f"There is no world named 'flying': choose one of {known}."
 
 
