@@ -178,7 +178,7 @@ class TestRefused:
         with pytest.raises(BackendError, match="has 0 valid points of 80 x 60, too few for a camera"):
             recover_camera(np.ones((60, 80, 3)), np.zeros((60, 80), bool))
 
-    def test_one_point_everywhere(self):
+    def test_a_point_map_of_one_point_is_an_error(self):
         with pytest.raises(BackendError, match="all points of the point map are the same"):
             recover_camera(np.zeros((60, 80, 3)), np.ones((60, 80), bool))
 

@@ -88,7 +88,7 @@ def test_a_flat_map_answers_its_first_cell_and_its_value() -> None:
     assert value.tolist() == [[0.0]]
 
 
-def test_nobody_has_no_peaks() -> None:
+def test_no_people_have_no_peaks() -> None:
     assert subpixel_peaks(np.zeros((0, 17, 64, 48)))[0].shape == (0, 17, 2)
     assert simcc_peaks(np.zeros((0, 17, 384)), np.zeros((0, 17, 512)))[0].shape == (0, 17, 2)
 

@@ -26,7 +26,7 @@ def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (16, 33, 26, 53)
 
 
-def test_without_a_hole_nothing_is_asked_and_the_answer_is_another_array():
+def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
     filled = inpaint_masked(IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked"))
     assert (filled == IMAGE).all()
     assert not np.shares_memory(filled, IMAGE)

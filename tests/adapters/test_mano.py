@@ -57,7 +57,7 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
     assert np.isfinite(hands.rotvecs).all()
 
 
-def test_nobody_has_no_hands() -> None:
+def test_no_people_have_no_hands() -> None:
     assert violations(HandEstimator, empty_hands(0), people=0) == []
     empty = hands_from_mano(3, np.zeros(0, int), np.zeros(0, bool), np.zeros((0, 15, 3)), np.zeros(0))
     assert violations(HandEstimator, empty, people=3) == []

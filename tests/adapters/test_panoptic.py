@@ -83,7 +83,7 @@ def test_a_network_that_knows_things_and_sees_none_returns_no_object_and_one_wit
     assert people_and_floor(classes[:, [0, 1, 133]], masks, same, (16, 16), labels=names).objects is None
 
 
-def test_a_query_of_no_class_is_not_heard():
+def test_a_query_of_no_class_is_ignored():
     classes, masks = queries([133, PERSON], [box(0, 16, 0, 16), box(4, 8, 4, 8)])
     people = people_and_floor(classes, masks, same, (16, 16))
     assert (people.masks[0] == box(4, 8, 4, 8)).all()

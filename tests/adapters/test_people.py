@@ -46,7 +46,7 @@ def test_boxes_are_half_open():
     assert people.masks[0].sum() == (x1 - x0) * (y1 - y0)
 
 
-def test_who_is_left_without_pixels_is_nobody_and_the_best_comes_first():
+def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
     masks = [rectangle(0, 2, 0, 2), rectangle(0, 0, 0, 0), rectangle(4, 6, 4, 6)]
     joints = Keypoints(np.arange(6.0).reshape(3, 1, 2), np.ones((3, 1)), "one")
     people = people_from_masks(masks, None, np.array([0.5, 0.9, 0.8]), size=SIZE, keypoints=joints)
@@ -64,7 +64,7 @@ def test_the_floor_gives_way_to_people():
     assert floor.all(), "the argument stays as it was"
 
 
-def test_nobody_has_masks_of_the_photo_s_size():
+def test_no_people_have_masks_of_the_photos_size():
     people = people_from_masks([], None, np.zeros(0), size=SIZE)
     assert people.masks.shape == (0, *SIZE)
     assert people.boxes.shape == (0, 4)

@@ -50,5 +50,5 @@ def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
     assert p.expression.shape == (1, 10)
 
 
-def test_nobody_is_a_whole_answer() -> None:
+def test_no_bodies_are_a_valid_result() -> None:
     assert violations(BodyEstimator, empty_bodies("smplx"), people=0) == []

@@ -99,14 +99,14 @@ def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
         ("path\n" + "x" * 200_000, "field larger than field limit (131072)"),
     ],
 )
-def test_a_table_with_faults(folder: Path, rows: str, message: str):
+def test_a_table_with_faults_is_an_error(folder: Path, rows: str, message: str):
     (folder / "table.csv").write_text(rows)
     with pytest.raises(InputError) as error:
         find_photos([str(folder / "table.csv")])
     assert str(error.value).endswith(message)
 
 
-def test_an_input_that_is_not_there():
+def test_a_pattern_without_photos_is_an_error():
     with pytest.raises(InputError) as error:
         find_photos(["nowhere/*.jpg"])
     assert str(error.value) == ("no photos at nowhere/*.jpg: name files, folders, patterns, or a CSV or Parquet table")

@@ -348,7 +348,7 @@ def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: 
     assert mine.read_text() == "mine"
 
 
-def test_changed_bytes_are_found_where_that_is_asked(tmp_path: Path, out: Path):
+def test_changed_bytes_are_found_with_verify_only(tmp_path: Path, out: Path):
     photos = make_photos(tmp_path / "photos", "a")
     job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", preview=True))
     run_tiny(photos, job)
@@ -437,7 +437,7 @@ def test_a_failed_photo_above_a_damaged_row_is_tried_again(tmp_path: Path, out: 
     assert todo(job, photos) == []
 
 
-def test_failed_photos_are_tried_again_where_that_is_asked(tmp_path: Path, out: Path):
+def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
     finished(job, photos, state="failed", error="NoPersonError")
     plan = plan_batch(find_photos([str(photos)]), job)

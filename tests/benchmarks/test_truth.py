@@ -94,7 +94,7 @@ def test_joints_are_those_of_the_body_by_name(truth):
     assert [JOINT_NAMES[row] for row in truth.joints.BODY_ROWS] == list(truth.joints.LIMB_JOINTS)
 
 
-def test_who_sits_bends_or_lies_is_not_upright(truth, joints):
+def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
     row = truth.joints.ROW
     sitting, bent = joints.copy(), joints.copy()
     for side in ("left", "right"):
@@ -139,7 +139,7 @@ def test_somebody_too_small_and_too_near_is_right_at_the_true_scale(truth, joint
     assert found["mpjpe_mm"] > 250
 
 
-def test_joints_that_the_truth_lacks_do_not_count(truth, joints):
+def test_joints_without_truth_do_not_count(truth, joints):
     wrong, facts = joints.copy(), joints.copy()
     wrong[truth.joints.ROW["left_wrist"]] += 5
     facts[truth.joints.ROW["left_wrist"]] = np.nan
@@ -166,7 +166,7 @@ def test_floors(truth):
     assert not truth.measures.floor_errors(None, UP, 1.5)["floor"]
 
 
-def test_boxes_or_keypoints_decide_who_is_found(truth):
+def test_a_person_is_found_by_box_or_keypoints(truth):
     full, upper, far = [0, 0, 100, 200], [0, 0, 100, 80], [300, 0, 400, 200]
     points = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 70, 12)])
     nowhere = np.full((12, 2), np.nan)
@@ -178,14 +178,14 @@ def test_boxes_or_keypoints_decide_who_is_found(truth):
     assert match([], [], [full], [points]) == {}
 
 
-def test_a_box_around_a_group_finds_nobody_of_it(truth):
+def test_a_predicted_box_around_a_group_matches_no_person(truth):
     group, one = [0, 0, 1000, 200], [0, 0, 100, 200]
     inside = np.column_stack([np.linspace(10, 90, 12), np.linspace(10, 190, 12)])
     elsewhere = moved(inside, 500, 0)
     assert truth.measures.match_people([group], [elsewhere], [one], [inside]) == {}
 
 
-def test_2d_error_is_a_share_of_the_diagonal_of_who_counts(truth):
+def test_2d_error_of_counted_joints_is_a_share_of_the_diagonal(truth):
     facts = np.zeros((3, 2))
     predicted = np.array([[3.0, 4], [6, 8], [100, 100]])
     counted = np.array([True, True, False])
@@ -447,7 +447,7 @@ def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
-def test_who_has_no_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
+def test_a_person_without_a_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
     bodiless = person_of(truth, np.full((12, 3), np.nan)) | {"keypoints": person_of(truth, joints)["keypoints"]}
     refused = [{"name": "floor", "state": "failed", "value": 0.1, "person": None}]
     records = truth.main.compared([alone(truth, joints)], [answer_with(bodiless, checks=refused)])

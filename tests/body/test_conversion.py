@@ -152,7 +152,7 @@ def test_those_of_whom_nothing_is_known_are_nan(own: Bodies, embedded: BodyModel
     np.testing.assert_allclose(found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6)
 
 
-def test_nobody_is_carried_too(own: Bodies, embedded: BodyModel) -> None:
+def test_no_bodies_convert_to_no_bodies(own: Bodies, embedded: BodyModel) -> None:
     none = Bodies(own.parameters[:0], "smpl", None, np.zeros((0, 55, 3)))
     assert len(convert_with_residuals(none, embedded).bodies.parameters) == 0
 

@@ -150,7 +150,7 @@ def test_twelve_joints_and_a_neck_make_a_body(embedded: BodyModel, people: Peopl
     assert mm(again, vertices) < 35
 
 
-def test_too_few_joints_are_told() -> None:
+def test_a_torso_needs_hips_and_shoulders_or_neck() -> None:
     known = np.ones((5, 55), bool)
     known[1, JOINT_INDEX["left_hip"]] = False
     known[2, JOINT_INDEX["neck"]] = False

@@ -58,7 +58,7 @@ def test_half_turns_survive() -> None:
     assert torch.allclose(rotations_from_parameters(parameters), rotations, atol=1e-6)
 
 
-def test_float_type_is_the_one_asked_for(random_pose: dict[str, Tensor]) -> None:
+def test_float_type_is_the_requested_one(random_pose: dict[str, Tensor]) -> None:
     parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
     assert rotations_from_parameters(parameters, dtype=torch.float64).dtype == torch.float64
 

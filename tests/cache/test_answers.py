@@ -179,7 +179,7 @@ def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: Resul
     assert cache.notes == []
 
 
-def test_settled_answers_are_what_is_read_again():
+def test_a_canonical_result_equals_what_the_cache_returns():
     wide = np.random.default_rng(0).normal(size=(8, 6)).T
     people = People(np.zeros((0, 6, 8), bool), np.zeros((0, 4)), np.zeros(0), keypoints=Keypoints(wide, wide, "coco17"))
     same = canonicalize(people)

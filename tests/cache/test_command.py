@@ -68,7 +68,7 @@ def test_clear_removes_all_answers_and_tells_which(folder: Path):
     assert physic("clear").output == f"removed 0 answers, 0.0 MB from {folder}\n"
 
 
-def test_copies_of_body_models_are_told_and_removed_too(folder: Path):
+def test_copies_of_body_models_are_listed_and_removed_too(folder: Path):
     folder.mkdir()
     (folder / "MANO_RIGHT-00.model.pkl").write_bytes(bytes(3_000_000))
     (folder / "MANO_RIGHT.pkl").write_text("not theirs")
@@ -78,7 +78,7 @@ def test_copies_of_body_models_are_told_and_removed_too(folder: Path):
     assert [path.name for path in folder.iterdir()] == ["MANO_RIGHT.pkl"]
 
 
-def test_maps_between_bodies_are_told_and_removed_too(folder: Path):
+def test_maps_between_bodies_are_listed_and_removed_too(folder: Path):
     fill(folder)
     for name in ("smpl-embedded-00", "mhr-embedded-01"):
         (folder / f"{name}.map.npz").write_bytes(bytes(250_000))

@@ -32,7 +32,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_files_are_told_from_the_longest_unused_on(folder: Path):
+def test_files_are_listed_from_the_least_recently_used(folder: Path):
     shelf.mark_used(folder / "0.answer.npz")
     assert [(file.path.name, file.size) for file in shelf.list_files(folder)] == [
         (f"{i}.answer.npz", 100) for i in (1, 2, 3, 0)

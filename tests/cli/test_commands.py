@@ -583,7 +583,7 @@ def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
     assert {k: b.provenance for k, b in after.items()} == {k: b.provenance for k, b in before.items()}
 
 
-def test_show_all_names_who_decides_what_nobody_said():
+def test_show_all_names_the_source_of_each_value():
     shown = physic(
         "config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.optimiser.steps=40"
     ).stdout

@@ -115,12 +115,12 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_a_mistake_in_a_config_is_told(name: str):
+def test_a_mistake_in_a_config_gives_its_message(name: str):
     assert of_config(name) == held(name)
 
 
 @pytest.mark.parametrize("name", PLUGINS)
-def test_a_mistake_in_a_plugin_is_told(name: str, site: Any, monkeypatch: pytest.MonkeyPatch):
+def test_a_mistake_in_a_plugin_gives_its_message(name: str, site: Any, monkeypatch: pytest.MonkeyPatch):
     assert of_plugin(name, site, monkeypatch) == held(name)
 
 

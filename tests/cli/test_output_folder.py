@@ -101,7 +101,7 @@ def test_a_photo_in_the_folder_under_a_name_of_ours_is_refused_at_once(asked: li
     assert Path("out/preview.png").read_text() == "out/preview.png"
 
 
-def test_another_photos_result_is_refused_at_once_and_replaced_if_asked(asked: list[Path]):
+def test_the_result_of_another_photo_is_refused_before_computing_and_replaced_with_overwrite(asked: list[Path]):
     assert folder_of(run(photo("x/a.jpg"), "-o", "out")) == "out"
     assert folder_of(run("x/a.jpg", "-o", "out")) == "out"
     done = run(photo("b.jpg"), "-o", "out")

@@ -183,7 +183,7 @@ def test_the_default_files_hold_what_all_files_hold(world: World):
     assert compact.summary().keys() == full.summary().keys()
 
 
-def test_the_page_is_opened_if_asked(world: World, monkeypatch: pytest.MonkeyPatch):
+def test_the_page_is_opened_with_the_option(world: World, monkeypatch: pytest.MonkeyPatch):
     Image.fromarray(world.image).save("a.png")
     monkeypatch.setenv("BROWSER", f"{sys.executable} -c \"open('opened', 'w').write('%s')\"")
     assert run("a.png", "--open").exit_code == 0

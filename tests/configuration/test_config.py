@@ -273,7 +273,7 @@ def test_a_json_that_is_no_result_is_refused(write):
 # ---- what is refused -------------------------------------------------------------------------------------------------
 
 
-def test_every_fault_is_told_at_once_with_path_source_and_suggestion(write):
+def test_every_fault_is_reported_at_once_with_path_source_and_suggestion(write):
     file = write(
         'extends = "embedded"\n'
         "colour = 3\n"

@@ -192,7 +192,7 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     )
 
 
-def test_resolving_alone_asks_for_no_file(heavy: Path):
+def test_resolving_alone_needs_no_file(heavy: Path):
     plan = resolve(load_config("my.toml"), discover())
     assert len((*missing_files(plan), *missing_gpu(plan))) == 2
     with pytest.raises(WeightsMissingError):
@@ -261,7 +261,7 @@ def test_the_listing_is_unsure_of_weights_that_no_list_has(heavy: Path, site, re
     assert statuses()["metric_depth"] == "unsure: needs weights; `physic plugins doctor heavy` checks it"
 
 
-def test_the_kit_asks_nothing_and_fails_nothing(heavy: Path):
+def test_the_kit_runs_no_check_of_a_backend_that_is_not_ready(heavy: Path):
     report = check_backend("heavy", "metric_depth", size=(96, 72))
     assert report.failures == ()
     assert report.not_run_reason == f"not ready: {NET}"
@@ -314,7 +314,7 @@ def test_a_backend_without_the_method_lacks_nothing():
     )
 
 
-def test_it_is_named_wherever_it_is_asked():
+def test_a_wrong_missing_method_is_named_by_every_command():
     registry = Registry(installed=False)
     for name, base in INTERFACES.items():
         kind = saying(None) if name == "metric_depth" else type("Own", (base,), {"infer": lambda self, *a: None})

@@ -478,7 +478,7 @@ def test_without_a_gpu_the_best_bodies_are_refused_in_words(
     assert not Path("out").exists()
 
 
-def test_with_all_files_a_gpu_is_still_asked_for_before_the_photo_is_read(
+def test_with_all_files_a_missing_gpu_is_reported_before_the_photo_is_read(
     best: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)

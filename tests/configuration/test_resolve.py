@@ -81,7 +81,7 @@ def test_an_optional_interface_may_be_left_out():
     assert set(INTERFACES) - set(pipeline.backends) == {"hand_estimator"}
 
 
-def test_names_and_options_are_told_all_at_once_with_their_paths():
+def test_wrong_names_and_options_are_reported_together_with_their_paths():
     depth = {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}}
     chosen = config(metric_depth=depth, inpainter={"backend": "onw"}, body_model={"path": "/no/SMPLX.npz"})
     assert refusal(chosen, registry()) == (
@@ -93,7 +93,7 @@ def test_names_and_options_are_told_all_at_once_with_their_paths():
     )
 
 
-def test_faults_of_the_shape_and_of_the_options_are_told_in_one_go(tmp_path, monkeypatch):
+def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("my.toml").write_text(
         "[photo]\nmax_sid = 3\n"

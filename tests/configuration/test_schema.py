@@ -49,7 +49,7 @@ def test_every_preset_holds(schema, name: str):
         "[inpainter]\noptions = {radius_px = 3.0}",
     ],
 )
-def test_a_file_that_holds_passes(schema, text: str):
+def test_a_valid_config_fulfils_the_schema(schema, text: str):
     assert faults(schema, text) == []
 
 

@@ -176,7 +176,7 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path):
     assert load_module(tmp_path / "a", "own_depth") is first
 
 
-def test_a_module_on_pythons_path_is_imported_as_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_an_installed_module_is_imported_as_usual(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "own_depth.py").write_text("import own_helper\n" + DEPTH)
     (tmp_path / "own_helper.py").write_text("")
     with monkeypatch.context() as patch:

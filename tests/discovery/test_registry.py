@@ -167,7 +167,7 @@ def test_two_claims_to_one_name_are_refused_and_both_are_named():
     )
 
 
-def test_one_distribution_that_claims_a_name_twice_is_told_apart_from_two():
+def test_a_name_registered_twice_by_one_distribution_differs_from_two_distributions():
     got = message(BackendError, registry(("x", A), ("x", A)).get, "inpainter", "x")
     assert got == "physic-a 1.0 offers an inpainter named 'x' 2 times: its author has to remove all but one"
 

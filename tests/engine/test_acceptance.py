@@ -53,7 +53,7 @@ class Two:
 
 
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
-def test_who_ends_worse_goes_back_alone(settings):
+def test_a_person_who_ends_worse_returns_to_the_start_alone(settings):
     """The last update of the first person's view makes their start better than what they have reached."""
     energy = Two(after_refresh=STARTS[0])
     trace = minimise(energy, replace(settings, refresh_steps=settings.steps))
@@ -73,7 +73,7 @@ def test_adam_at_a_lower_rate_improves_a_start_that_the_first_steps_lose():
     assert trace.steps == 40
 
 
-def test_who_leaves_the_numbers_is_held_and_the_other_arrives():
+def test_a_person_with_nan_energy_is_held_and_the_other_converges():
     """Beyond the wall the first person's energy is not a number."""
     energy = Two(wall=1.0)
     energy.goals[0] = torch.tensor([1.5, 0.0, 2.0])

@@ -110,7 +110,7 @@ def test_keypoints_outside_the_image_count_nothing(standing):
     assert weight[:4].tolist() == pytest.approx([0, 0, 0.02, 1])
 
 
-def test_who_stands_and_who_does_not(make_stage):
+def test_standing_and_other_poses_are_recognised(make_stage):
     sitting = {"left_hip": (-1.5, 0, 0), "right_hip": (-1.5, 0, 0), "left_knee": (1.5, 0, 0), "right_knee": (1.5, 0, 0)}
     stage = make_stage([({}, (-0.6, 0.0, 3.5)), (sitting, (0.5, 0.0, 3.5))])
     problem = stage.problem
@@ -119,14 +119,14 @@ def test_who_stands_and_who_does_not(make_stage):
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(0, True), (40, True), (80, False), (180, False)])
-def test_who_lies_straight_does_not_stand(standing, degrees, expected):
+def test_a_person_who_lies_straight_does_not_stand(standing, degrees, expected):
     problem, joints = standing.problem, standing.joints
     up = torch.tensor([0.0, -math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
     assert is_standing(problem.rotations0, joints, problem.observed, up).tolist() == [expected]
     assert is_standing(problem.rotations0, joints, problem.observed).tolist() == [True]
 
 
-def test_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
+def test_a_person_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
     back = standing.vertices[0, standing.problem.model.contact_sets["back"], 2].max().item()
 
     def balanced(gap, **changes):

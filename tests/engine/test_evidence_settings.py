@@ -76,7 +76,7 @@ def test_static_contacts_need_no_prior(standing):
     assert result.failures == ("",)
 
 
-def test_the_union_of_masks_takes_who_is_hidden_for_visible(behind):
+def test_the_union_of_masks_makes_hidden_people_visible(behind):
     own, union = (JointEnergy(behind.problem, joint).visibility for joint in (PAPER, RELEASE))
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 

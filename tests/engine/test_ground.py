@@ -74,7 +74,7 @@ def lying(people, who):
     return vertices, joints, soles
 
 
-def test_who_stands_behind_a_table_has_a_floor_under_the_soles(people):
+def test_a_person_behind_a_table_has_a_floor_under_the_soles(people):
     up, offset = ground(people)
     assert up.dtype == people[0].dtype
     degrees = math.degrees(math.acos(min(1.0, float(up @ UP))))
@@ -96,7 +96,7 @@ def test_exact_normals_give_the_exact_up(people):
     assert offset == pytest.approx(FLOOR_Y, abs=0.01)
 
 
-def test_who_lies_tells_no_floor(people):
+def test_people_who_lie_give_no_floor(people):
     assert ground(lying(lying(people, 0), 1)) is None
     _, offset = ground(lying(people, 0))  # the other one stands
     assert offset == pytest.approx(FLOOR_Y, abs=0.02)
@@ -136,7 +136,7 @@ def test_surfaces_must_tell_which_way_is_up(people, monkeypatch):
     assert ground(people) is None
 
 
-def test_who_is_not_a_number_does_not_count(people):
+def test_a_person_with_nan_does_not_count(people):
     vertices, joints, soles = people
     first = ground((vertices[:1], joints[:1], soles))
     for broken in (vertices, joints):
@@ -149,7 +149,7 @@ def test_who_is_not_a_number_does_not_count(people):
     assert ground((torch.full_like(vertices, torch.nan), torch.full_like(joints, torch.nan), soles)) is None
 
 
-def test_nobody_has_no_floor(people):
+def test_no_people_have_no_floor(people):
     vertices, joints, soles = people
     assert ground((vertices[:0], joints[:0], soles)) is None
 

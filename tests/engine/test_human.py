@@ -125,9 +125,7 @@ def test_the_papers_solver_finds_the_place_too() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points that lie elsewhere than the keypoints say, from starts that are far off and from starts that fit."""
     draws = torch.Generator().manual_seed(seed)
     picture = Picture(160, farther=(0.75, 1.3)[seed % 2], settings=PAPER)
@@ -152,7 +150,7 @@ def test_the_papers_solver_leaves_nobody_farther_off_their_keypoints(
     assert (free > 1.5 * before).any()
 
 
-def test_those_who_stand_keep_their_place_where_depth_sees_them_too_far_away() -> None:
+def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
     picture = Picture(farther=1.15)
     stands = picture.place(**FLOOR, feet_seen=torch.tensor([True, True]))
     assert error_cm(stands).max() < 0.5
@@ -188,7 +186,7 @@ def test_several_people_are_placed_as_each_alone() -> None:
         assert torch.equal(alone.transl[0], together.transl[i])
 
 
-def test_nobody_is_a_result() -> None:
+def test_no_people_are_placed() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0])
     none = place_bodies(
@@ -199,7 +197,7 @@ def test_nobody_is_a_result() -> None:
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
-def test_one_who_fails_does_not_spoil_the_other(settings: PlacementSettings) -> None:
+def test_a_person_that_fails_does_not_change_the_other(settings: PlacementSettings) -> None:
     picture = Picture(160, settings=settings)
     good = picture.place(settings).transl[1]
     broken = VERTICES + START[:, None]
@@ -271,7 +269,7 @@ def test_vertices_inside_the_mouth_take_no_part() -> None:
     assert halved == pytest.approx(picture.place().diagnostics[0]["facing_vertices"] / 2, rel=0.05)
 
 
-def test_diagnostics_are_plain() -> None:
+def test_diagnostics_of_placement_are_json() -> None:
     told = json.loads(json.dumps(Picture().place().diagnostics[0], allow_nan=False))
     assert told["reprojection_px"][0] > 10 > 0.1 > told["reprojection_px"][1]
     assert told["chamfer_m"][1] < 0.02
@@ -411,7 +409,7 @@ def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     torch.testing.assert_close(placed, expected)
 
 
-def test_without_a_common_background_nobody_has_points() -> None:
+def test_without_a_common_background_no_person_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
     found = align_photo_points_to_scene(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
     assert found.inlier_share == 0
@@ -458,7 +456,7 @@ def over_floor(metres: float) -> dict[str, object]:
     return FLOOR | {"floor": (UP, 0.45 + 0.85 + metres), "feet_seen": BOTH}
 
 
-def test_who_stands_on_a_platform_keeps_their_place_and_their_depth() -> None:
+def test_a_person_on_a_platform_keeps_place_and_depth() -> None:
     placed = Picture().place(**over_floor(0.6))
     print(f"off by {error_cm(placed).tolist()} cm")
     assert placed.grounded.tolist() == [False, False]
@@ -470,7 +468,7 @@ def test_who_stands_on_a_platform_keeps_their_place_and_their_depth() -> None:
         assert "floor" not in told["losses"]
 
 
-def test_who_stands_on_the_floor_is_grounded() -> None:
+def test_a_person_who_stands_on_the_floor_is_grounded() -> None:
     for farther in (0.9, 1.0, 1.15):
         placed = Picture(farther=farther).place(**over_floor(0.0))
         assert placed.grounded.tolist() == [True, True]
@@ -495,7 +493,7 @@ def test_without_a_reach_everybody_stands() -> None:
     assert all(told["foot_height_m"] is not None for told in placed.diagnostics)
 
 
-def test_who_has_no_points_or_shows_no_feet_or_has_no_floor_counts_as_grounded() -> None:
+def test_a_person_without_points_feet_or_floor_counts_as_grounded() -> None:
     picture = Picture()
     picture.points[0] = picture.points[0][:0]
     placed = picture.place(**over_floor(0.6))
@@ -505,7 +503,7 @@ def test_who_has_no_points_or_shows_no_feet_or_has_no_floor_counts_as_grounded()
     assert Picture().place().grounded.tolist() == [True, True]
 
 
-def test_nobody_is_grounded_where_nobody_is() -> None:
+def test_no_people_are_grounded_in_an_empty_photo() -> None:
     picture = Picture()
     bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], soles=SOLES)
     evidence = PeopleObservations(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])

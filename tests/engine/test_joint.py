@@ -70,7 +70,7 @@ def test_the_truth_stays_where_it_is(standing):
 
 
 @pytest.mark.parametrize("lift", [-0.08, 0.05], ids=["floating 8 cm", "sunk 5 cm"])
-def test_who_floats_or_sinks_ends_on_the_floor(standing, lift):
+def test_a_person_who_floats_or_sinks_ends_on_the_floor(standing, lift):
     result = optimize(moved(standing.problem, by=(0.0, lift, 0.0)), SETTINGS)
     print(f"sole {sole_mm(result, standing).item():.1f} mm, vertices {error_mm(result, standing).item():.1f} mm")
     assert abs(sole_mm(result, standing)) < 5
@@ -146,7 +146,7 @@ def test_a_foot_in_the_air_stays_there(make_stage):
     assert abs(sole_mm(result, stage)) < 8
 
 
-def test_who_stands_on_a_step_is_not_pulled_to_the_floor(make_stage):
+def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
     stage = make_stage(ALONE, boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
     result = optimize(stage.problem, SETTINGS)
     print(f"moved by {error_mm(result, stage).item():.1f} mm, scale {result.scene_scale:.3f}")
@@ -325,7 +325,7 @@ def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     assert error_mm(result, two)[1] < 5
 
 
-def test_nobody_left_is_the_start(standing):
+def test_the_start_is_the_result_if_every_person_is_invalid(standing):
     problem = replace(standing.problem, transl0=-standing.problem.transl0)
     result = optimize(problem, SETTINGS)
     assert result.failures != ("",)
@@ -433,7 +433,7 @@ def test_depth_without_its_data_is_refused(standing, preset, message):
     optimize(problem, adjusted(joint.without("depth"), optimiser__steps=2))
 
 
-def test_who_is_elsewhere_is_not_pulled_to_the_floor_from_afar(two):
+def test_a_person_elsewhere_is_not_pulled_to_the_floor(two):
     problem = moved(two.problem, by=(0.0, -0.15, 0.0))
     everybody = JointEnergy(problem, SETTINGS)
     one = JointEnergy(replace(problem, grounded=torch.tensor([False, True])), SETTINGS)
@@ -445,7 +445,7 @@ def test_who_is_elsewhere_is_not_pulled_to_the_floor_from_afar(two):
     assert told[1] == of_all[1]
 
 
-def test_who_is_elsewhere_has_the_depth_offset_of_those_without_a_floor(two):
+def test_a_person_elsewhere_has_the_depth_offset_of_people_without_a_floor(two):
     grounded = torch.tensor([False, True])
     state = JointEnergy(replace(two.problem, grounded=grounded), SETTINGS).state
     with torch.no_grad():
@@ -460,7 +460,7 @@ def test_who_is_elsewhere_has_the_depth_offset_of_those_without_a_floor(two):
     assert "offset" not in JointEnergy(replace(farther, grounded=~grounded & grounded), tied).state.free
 
 
-def test_who_is_picked_stays_where_they_stand(two):
+def test_select_people_keeps_the_order_of_grounded(two):
     grounded = torch.tensor([False, True])
     told = replace(two.problem, grounded=grounded)
     assert told.select_people(torch.tensor([1])).grounded.tolist() == [True]

@@ -36,16 +36,16 @@ def test_a_lifted_foot_is_lifted_alone():
     assert found(above(0.2), 0.02) == ([True, False], False)
 
 
-def test_who_jumps_is_in_the_air_with_both_feet():
+def test_a_jumping_person_is_in_the_air_with_both_feet():
     assert found(above(0.3), above(0.5)) == ([True, True], True)
 
 
-def test_who_hangs_is_in_the_air_by_the_mean_of_both_feet():
+def test_a_hanging_person_is_in_the_air_by_the_mean_of_both_feet():
     assert found(above(0.1), above(0.3)) == ([False, True], False)
     assert found(above(0.1), above(0.3), SOMEBODY) == ([True, True], True)
 
 
-def test_who_lifts_a_weight_with_a_heel_up_stands():
+def test_a_person_who_lifts_a_weight_with_a_heel_up_stands():
     assert found(above(0.06), above(0.13), SOMEBODY) == ([False, False], False)
 
 

@@ -153,7 +153,7 @@ def test_without_any_camera_the_point_map_tells_it() -> None:
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
 
 
-def test_shift_is_found_by_depth_alone_where_nobody_knows_the_camera() -> None:
+def test_shift_is_found_by_depth_alone_without_a_known_camera() -> None:
     state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
     assert state.alignment.shift == pytest.approx(0.3)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
@@ -185,7 +185,7 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.Monk
     assert without.floor_normal is None
 
 
-def test_no_floor_is_told_and_nothing_else_changes() -> None:
+def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes() -> None:
     wall = RAYS * 3.0
     state = build_scene(wall, ALL, "scale", wall[..., 2], K=K)
     assert state.floor_normal is None
@@ -196,20 +196,20 @@ def test_no_floor_is_told_and_nothing_else_changes() -> None:
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
 
 
-def test_a_floor_that_nobody_asked_for_is_not_missed() -> None:
+def test_a_floor_that_is_switched_off_is_not_searched() -> None:
     state = scene(settings=SceneSettings(floor="off"))
     assert state.floor_normal is None
     assert state.diagnostics["floor"]["reason"] == "switched_off"
 
 
-def test_a_mask_that_is_no_floor_is_told() -> None:
+def test_a_floor_mask_that_is_no_floor_is_reported() -> None:
     state = scene(floor_mask=BOX)
     assert state.floor_normal is not None
     assert angle_deg(state.floor_normal, UP) < 0.5
     assert state.diagnostics["floor"]["mask_reason"] == "no_consensus"
 
 
-def test_disagreement_with_the_metric_depth_is_told() -> None:
+def test_disagreement_with_the_metric_depth_is_reported() -> None:
     wrong = torch.where(torch.rand(ROWS, COLUMNS, generator=torch.Generator().manual_seed(0)) < 0.7, DEPTH * 3, DEPTH)
     wrong = wrong * (1 + 0.2 * noise(1).abs())
     state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)

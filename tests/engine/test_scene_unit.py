@@ -20,7 +20,7 @@ def torn(make_stage):
     return make_stage([({}, (0.0, 0.0, 3.2))], walls).problem
 
 
-def test_what_cannot_be_touched_makes_nobody_smaller(torn):
+def test_a_torn_surface_changes_neither_scale_nor_distance(torn):
     """With distances in metres the scene shrank by more than 0.8 %, and the person came nearer with it."""
     result = optimize(torn, STUBBORN)
     moved = float((result.transl[0, 2] / torn.transl0[0, 2]).log())

@@ -33,7 +33,7 @@ def settings_of(presets: Iterable[object]) -> list[type]:
 
 
 @pytest.mark.parametrize("settings", settings_of(PRESETS.values()), ids=lambda kind: kind.__name__)
-def test_every_field_is_told_in_the_docstring(settings: type) -> None:
+def test_every_field_is_in_the_docstring(settings: type) -> None:
     assert is_dataclass(settings)
     told = set(re.findall(r"^\s{8}(\w+): ", settings.__doc__ or "", flags=re.MULTILINE))
     assert {f.name for f in fields(settings)} == told

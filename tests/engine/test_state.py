@@ -90,7 +90,7 @@ def test_one_unit_is_the_expected_move():
     assert angle.tolist() == pytest.approx([0.3, 0.3])
 
 
-def test_who_may_not_have_an_offset_has_none():
+def test_a_person_without_a_free_offset_has_none():
     state = State(*start(), offset_free=torch.tensor([True, False]))
     state.load(torch.ones_like(state.pack()))
     assert state.unpack().offset.tolist() == pytest.approx([0.2, 0.0])

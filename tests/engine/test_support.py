@@ -82,7 +82,7 @@ def within(model, chosen, *names):
 
 
 @pytest.mark.parametrize(("bends", "state"), [({}, "balanced"), (SQUATS, "balanced")])
-def test_feet_balance_who_stands_or_squats(posed, bends, state):
+def test_feet_balance_people_who_stand_or_squat(posed, bends, state):
     model, body = posed(bends)
     found = find_support(model, body, evidence(model, "left_sole", "right_sole"), UP, assume=True)
     assert found.state == state
@@ -113,7 +113,7 @@ def test_hands_without_a_visible_pixel_hang_by_assumption(posed):
 
 
 @pytest.mark.parametrize("touching", [(), ("left_sole", "right_sole")])
-def test_a_hidden_seat_carries_who_sits_on_nothing(posed, touching):
+def test_a_hidden_seat_carries_a_person_who_sits_on_nothing_visible(posed, touching):
     model, body = posed(SITS)
     found = find_support(model, body, evidence(model, *touching, prior=("gluteus", "thighs")), UP, assume=True)
     assert (found.state, found.hidden_is_seat) == (SupportState.ASSUMED, True)
@@ -131,7 +131,7 @@ def test_a_seat_in_contact_needs_no_hidden_one(posed):
     assert not found.hidden.any()
 
 
-def test_who_is_in_the_air_holds_something_or_jumps_by_the_contact_prior(posed):
+def test_a_person_in_the_air_holds_something_or_jumps_by_the_contact_prior(posed):
     model, body = posed(HANGS)
     lifted = (True, True)
     holds = find_support(
@@ -238,7 +238,7 @@ def test_names_of_hidden_supports(part, name):
     assert str(support) == f"assumed: a {name.removeprefix('hidden ')} that the scene does not show"
 
 
-def test_a_back_alone_carries_nobody(posed):
+def test_a_back_alone_carries_no_person(posed):
     model, body = posed({})
     found = find_support(model, body, evidence(model, prior=("back",)), UP, assume=True)
     assert found.state == SupportState.UNBALANCED

@@ -245,7 +245,7 @@ def test_knees_and_elbows_bend_as_the_body_does(body):
     assert moved[JOINT_INDEX["right_wrist"], 2] > 0.1
 
 
-def test_balance_lets_stand_and_rights_who_leans(body):
+def test_balance_keeps_a_standing_person_and_rights_a_leaning_one(body):
     up = torch.tensor([0.0, 1.0, 0.0])
     output = body(*body.zero_pose(1))
     mass = output.vertices.mean(1) * torch.tensor([1.0, 1.0, 0.0]) + torch.tensor([0.0, 0.0, 0.05])

@@ -14,7 +14,7 @@ K = torch.tensor([[800.0, 0.0, 319.5], [0.0, 820.0, 239.5], [0.0, 0.0, 1.0]], dt
 number = st.floats(-3.0, 3.0, allow_nan=False)
 
 
-def test_a_point_by_hand() -> None:
+def test_projection_of_a_point_computed_by_hand() -> None:
     # 800 * 0.5 / 2 + 319.5 and 820 * -0.25 / 2 + 239.5
     assert project(torch.tensor([0.5, -0.25, 2.0], dtype=torch.float64), K).tolist() == [519.5, 137.0]
 

@@ -127,7 +127,7 @@ def test_more_clutter_makes_up_less_firm() -> None:
     assert messy.confidence < 0.6 * tidy.confidence
 
 
-def test_a_camera_that_looks_far_down_is_told_wrong() -> None:
+def test_a_camera_that_looks_far_down_is_estimated_wrong() -> None:
     assert angle_deg(found(surfaces(camera(60.0))).up, up(60.0)) > 30.0
 
 

@@ -95,7 +95,7 @@ def test_a_batch_is_its_bodies_one_by_one_bit_for_bit(bodies):
         assert torch.equal(together[k], torch.cat([pair[k] for pair in alone]))
 
 
-def test_who_is_behind_the_camera_hides_nothing(bodies):
+def test_a_person_behind_the_camera_hides_nothing(bodies):
     vertices, model = bodies
     behind = vertices[:1] * torch.tensor([1.0, 1.0, -1.0])
     hidden, face = hidden_by_raster(behind, model.faces, 64)

@@ -68,7 +68,7 @@ def test_right_answers_have_no_faults() -> None:
     assert violations(Inpainter, np.zeros((H, W, 3), np.uint8), height=H, width=W) == []
 
 
-def test_nobody_is_a_right_answer() -> None:
+def test_no_people_are_a_valid_result() -> None:
     nobody = People(np.zeros((0, H, W), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
     assert violations(Segmenter, nobody, height=H, width=W) == []
 

@@ -123,7 +123,7 @@ def test_the_result_of_the_same_photo_is_replaced_whatever_the_photo_is_called(o
     check_overwrite(out, file_digest(photo.rename(photo.with_name("other.png"))))
 
 
-def test_the_result_of_another_photo_is_replaced_if_asked_alone(out: Path, photo: Path):
+def test_the_result_of_another_photo_is_replaced_with_overwrite_only(out: Path, photo: Path):
     result(out, "sha256:0")
     assert refusal(out, file_digest(photo)) == (
         "it holds the result of another photo: name another folder, or replace that result with --overwrite "
@@ -194,7 +194,7 @@ def with_a_second_name(path: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [edited, to_a_file, with_a_second_name], ids=lambda change: change.__name__)
-def test_a_file_that_was_changed_since_is_replaced_if_asked_alone(
+def test_an_edited_file_is_replaced_with_overwrite_only(
     out: Path, reconstruction: Reconstruction, change: Callable[[Path], None]
 ):
     reconstruction.save(str(out))

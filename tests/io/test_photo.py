@@ -61,11 +61,11 @@ def test_a_file_that_is_not_there(tmp_path):
     assert message_of(path) == f"cannot read the photo {path}: there is no such file; check the path"
 
 
-def test_a_folder(tmp_path):
+def test_a_folder_in_place_of_a_photo_is_an_error(tmp_path):
     assert message_of(tmp_path) == f"cannot read the photo {tmp_path}: it is a folder; name one image file"
 
 
-def test_a_path_through_a_file(tmp_path):
+def test_a_path_below_a_file_is_an_error(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"x")
     path = tmp_path / "a.jpg" / "b.jpg"
     assert message_of(path) == f"cannot read the photo {path}: Not a directory; check the path"
@@ -115,7 +115,7 @@ JPEG_KINDS = [{}, {"progressive": True}, {"restart_marker_blocks": 5}, {"restart
 
 @pytest.mark.parametrize("options", JPEG_KINDS, ids=str)
 @pytest.mark.parametrize("missing", [1, 2])
-def test_a_jpeg_that_lacks_its_end_mark_alone_is_read_with_a_note(tmp_path, options, missing):
+def test_a_jpeg_without_its_end_marker_is_read_with_a_note(tmp_path, options, missing):
     path = tmp_path / "photo.jpg"
     whole = jpeg(path, **options)
     assert whole.endswith(b"\xff\xd9")
@@ -139,7 +139,7 @@ def test_a_large_jpeg_that_lacks_its_end_mark_is_reduced_all_the_same(tmp_path, 
 
 
 @pytest.mark.parametrize("options", JPEG_KINDS, ids=str)
-def test_a_jpeg_that_lacks_pixels_is_refused(tmp_path, options):
+def test_a_jpeg_with_missing_pixels_is_refused(tmp_path, options):
     path = tmp_path / "photo.jpg"
     whole = jpeg(path, **options)
     head = whole.rindex(b"\xff\xda") + 20

@@ -221,7 +221,7 @@ def test_the_front_is_the_side_with_the_toes(reconstruction):
     assert red[:, :200].sum() > red[:, 200:400].sum()
 
 
-def test_nobody_and_nothing_make_empty_plans(make):
+def test_no_people_and_no_scene_make_empty_plans(make):
     before = make(people=0)
     scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
     geometry = build_preview_geometry(replace(before, scene=scene))

@@ -211,7 +211,7 @@ def test_the_same_result_makes_the_same_bytes(tmp_path, reconstruction):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
 
-def test_the_document_says_what_a_reader_asks(tmp_path, reconstruction):
+def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
@@ -414,7 +414,7 @@ def test_some_other_json(tmp_path, content):
     )
 
 
-def test_a_broken_document(tmp_path):
+def test_a_document_that_is_not_json_is_an_error(tmp_path):
     path = tmp_path / "reconstruction.json"
     path.write_bytes(b'{"schema": ')
     assert message_of(tmp_path) == (
@@ -423,7 +423,7 @@ def test_a_broken_document(tmp_path):
     )
 
 
-def test_a_document_that_lacks_an_entry(tmp_path, reconstruction):
+def test_a_document_without_a_required_key_is_an_error(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
@@ -444,7 +444,7 @@ def test_arrays_of_another_run(tmp_path, make):
     )
 
 
-def test_arrays_that_are_missing(tmp_path, reconstruction):
+def test_missing_arrays_are_named(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"

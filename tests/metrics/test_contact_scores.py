@@ -92,7 +92,7 @@ def test_empty_sets_score_as_in_the_published_code(predicted, truth, expected):
     assert (s.precision_pooled, s.recall_pooled, s.f1_pooled) == expected
 
 
-def test_nobody_has_no_score():
+def test_no_people_have_no_score():
     scores = contact_scores(np.zeros((0, 9), bool), np.zeros((0, 9), bool))
     assert scores.rows == 0
     assert all(math.isnan(value) for value in astuple(scores)[1:])

@@ -78,7 +78,7 @@ def test_matches_equal_the_slow_twin(seed, guesses, people, gate):
 
 
 @pytest.mark.parametrize(("guesses", "people"), [(0, 0), (0, 2), (2, 0)])
-def test_nobody_is_matched_to_nobody(guesses, people):
+def test_no_people_are_matched_to_no_people(guesses, people):
     matching = match_by_masks(np.ones((guesses, 3, 3), bool), np.ones((people, 3, 3), bool))
     assert pairs(matching) == {}
     assert len(matching.missed) == people

@@ -49,7 +49,7 @@ def test_depths_by_hand():
     np.testing.assert_allclose(masked.volume, [0.005, 0])
 
 
-def test_nobody_and_nothing_penetrate_nothing():
+def test_no_people_and_no_scene_penetrate_nothing():
     for shape in ((0, 5), (2, 0)):
         answer = penetration(np.zeros(shape), np.zeros(shape))
         for value in (answer.max_depth, answer.mean_depth, answer.share, answer.volume):

@@ -113,7 +113,7 @@ def test_degenerate_people_have_the_error_that_is_left():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_person_that_failed_is_nan_and_spoils_nobody(bad):
+def test_a_person_that_failed_is_nan_and_changes_no_other_person(bad):
     truth = np.stack([person(0), person(1)])
     predicted = truth + 0.01
     predicted[0, 5, 1] = bad

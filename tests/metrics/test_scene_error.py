@@ -55,7 +55,7 @@ def test_one_bad_pixel_moves_the_mean_and_not_the_median():
     assert error.log_scale == 0
 
 
-def test_only_pixels_valid_in_both_count_and_the_rest_is_told():
+def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
     truth, predicted = room(), room()
     predicted[0, 0], predicted[0, 1], predicted[0, 2, 2] = np.nan, np.inf, -1
     found, known = ALL.copy(), ALL.copy()
@@ -85,7 +85,7 @@ def test_maps_of_another_size_are_refused():
         scene_error(room(), room(), ALL, ALL[:5])
 
 
-def test_a_lower_floor_is_told_with_its_sign():
+def test_height_error_of_a_lower_floor_is_positive():
     error = floor_error(Plane(FLOOR.normal, 1.6), FLOOR)
     assert error.angle_deg == 0
     assert error.height == pytest.approx(0.1)

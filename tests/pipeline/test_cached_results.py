@@ -138,14 +138,14 @@ def physic(*arguments: str) -> str:
 # ---- what is asked ---------------------------------------------------------------------------------------------------
 
 
-def test_a_first_run_asks_and_loads_everybody_and_closes_them(first) -> None:
+def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
     _, result, counts = first
     assert counts.asked == EVERYBODY
     assert counts.loaded == counts.closed == ONCE
     assert not any(stage.cached for stage in result.stages)
 
 
-def test_the_same_run_again_asks_nobody_loads_nobody_and_gives_the_same_bits(
+def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     first, warm: Path, counts: Counts, photo: Path, tmp_path: Path
 ) -> None:
     again = reconstruct(read_photo(photo).image, "mock")
@@ -178,7 +178,7 @@ DEPENDENTS = [
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else value.__name__,
 )
-def test_swapping_a_backend_asks_it_and_what_depends_on_it(
+def test_swapping_a_backend_calls_it_and_what_depends_on_it(
     warm: Path, counts: Counts, photo: Path, tmp_path: Path, way: Way, swap: dict[str, str], asked: dict[str, int]
 ) -> None:
     way(photo, tmp_path, swap)
@@ -214,12 +214,12 @@ def test_an_option_of_a_backend_is_a_question_of_its_own(
     assert counts.asked == asked
 
 
-def test_another_photo_asks_everybody(warm: Path, counts: Counts) -> None:
+def test_another_photo_calls_every_backend(warm: Path, counts: Counts) -> None:
     reconstruct(build_world("stand", 1).image, "mock")
     assert counts.asked == EVERYBODY
 
 
-def test_a_backend_that_opts_out_is_asked_each_time(
+def test_a_backend_that_is_not_cacheable_is_called_each_time(
     warm: Path, counts: Counts, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     registry = discover()
@@ -233,7 +233,7 @@ def test_a_backend_that_opts_out_is_asked_each_time(
 
 
 @pytest.mark.parametrize("words", [["--no-cache"], ["--set", "run.cache=false"]], ids=" ".join)
-def test_without_the_cache_everybody_is_asked_and_nothing_is_kept(
+def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
     warm: Path, counts: Counts, photo: Path, tmp_path: Path, words: list[str]
 ) -> None:
     before = {path: path.stat().st_mtime_ns for path in warm.iterdir()}

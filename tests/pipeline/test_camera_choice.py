@@ -60,7 +60,7 @@ def guessed(camera: Intrinsics) -> Intrinsics:
         (known(SEES_150), SEES_200, 150.0, "a phone"),
     ],
 )
-def test_who_knows_goes_before_who_estimates_and_who_guesses(
+def test_known_cameras_precede_estimated_and_guessed_ones(
     evidence: Estimates, pointmap: Intrinsics, metric: Intrinsics | None, focal: float, source: str
 ) -> None:
     camera = with_cameras(evidence, pointmap, metric).intrinsics

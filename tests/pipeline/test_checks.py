@@ -212,7 +212,7 @@ def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...])
     assert failed_checks(found, 1) == ()
 
 
-def test_the_support_of_who_needs_an_assumed_support_is_unknown() -> None:
+def test_the_check_support_is_unknown_with_an_assumed_support() -> None:
     (support,) = [
         d for d in run_checks(*case(told={"clearance_m": 0.0, "assumed_support": 1.0})) if d.name == "support"
     ]
@@ -574,7 +574,7 @@ def test_the_soles_are_above_or_below_the_floor(lift: float) -> None:
     assert sole_height(body.vertices, soles, body.up, None) is None
 
 
-def test_a_hand_on_a_table_does_not_carry_one_who_stands() -> None:
+def test_a_hand_on_a_table_does_not_carry_a_standing_person() -> None:
     body = Body(lift=0.2)
     near = body.free.clone()
     near[load_body().contact_sets["left_hand"]] = 0.01
@@ -583,7 +583,7 @@ def test_a_hand_on_a_table_does_not_carry_one_who_stands() -> None:
     assert body.gap(near, body.floor) == pytest.approx(0.02)
 
 
-def test_whose_parts_nobody_sees_has_no_gap() -> None:
+def test_a_person_without_visible_parts_has_no_support_gap() -> None:
     body = Body()
     body.outer = torch.zeros_like(body.outer)
     assert body.gap(body.free, body.floor) is None

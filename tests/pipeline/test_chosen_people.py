@@ -64,7 +64,7 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People
     assert found.keypoints.points[:, 0, 0].tolist() == [1]
 
 
-def test_a_prompt_that_hits_nobody_is_named(people: People) -> None:
+def test_a_prompt_that_hits_no_person_is_named(people: People) -> None:
     with pytest.raises(NoPersonError) as error:
         select_chosen(people, PeoplePrompt(points=((70, 20), (50, 30))))
     assert str(error.value) == (

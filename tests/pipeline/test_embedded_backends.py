@@ -66,7 +66,7 @@ def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
     assert (person.contact_probability[unseen & person.contact] >= 0.349).all()  # float16
 
 
-def test_every_stage_says_who_answered(result: Reconstruction) -> None:
+def test_every_stage_names_its_backend(result: Reconstruction) -> None:
     named = {s.provenance.interface for s in result.stages if s.provenance is not None}
     assert named == {
         "segmenter",

@@ -116,7 +116,7 @@ def error_m(person: Person, world: World) -> float:
     return min(float(np.linalg.norm(person.vertices - truth, axis=-1).mean()) for truth in world.vertices)
 
 
-def test_whose_body_is_lost_stays_without_one_and_the_other_is_as_before(
+def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     world: World, sound: Reconstruction, alone: Person, tmp_path: Path
 ) -> None:
     result = run(world, LoseBody, "body_estimator")
@@ -207,7 +207,7 @@ def test_an_absurd_body_does_not_spoil_the_other(world: World, sound: Reconstruc
     check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
-def test_a_body_for_nobody_is_still_refused(world: World) -> None:
+def test_no_valid_body_at_all_is_an_error(world: World) -> None:
     class Broken(backends.MockBodyEstimator):
         def infer(self, *arguments):
             answer = super().infer(*arguments)

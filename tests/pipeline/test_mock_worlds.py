@@ -236,7 +236,7 @@ def test_a_photo_of_no_world_is_refused():
         reconstruct(np.full((120, 160, 3), 90, np.uint8), "mock")
 
 
-def test_a_world_without_people_has_nobody():
+def test_a_world_without_people_is_an_error_if_people_are_required():
     with pytest.raises(NoPersonError):
         reconstruct(
             build_world("stand").empty_image, load_config(preset="mock", overrides=["photo.require_people=true"])

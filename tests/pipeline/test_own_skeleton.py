@@ -58,7 +58,7 @@ def test_truth_follows_the_skeletons_own_places(world: World) -> None:
     np.testing.assert_allclose(points[0, MARKERS.names.index("left_mid_thigh")], spot[:2] / spot[2], atol=1e-2)
 
 
-def test_the_engine_fits_points_that_the_core_has_never_heard_of(world: World, tmp_path) -> None:
+def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) -> None:
     sure = "metric_depth.options.noise=0"
     detector = f"keypoint_detector.backend={__name__}:MarkerDetector"
     found = reconstruct(world.image, load_config(preset="mock", overrides=[detector, sure]))

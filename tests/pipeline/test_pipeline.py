@@ -65,7 +65,7 @@ def test_a_wrong_answer_names_backend_stage_and_fault(world: World) -> None:
     )
 
 
-def test_an_answer_of_another_type(world: World) -> None:
+def test_a_result_of_another_type_is_an_error(world: World) -> None:
     class Nothing(backends.MockInpainter):
         def infer(self, image, mask):
             return None
@@ -92,7 +92,7 @@ def test_a_backend_that_falls_over_keeps_its_cause(world: World) -> None:
     assert isinstance(error.value.__cause__, KeyError)
 
 
-def test_nobody(world: World) -> None:
+def test_a_photo_without_people_is_an_error_if_people_are_required(world: World) -> None:
     class Blind(backends.MockSegmenter):
         def infer(self, image):
             height, width = image.shape[:2]

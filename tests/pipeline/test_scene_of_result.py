@@ -53,7 +53,7 @@ def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter
     np.testing.assert_array_equal(result.people[0].vertices, bare.people[0].vertices)
 
 
-def test_made_up_scene_lies_in_nobody_and_all_that_was_seen_stays() -> None:
+def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays() -> None:
     world = build_world("sit_on_sofa", 579362556, SIZE)
     plain, result = solved(world, "engine.scene.carve_m=0"), solved(world)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)

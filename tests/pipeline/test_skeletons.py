@@ -53,7 +53,7 @@ def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
             assert np.allclose(points[0, SKELETONS[skeleton].names.index(name)], coco[0, row], atol=1e-2)
 
 
-def test_fingers_of_whole_hands_place_nobody() -> None:
+def test_joints_of_fingers_are_no_placement_keypoints() -> None:
     assert placement_keypoints(SKELETONS["wholebody69"]) == list(range(29))
     assert placement_keypoints(SKELETONS["blazepose33"]) == list(range(33))
     assert placement_keypoints(Skeleton("own", tuple("abcd"))) == [0, 1, 2, 3]

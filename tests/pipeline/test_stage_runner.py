@@ -94,7 +94,7 @@ def test_a_backend_is_loaded_at_its_first_question_and_closed_at_the_end(events:
     assert events[5:] == ["close a", "close b"]
 
 
-def test_a_backend_that_was_never_asked_is_neither_loaded_nor_closed(events: list[str]):
+def test_a_backend_that_was_never_called_is_neither_loaded_nor_closed(events: list[str]):
     stages = StageRunner("cpu", 1)
     resolved(Counting())
     stages.close()
@@ -194,7 +194,7 @@ def test_ctrl_c_ends_an_optional_stage(events: list[str]):
     ],
     ids=["none", "an array", "transposed", "NaN", "empty"],
 )
-def test_a_wrong_answer_is_told_with_all_that_is_wrong(answer: object, fault: str):
+def test_an_invalid_result_is_an_error_with_every_violation(answer: object, fault: str):
     backend = Counting()
     backend.answer = answer
     with pytest.raises(BackendOutputError) as error:
@@ -239,7 +239,7 @@ def run(tmp_path: Path) -> Callable[[], StageRunner]:
     return lambda: StageRunner("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
 
 
-def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str], run: Callable[[], StageRunner]):
+def test_a_cached_output_needs_neither_call_nor_load(events: list[str], run: Callable[[], StageRunner]):
     first, second = run(), run()
     told = ask(first, Counting())
     again = ask(second, Counting())
@@ -253,7 +253,7 @@ def test_what_was_answered_once_is_neither_asked_nor_loaded_for(events: list[str
     ]
 
 
-def test_another_question_is_asked(events: list[str], run: Callable[[], StageRunner]):
+def test_another_image_hint_or_option_is_not_cached(events: list[str], run: Callable[[], StageRunner]):
     known = Hints(Intrinsics.from_focal(9.0, 8, 6))
     for request in (REQUEST, MetricDepthRequest(PHOTO + 1, Hints()), MetricDepthRequest(PHOTO, known)):
         ask(run(), Counting(), request)

@@ -31,7 +31,7 @@ CANNOT_RUN_CODE = {
         "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run"
     ),
     "the values of a config": "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
-    "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults",
+    "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults_is_an_error",
     "text of others in messages": "tests/cli/test_printing.py::test_a_run_escapes_names_and_texts",
     "the current folder": "tests/cli/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
 }
@@ -39,7 +39,7 @@ WEIGHTS = {
     "A run downloads nothing.": "tests/project/test_no_network.py::test_a_test_that_uses_the_network_fails",
     "A downloaded file is compared": "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
     "`physic weights verify` repeats": (
-        "tests/weights/test_command.py::test_verify_tells_what_differs_and_what_cannot_be_told"
+        "tests/weights/test_command.py::test_verify_lists_what_differs_and_what_has_no_published_hash"
     ),
     "A run compares a weight file": (
         "tests/weights/test_published.py::test_a_file_that_is_written_while_it_is_compared_is_refused"

@@ -214,7 +214,7 @@ def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_p
     assert physic("fetch", "free").stdout == f"free: already in {stick / 'free' / 'free.onnx'}\n"
 
 
-def test_a_name_that_is_none(plugin: Any):
+def test_an_unknown_name_suggests_a_close_one(plugin: Any):
     done = physic("fetch", "fre")
     assert (done.exit_code, done.stderr) == (2, "Error: no weights are named 'fre'; did you mean 'free'?\n")
 
@@ -240,7 +240,7 @@ def test_where_of_what_is_missing(plugin: Any, own_cache: Path):
     )
 
 
-def test_verify_tells_what_differs_and_what_cannot_be_told(plugin: Any, own_cache: Path):
+def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, own_cache: Path):
     put(own_cache / "free" / "free.onnx", CONTENT[::-1])
     put(own_cache / "own" / "own.json", b"{}")
     done = physic("verify")

@@ -59,7 +59,7 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Pa
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_only_what_lacks_of_a_set_is_fetched(server: Any, own_cache: Path):
+def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
     both = weights(
         WeightFile("a.onnx", source=server.add("/a", b"a")), WeightFile("deep/b.onnx", source=server.add("/b", b"b"))
     )
@@ -168,7 +168,7 @@ def test_a_whole_part_needs_no_connection(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_a_whole_part_of_unknown_size_is_told_by_the_server(server: Any, own_cache: Path):
+def test_a_complete_partial_download_of_unknown_size_is_recognised(server: Any, own_cache: Path):
     url = server.add("/model.onnx", CONTENT)
     (own_cache / "net").mkdir(parents=True)
     (own_cache / "net" / "model.onnx.part").write_bytes(CONTENT)
@@ -336,7 +336,7 @@ def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
 
 
 @pytest.mark.parametrize("absent", ["pooch", "requests"])
-def test_a_library_that_is_not_installed_is_asked_for(server: Any, monkeypatch, absent: str):
+def test_a_library_that_is_not_installed_is_named(server: Any, monkeypatch, absent: str):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == absent else object())
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
         f"downloading weights needs {absent}: `pip install -e '.[weights]'` in a checkout of PhySIC"

@@ -140,7 +140,7 @@ def test_a_folder_of_choice_gets_what_the_librarys_cache_has(hub: Hub, tmp_path:
     assert len(hub.server.asked) == asked
 
 
-def test_a_revision_is_asked_for(hub: Hub, lists: Any, tmp_path: Path):
+def test_weights_of_a_revision_are_fetched(hub: Hub, lists: Any, tmp_path: Path):
     source = hub.add("model.onnx", CONTENT, revision="v1.0")
     folder = lists.add("net", {"path": "model.onnx", "source": source})
     fetch(read_manifest(folder)["net"])
@@ -280,7 +280,7 @@ def test_a_cache_that_may_not_be_written(hub: Hub, tmp_path: Path):
     )
 
 
-def test_the_library_is_asked_for(hub: Hub, monkeypatch):
+def test_the_missing_library_is_named(hub: Hub, monkeypatch):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == "huggingface_hub" else object())
     assert refusal(hub.add("model.onnx", CONTENT)) == (
         "downloading weights needs huggingface_hub: `pip install -e '.[weights]'` in a checkout of PhySIC"

@@ -79,7 +79,7 @@ def test_sources(tmp_path: Path, source: str, origin: object):
     assert found.files[0].origin == origin
 
 
-def test_a_folder_is_all_its_lists(tmp_path: Path):
+def test_a_folder_is_read_as_all_its_manifests(tmp_path: Path):
     write(tmp_path, SIMPLE + SOURCE, "a.toml")
     write(tmp_path, (SIMPLE + SOURCE).replace("net", "other"), "b.toml")
     write(tmp_path, "no list", "notes.txt")
@@ -97,7 +97,7 @@ def test_a_list_is_read_again_only_when_it_has_changed(tmp_path: Path):
     assert sorted(read_manifest(path)) == ["other"]
 
 
-def test_every_fault_is_told_at_once(tmp_path: Path):
+def test_every_fault_is_reported_at_once(tmp_path: Path):
     path = write(
         tmp_path,
         """

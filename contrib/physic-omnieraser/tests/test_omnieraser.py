@@ -123,7 +123,7 @@ def test_white_is_the_hole(told):
     assert white[5, 5].tolist() == [0, 0, 0]
 
 
-def test_the_pipeline_is_asked_as_the_released_code_asks(told):
+def test_the_pipeline_is_called_as_in_the_released_code(told):
     backend = loaded(told)
     backend.infer(np.zeros((60, 90, 3), np.uint8), hole())
     asked = backend._pipeline.asked
@@ -140,7 +140,7 @@ def test_the_pipeline_is_asked_as_the_released_code_asks(told):
     ("offload", "call"),
     [("none", ("to", "cuda")), ("model", ("model", "cuda")), ("sequential", ("sequential", "cuda"))],
 )
-def test_memory_is_spared_as_asked(told, offload, call, monkeypatch):
+def test_the_offload_option_chooses_the_memory_mode(told, offload, call, monkeypatch):
     """Cards of 24 GB hold FLUX only in parts."""
     monkeypatch.setattr("physic_core.adapters.devices.check_device", lambda device: None)
     backend = OmniEraser(OmniEraserOptions(**told, offload=offload))
@@ -198,7 +198,7 @@ def test_without_a_gpu_it_says_so(told):
         loaded(told, allow_cpu=False)
 
 
-def test_everything_that_is_missing_is_told(monkeypatch, tmp_path):
+def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     lack = "\n".join(OmniEraser(OmniEraserOptions(base=str(tmp_path / "none"))).missing())

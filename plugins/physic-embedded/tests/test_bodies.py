@@ -244,7 +244,7 @@ def test_a_trunk_that_bends_is_not_pulled_upright(backend: EmbeddedBodies) -> No
     assert after == pytest.approx(before, abs=4)
 
 
-def test_landmarks_that_bend_the_knees_of_who_stands_are_not_believed(backend: EmbeddedBodies) -> None:
+def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS], PLACES[:1])
     names, world = list(SKELETONS["blazepose33"].names), np.array(seen.keypoints.world)
     for side in ("left", "right"):
@@ -337,7 +337,7 @@ def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: Embedde
         assert thigh[2] < -0.2  # towards the camera, as the person faces it
 
 
-def test_nobody_gives_no_bodies(backend: EmbeddedBodies) -> None:
+def test_no_people_give_no_bodies(backend: EmbeddedBodies) -> None:
     empty = Keypoints(np.zeros((0, 33, 2)), np.zeros((0, 33)), "blazepose33", np.zeros((0, 33, 3)))
     nobody = People(np.zeros((0, 800, 1000), bool), np.zeros((0, 4)), np.zeros(0))
     answer = backend.infer(IMAGE, nobody, CAMERA, empty, Hints())
@@ -406,7 +406,7 @@ def test_the_size_in_the_picture_is_that_of_a_standing_body() -> None:
     assert observations.size == pytest.approx(1.72 * CAMERA.fx / seen.joints[:, 0, 2], rel=0.08)
 
 
-def test_standing_is_told_from_sitting_and_from_unseen_legs() -> None:
+def test_standing_differs_from_sitting_and_from_unseen_legs() -> None:
     joints = truth([STANDS, SITS, STANDS], PLACES).joints
     assert standing_bodies(joints, np.array([0.9, 0.9, 0.2])).tolist() == [True, False, False]
 

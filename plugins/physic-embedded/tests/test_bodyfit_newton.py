@@ -57,7 +57,7 @@ def test_a_saddle_is_left_downhill() -> None:
     assert found[0].tolist() == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
-def test_nobody_moves_where_the_loss_is_not_a_number() -> None:
+def test_no_person_moves_where_the_loss_is_nan() -> None:
     class Broken(Valley):
         def loss(self, x: Tensor) -> Tensor:
             return torch.where(x[:, 0] > 0.5, torch.nan, super().loss(x))

@@ -52,7 +52,7 @@ def at(name: str) -> np.ndarray:
     return load_body("embedded").contact_sets[name].numpy()
 
 
-def test_who_stands_touches_with_feet_and_hands_alone() -> None:
+def test_a_standing_person_touches_with_feet_and_hands_alone() -> None:
     answer = prior().infer(IMAGE, people(1), bodies("stands"))
     assert answer.topology == "physic-embedded-1"
     (row,) = answer.probability
@@ -67,7 +67,7 @@ def test_who_stands_touches_with_feet_and_hands_alone() -> None:
 
 
 @pytest.mark.parametrize("pose", ["is_sitting", "lies"])
-def test_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
+def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> None:
     standing, other = prior(seat=0.4, back=0.3).infer(IMAGE, people(2), bodies("stands", pose)).probability
     for name, worth in (("thighs", 0.4), ("gluteus", 0.4), ("back", 0.3)):
         assert (standing[at(name)] == 0).all()
@@ -89,7 +89,7 @@ def test_parts_of_unseen_joints_touch_nothing() -> None:
         assert (row[at(name)] > 0).all()
 
 
-def test_sitting_is_told_from_the_hips() -> None:
+def test_sitting_is_recognised_by_the_hips() -> None:
     model = load_body("embedded")
     rotations, betas, transl = model.zero_pose(3)
     for row, angle in ((1, -60), (2, -20)):
@@ -99,7 +99,7 @@ def test_sitting_is_told_from_the_hips() -> None:
     assert is_sitting(joints, 140.0).tolist() == [False, True, False]
 
 
-def test_bodies_of_another_model_are_told_by_their_joints() -> None:
+def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
     made = bodies("is_sitting")
     told = prior().infer(IMAGE, people(1), made)
     other = replace(replace_mesh_with_joints(made, load_body("embedded")), body_model="smplx")
@@ -122,5 +122,5 @@ def test_bodies_of_another_model_without_joints_are_refused() -> None:
         StaticContact().infer(IMAGE, people(1), made)
 
 
-def test_nobody_touches_nothing() -> None:
+def test_no_people_touch_nothing() -> None:
     assert prior().infer(IMAGE, people(0), bodies()).probability.shape == (0, load_body("embedded").num_vertices)

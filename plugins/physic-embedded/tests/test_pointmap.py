@@ -210,7 +210,7 @@ STANDS = {
 }
 
 
-def test_who_stands_is_told_from_who_sits_and_from_who_is_cut_off() -> None:
+def test_standing_people_differ_from_sitting_and_cut_off_people() -> None:
     assert standing_people(keypoints(STANDS), 200, 100) == (StandingPerson(20.0, 160.0),)
     bent = {"left_knee": (90.0, 100.0), "right_knee": (10.0, 100.0)}
     assert standing_people(keypoints({**STANDS, **bent}), 200, 100) == ()

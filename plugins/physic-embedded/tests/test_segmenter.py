@@ -290,7 +290,7 @@ def test_the_box_of_an_empty_mask_is_zero() -> None:
     np.testing.assert_array_equal(boxes_from_masks(np.zeros((1, 5, 5), bool)), np.zeros((1, 4)))
 
 
-def test_ground_points_lie_beside_the_feet_on_nobody_and_on_the_photo() -> None:
+def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo() -> None:
     pose = pose_at((100, 100))
     people = np.zeros((250, 300), bool)
     people[:205, 60:140] = True
@@ -349,7 +349,7 @@ def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
     assert from_behind[0, 2] > from_behind[[7, 8], 2].mean()
 
 
-def test_the_floor_is_low_and_holds_nobody(people: People) -> None:
+def test_the_floor_is_low_and_free_of_people(people: People) -> None:
     assert people.floor is not None
     assert 0.03 < people.floor.mean() < 0.3
     assert np.nonzero(people.floor)[0].min() > 240
@@ -372,7 +372,7 @@ def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8, 300), (64, 64), (240, 320)])
-def test_nobody_is_found_where_nobody_is(segmenter: EmbeddedSegmenter, shape: tuple[int, int]) -> None:
+def test_no_people_are_found_in_an_empty_photo(segmenter: EmbeddedSegmenter, shape: tuple[int, int]) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
     found = segmenter.infer(noise)
     assert violations(Segmenter, found, height=shape[0], width=shape[1]) == []

@@ -127,7 +127,7 @@ def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction,
     assert done.notes[0] == "person 0 has no body and is left out"
 
 
-def test_an_empty_scene_has_nobody_to_export(result: Reconstruction, tmp_path: Path):
+def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, tmp_path: Path):
     with pytest.raises(InputError, match=r"^cannot export to bvh, which holds people: nobody is in this result$"):
         replace(result, people=()).export(str(tmp_path / "a.bvh"))
     with pytest.raises(InputError, match=r"^there is no person 0: nobody is in this result$"):

@@ -122,7 +122,7 @@ def test_what_is_outside_of_the_photo_is_black(made: Callable[..., CameraHmr]) -
     np.testing.assert_allclose(crop[128, 128], 255, atol=0.6)
 
 
-def test_it_is_told_the_given_camera_and_where_boxes_lie_about_its_principal_point(
+def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_point(
     made: Callable[..., CameraHmr],
 ) -> None:
     backend = made()

@@ -122,7 +122,7 @@ def test_two_checkouts_with_packages_of_one_name_load_side_by_side(
     np.testing.assert_allclose(values, [0.75, 0.25, 0.75])
 
 
-def test_what_deco_lacks_is_said(tmp_path: Path) -> None:
+def test_missing_files_of_deco_are_named(tmp_path: Path) -> None:
     lacking = "\n".join(Deco(DecoOptions(checkout=str(tmp_path))).missing())
     assert "is no checkout of DECO, for it has no models/deco.py" in lacking
     assert "run fetch_data.sh of https://github.com/sha2nkt/deco, which asks for no account" in lacking
@@ -275,7 +275,7 @@ def test_kept_answers_follow_the_files(tmp_path: Path) -> None:
     assert InteractVlmResults().fingerprint() == ""
 
 
-def test_what_interactvlm_lacks_is_said(tmp_path: Path) -> None:
+def test_missing_files_of_interactvlm_are_named(tmp_path: Path) -> None:
     for results, said in (("", "are not given"), (str(tmp_path / "no"), "there is no"), (str(tmp_path), "holds no")):
         backend = InteractVlmResults(InteractVlmOptions(results=results))
         assert said in backend.missing()[0]

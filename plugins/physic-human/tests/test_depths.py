@@ -81,7 +81,7 @@ def unidepth(stub: Callable[..., Path], tmp_path: Path) -> UniDepth:
     return backend
 
 
-def test_unidepth_is_told_the_camera_by_the_edges_of_pixels(unidepth: UniDepth) -> None:
+def test_unidepth_gets_the_camera_by_the_edges_of_pixels(unidepth: UniDepth) -> None:
     camera = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
     image = np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8)
     found = unidepth.infer(image, Hints(intrinsics=camera))

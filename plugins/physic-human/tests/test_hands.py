@@ -214,7 +214,7 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
-def test_what_wilor_lacks_is_said_before_it_is_loaded(tmp_path: Path) -> None:
+def test_missing_files_of_wilor_are_named_before_load(tmp_path: Path) -> None:
     backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
     said = "\n".join(backend.missing())
     assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in said
@@ -226,7 +226,7 @@ def test_what_wilor_lacks_is_said_before_it_is_loaded(tmp_path: Path) -> None:
     assert any("MANO_RIGHT.pkl" in line for line in Wilor(WilorOptions(checkout=str(tmp_path))).missing())
 
 
-def test_another_wilor_is_told_by_its_answer(stub: Callable[..., Path], tmp_path: Path) -> None:
+def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tmp_path: Path) -> None:
     text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
     checkout = stub("w", WILOR_FILES | {"wilor_mini/models/wilor.py": text})
     backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f"))))

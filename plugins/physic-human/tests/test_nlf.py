@@ -179,7 +179,7 @@ def test_joints_are_seen_where_their_keypoints_are(nlf: Nlf) -> None:
     assert np.argwhere(~found).tolist() == [[1, 4]]
 
 
-def test_nobody_is_not_asked_about(nlf: Nlf) -> None:
+def test_a_network_is_not_called_without_people(nlf: Nlf) -> None:
     bodies = ask(nlf, who=people(np.zeros((0, 4))))
     assert len(bodies.parameters) == 0
     assert bodies.body_model == "smplx"

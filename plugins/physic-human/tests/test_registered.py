@@ -25,7 +25,7 @@ def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.name)
-def test_a_backend_without_its_files_says_what_it_lacks_and_fails_no_check(record: BackendRecord) -> None:
+def test_a_backend_without_its_files_names_them_and_fails_no_check(record: BackendRecord) -> None:
     report = check_backend(record.name, record.interface, registry=discover())
     assert not [r for r in report.results if r.outcome == "failed"], report.text
 

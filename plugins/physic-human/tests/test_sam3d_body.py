@@ -172,7 +172,7 @@ def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pyte
     assert capsys.readouterr().out == ""
 
 
-def test_masks_are_given_where_asked_for(sam: Sam3dBody) -> None:
+def test_masks_are_passed_with_the_option(sam: Sam3dBody) -> None:
     sam.options = sam.options.model_copy(update={"use_masks": True})
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     mask = sam._checkout_network.network.asked[0][2]
@@ -242,7 +242,7 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     assert any("is no checkout of DINOv3, for it has no dinov3/hub/backbones.py" in line for line in other.missing())
 
 
-def test_which_weights_need_dinov3_is_told_before_they_are_here(
+def test_missing_names_the_dinov3_checkout_for_the_weights_that_need_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
@@ -261,7 +261,7 @@ def test_which_weights_need_dinov3_is_told_before_they_are_here(
         ({"encoder.cls_token": torch.zeros(1, 1, 2)}, "gain"),
     ],
 )
-def test_numbers_that_the_checkpoint_lacks_are_not_made_up(
+def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
     state: dict[str, torch.Tensor], absent: str, make_sam: Callable[..., Sam3dBody], stub: Callable[..., Path]
 ) -> None:
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
@@ -289,7 +289,7 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..
     assert trusting._checkout_network.network.model.held["hyper_parameters"] == Path("x")
 
 
-def test_other_threads_load_as_ever_while_one_is_guarded(tmp_path: Path) -> None:
+def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> None:
     torch.save({"a": Path("x")}, tmp_path / "objects.pt")
     found: list[Any] = []
     with guarded_torch(lambda *_: "guarded", trusted=False):
@@ -373,7 +373,7 @@ def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
         sam.load("cpu")
 
 
-def test_nobody_is_not_asked_about(sam: Sam3dBody) -> None:
+def test_a_network_is_not_called_without_people(sam: Sam3dBody) -> None:
     bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, NUM_KEYPOINTS, Hints())
     assert len(bodies.parameters) == 0
     assert sam._checkout_network.network.asked == []

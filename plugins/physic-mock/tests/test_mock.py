@@ -248,7 +248,7 @@ def test_bodies_start_about_where_the_paper_starts():
     assert 300 < np.mean(absolute) < 1100
 
 
-def test_the_contact_prior_has_the_asked_precision_and_recall(world):
+def test_the_contact_prior_has_the_requested_precision_and_recall(world):
     options = ContactOptions(recall=0.35, precision=0.41, spread=0)
     answer = MockContactPrior(options).infer(world.image, everyone(world), pose(world))
     for probability, contact in zip(answer.probability, world.contact, strict=True):
@@ -277,7 +277,7 @@ def test_the_inpainter_changes_nothing_outside_the_mask(world):
     np.testing.assert_array_equal(filled[mask], world.empty_image[mask])
 
 
-def test_a_picture_without_people_has_nobody_and_the_depth_behind_them(two):
+def test_a_picture_without_people_has_the_depth_behind_them(two):
     people = MockSegmenter().infer(two.empty_image)
     assert len(people) == 0
     assert people.masks.shape == (0, *two.image.shape[:2])

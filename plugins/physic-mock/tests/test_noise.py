@@ -64,7 +64,7 @@ def bodies_of(world, people, **options):
     return estimator.infer(world.image, people, world.intrinsics, keypoints, Hints())
 
 
-def test_the_version_is_told_with_every_depth(world):
+def test_every_depth_notes_the_noise_version(world):
     told = MockMetricDepth(MetricDepthOptions(noise=0.5)).infer(world.image, Hints()).notes
     assert told == (f"mock: true depth with errors of noise model {NOISE_VERSION} times 0.5",)
     told = MockRelativePointmap().infer(world.image, Hints()).notes
@@ -239,7 +239,7 @@ def test_made_up_contact_lies_rather_on_parts_that_often_touch(world, people):
 # --- depth ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_scale_of_metric_depth_is_drawn_once_a_world_and_its_sigma_told(world):
+def test_the_scale_of_metric_depth_is_drawn_once_a_world_and_its_sigma_stated(world):
     options = MetricDepthOptions(scale_sigma=0.1, focal_sigma=0.05, warp=0, smear_px=0)
     answers = [MockMetricDepth(replace_seed(options, s)).infer(world.image, Hints()) for s in range(100)]
     ratios = np.array([a.depth / world.depth for a in answers])

@@ -93,7 +93,7 @@ def test_it_is_shown_a_square_of_rgb_with_black_outside(recorded: Any, margin: f
         assert inside.mean() < 0.12
 
 
-def test_bgr_is_fed_only_when_asked_for(recorded: Any) -> None:
+def test_bgr_is_fed_only_with_the_option(recorded: Any) -> None:
     rgb, bgr = recorded(), recorded(channels="bgr")
     ask(rgb[0]), ask(bgr[0])
     grey = [(0.485, 0.229), (0.456, 0.224), (0.406, 0.225)]
@@ -101,7 +101,7 @@ def test_bgr_is_fed_only_when_asked_for(recorded: Any) -> None:
     assert np.allclose(back[0], back[1][:, ::-1], atol=1e-5)
 
 
-def test_it_is_told_where_the_box_lies_about_the_principal_point(recorded: Any) -> None:
+def test_the_network_gets_the_box_relative_to_the_principal_point(recorded: Any) -> None:
     backend, network = recorded()
     ask(backend)
     fed = network.fed[0]
@@ -132,7 +132,7 @@ def test_the_given_camera_sets_the_depth(recorded: Any) -> None:
     assert np.allclose(far[:, 2], 2 * near[:, 2])
 
 
-def test_smpls_joints_0_to_21_are_told_and_its_hands_are_left_out(recorded: Any) -> None:
+def test_smpls_joints_0_to_21_are_returned_and_its_hands_left_out(recorded: Any) -> None:
     found = ask(recorded()[0])
     assert violations(BodyEstimator, found, people=2) == []
     assert found.body_model == "smpl"

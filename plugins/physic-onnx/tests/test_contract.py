@@ -87,7 +87,7 @@ class TestOneSignature:
             with pytest.raises(BackendError, match="has another form"):
                 match(network, [wanted], [])
 
-    def test_output_whose_shape_the_file_does_not_tell_fits(self, file):
+    def test_an_output_of_undeclared_shape_fits(self, file):
         found = match(file(IMAGE, depth(shape=())), [WANTED_IMAGE], [PortSpec("depth", shape=("batch", None, None))])
         assert found.outputs["depth"].shape == ()
 
@@ -121,7 +121,7 @@ class TestSeveralSignatures:
         assert name == "inverse depth"
         assert found.inputs["pixel_values"].name == "pixel_values"
 
-    def test_none_that_fits_is_told_with_each(self, file):
+    def test_a_network_of_no_known_form_is_refused_with_every_form(self, file):
         network = file({"pixel_values": ("float16", (1, 3, 518, 518))}, depth(shape=(1, 1, "h", "w")))
         with pytest.raises(BackendError) as refusal:
             match_signature(network, SIGNATURES)

@@ -313,7 +313,7 @@ class TestVersion3:
             ({"sky": np.zeros((1, 1, 252, 252))}, "scale_shift"),
         ],
     )
-    def test_is_told_by_its_further_outputs(self, contract_graph, further, unknown):
+    def test_kind_is_recognised_by_further_outputs(self, contract_graph, further, unknown):
         path = contract_graph(
             takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252), further=further
         )
@@ -323,7 +323,7 @@ class TestVersion3:
         assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
 
     @pytest.mark.parametrize(("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)])
-    def test_is_told_by_its_name_or_by_the_option(self, contract_graph, name, far_is_large):
+    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large):
         image = ramp(252, 252)
         path = contract_graph(name, takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252))
         for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
@@ -607,7 +607,7 @@ class TestRealClass:
         assert raw.shape == (1, *self.SIDES)
         assert backend.infer(image, Hints()).depth.shape == (140, 280)
 
-    def test_kinds_are_told_apart(self, exported):
+    def test_metric_and_relative_files_are_recognised(self, exported):
         (relative_file, _), (metric_file, _) = exported("relative"), exported("metric")
         assert not has_sigmoid(relative_file)
         assert has_sigmoid(metric_file)

@@ -172,11 +172,11 @@ class TestContract:
             "  outputs: predicted_depth float32 (batch_size, 1536, 1536)"
         )
 
-    def test_asked_before_it_is_loaded(self):
+    def test_infer_before_load_is_an_error(self):
         with pytest.raises(BackendError, match=r"call load\(\)"):
             DepthPro().infer(ramp(), Hints())
 
-    def test_missing_weights_are_told_before_they_are_needed(self, monkeypatch, tmp_path):
+    def test_missing_weights_are_listed_before_load(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
         monkeypatch.setenv("HF_HOME", str(tmp_path))

@@ -221,6 +221,6 @@ def test_another_file_is_refused_with_what_it_has(answering):
         assert text in str(told.value)
 
 
-def test_nobody_is_nobody(answering):
+def test_no_detections_are_an_empty_array(answering):
     found = answering("input", ("b", 3, SIDE, SIDE), dets=np.zeros((1, 0, 5))).infer(GREY, 0.5, 0.65)
     assert found.boxes.shape == (0, 4)

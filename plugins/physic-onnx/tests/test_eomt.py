@@ -87,7 +87,7 @@ def test_the_network_sees_red_first_normalised_beside_black(eomt):
     assert frame[:, 600, 5] == pytest.approx([-0.485 / 0.229, -0.456 / 0.224, -0.406 / 0.225], abs=1e-4)
 
 
-def test_who_asks_for_no_floor_gets_none(eomt):
+def test_the_option_floor_false_returns_no_floor(eomt):
     backend = eomt(EomtOptions(floor=False))
     backend.load()
     assert backend.infer(build_world("stand", 0, (320, 240)).image).floor is None

@@ -229,7 +229,7 @@ def nobodies() -> Bodies:
     return Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
 
-def test_what_is_missing_is_told(tmp_path: Path, capsys: Any, camerahmr: Path) -> None:
+def test_missing_files_of_the_export_are_named(tmp_path: Path, capsys: Any, camerahmr: Path) -> None:
     assert main(["camerahmr", "--checkout", str(tmp_path), "--output", str(tmp_path / "x.onnx")]) == 1
     assert "is no checkout of CameraHMR" in capsys.readouterr().err
     (camerahmr / "data/models/SMPL/SMPL_NEUTRAL.pkl").unlink()

@@ -107,7 +107,7 @@ def opened(kind, options):
 
 
 @pytest.mark.parametrize("one_by_one", [False, True])
-def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask, one_by_one):
+def test_mi_gan_gets_0_in_the_hole(pipeline, photo, mask, one_by_one):
     """With the mask the other way round, the hole would be handed through and its fill be the old pixels; and with red
     and blue exchanged, the largest red were the largest blue."""
     bright = photo // 2 + np.array([100, 60, 20], np.uint8)
@@ -117,7 +117,7 @@ def test_mi_gan_is_told_0_in_the_hole(pipeline, photo, mask, one_by_one):
 
 
 @pytest.mark.parametrize("gain", [255.0, 1.0], ids=["grey levels", "from 0 to 1"])
-def test_lama_is_told_1_in_the_hole_and_sees_0_to_1(lama, photo, mask, gain):
+def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, photo, mask, gain):
     """Half of the brightest value of each channel: of 0..255, or with the mask the other way round, it would not be."""
     bright = photo // 2 + np.array([100, 60, 20], np.uint8)
     filled = opened(Lama, LamaOptions(weights=str(lama(gain)))).infer(bright, mask)
@@ -137,7 +137,7 @@ def test_lama_as_torchscript(script, photo, mask):
     assert (filled[~mask] == photo[~mask]).all()
 
 
-def test_what_is_no_torchscript_is_told(tmp_path):
+def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
     path = tmp_path / "big-lama.pt"
     path.write_bytes(b"nothing")
     with pytest.raises(BackendError, match="as TorchScript"):
@@ -227,7 +227,7 @@ def test_another_file_is_refused_with_what_it_has(kind, graph, node, tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "name"), [(MiGan, "mi-gan"), (Lama, "lama-carve")])
-def test_missing_weights_are_told_with_the_way_to_get_them(kind, name, monkeypatch, tmp_path):
+def test_missing_weights_are_listed_with_the_way_to_get_them(kind, name, monkeypatch, tmp_path):
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))

@@ -415,7 +415,7 @@ class TestOddAnswers:
         with pytest.raises(BackendError, match=r"returned points \(1, 60, 80, 3\) .* for 40 x 30 px"):
             backend.infer(photo[::2, ::2].copy(), Hints())
 
-    def test_asked_before_it_is_loaded(self):
+    def test_infer_before_load_is_an_error(self):
         with pytest.raises(BackendError, match=r"call load\(\) before infer\(\)"):
             Moge2Depth().infer(np.zeros((30, 40, 3), np.uint8), Hints())
 

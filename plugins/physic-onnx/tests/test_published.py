@@ -105,7 +105,7 @@ class TestSam2:
         union = people.masks.any(0) | world.masks.any(0)
         assert (people.masks.any(0) & world.masks.any(0)).sum() / union.sum() > 0.75
 
-    def test_boxes_are_told_in_the_frame_of_the_training(self, networks):
+    def test_boxes_are_passed_in_the_frame_of_the_training(self, networks):
         """The network itself tells how well a mask fits, and does not believe a box that is off."""
         world = build_world("stand", 0, (320, 240))
         right = networks.masks_from_boxes(networks.encode(world.image), world.boxes)[1].max()
@@ -139,7 +139,7 @@ class TestMiGan:
         assert np.abs(filled[mask].mean(0) - (180, 170, 160)).max() < 25
         assert (filled[~mask] == photo[~mask]).all()
 
-    def test_who_is_removed_from_a_photo_is_gone(self):
+    def test_a_person_removed_from_a_photo_is_gone(self):
         photo = cv2.cvtColor(cv2.imread(str(PHOTO)), cv2.COLOR_BGR2RGB)
         mask = np.zeros(photo.shape[:2], bool)
         mask[photo.shape[0] // 4 : photo.shape[0] // 2, photo.shape[1] // 3 : photo.shape[1] // 2] = True

@@ -104,7 +104,7 @@ def test_bins_become_pixels_of_the_photo_by_mmposes_formula(tmp_path: Path, grap
     assert np.allclose(found.confidence, 0.7)  # the lower of the two
 
 
-def test_the_network_is_shown_rgb_unless_bgr_is_asked_for(rtmpose: Any) -> None:
+def test_the_network_gets_rgb_unless_bgr_is_chosen(rtmpose: Any) -> None:
     rgb = rtmpose().infer(blobs(PLACES), people(BOX)).points[0]
     bgr = rtmpose(channels="bgr").infer(blobs(PLACES), people(BOX)).points[0]
     assert np.abs(rgb[:3] - PLACES).max() < 2.5

@@ -251,7 +251,7 @@ def test_prompts_of_transformers_js(told_network, shown):
     assert point["input_labels"].tolist() == [[[1, 0]]]
 
 
-def test_providers_that_take_no_empty_arrays_are_told_a_point_that_is_none(told_network, shown):
+def test_providers_without_empty_arrays_get_a_padding_point(told_network, shown):
     encoder, decoder = networks_of(
         "transformers.js",
         told_network,
@@ -335,7 +335,7 @@ def test_feet_are_the_lower_ends_of_whole_people():
     assert not len(feet_positions(standing([(20, 100, 100, 160)])))
 
 
-def test_where_most_people_are_cut_off_nobody_has_feet():
+def test_if_most_people_are_cut_off_no_feet_are_used():
     assert not len(feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
 
 
@@ -348,7 +348,7 @@ def test_feet_are_ankles_where_they_are_known():
     assert feet_positions(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
 
 
-def test_points_of_the_ground_are_on_nobody_and_on_the_photo():
+def test_points_of_the_ground_are_outside_people_and_inside_the_photo():
     people = standing([(20, 20, 60, 190), (70, 20, 110, 190)])
     points = ground_points(people)
     assert len(points)
@@ -596,7 +596,7 @@ def test_people_and_floor_of_a_world(sam2, detector):
         assert people.keypoints.points == pytest.approx(world.keypoints["coco17"], abs=1e-3)
 
 
-def test_nobody_costs_no_encoding(sam2):
+def test_no_people_need_no_encoding(sam2):
     backend = sam2("transformers.js", rt_detr)()
     backend.load()
     people = backend.infer(build_world("stand", 0, (320, 240)).empty_image)

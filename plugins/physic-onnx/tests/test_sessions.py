@@ -140,7 +140,7 @@ class TestProviders:
             select_provider(name, device, ["AzureExecutionProvider", CPU])
         assert str(refusal.value) == message
 
-    def test_installed_onnxruntime_is_asked_what_it_has(self, doubler, monkeypatch):
+    def test_available_providers_come_from_the_installed_onnxruntime(self, doubler, monkeypatch):
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CPU])
         with pytest.raises(DeviceError, match="provider 'cuda' is CUDA"):
             open_network(doubler(), OnnxOptions(provider="cuda"), "cpu")
@@ -179,7 +179,7 @@ class TestProviders:
         assert open_network(doubler(), OnnxOptions(), "cuda").provider == "CUDA"
         assert [name if isinstance(name, str) else name[0] for name in asked] == [CUDA, CPU]
 
-    def test_one_line_says_what_is_used(self, doubler, caplog):
+    def test_the_log_states_provider_and_version(self, doubler, caplog):
         with caplog.at_level(logging.INFO, logger="physic_core.adapters.onnx_sessions"):
             open_network(doubler(), OnnxOptions(), "cpu")
         assert [record.getMessage() for record in caplog.records] == [

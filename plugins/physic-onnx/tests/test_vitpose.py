@@ -140,7 +140,7 @@ def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, sk
 
 
 @pytest.mark.parametrize(("count", "expert"), [(17, 0), (133, 5)])
-def test_plus_models_are_asked_for_the_expert_of_their_joints(vitpose: Any, count: int, expert: int) -> None:
+def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose: Any, count: int, expert: int) -> None:
     """The fake network adds the number of its expert to its heat maps."""
     black = np.zeros((200, 260, 3), np.uint8)  # -2.1 to -1.8 after the normalisation
     assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()

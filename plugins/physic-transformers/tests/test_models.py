@@ -104,7 +104,7 @@ def test_a_repository_of_the_list_is_called_by_its_name_in_the_list() -> None:
     assert "run `physic weights fetch sam3-hf` first" in backend.missing()[0]
 
 
-def test_every_missing_network_of_a_backend_is_told() -> None:
+def test_every_missing_network_of_a_backend_is_named() -> None:
     told = GroundedSam2().missing()
     assert [text.split("'")[1] for text in told] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
 

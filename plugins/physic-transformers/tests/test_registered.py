@@ -28,7 +28,7 @@ def _nothing_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
-def test_a_backend_without_weights_says_what_it_lacks_and_fails_no_check(record: BackendRecord) -> None:
+def test_a_backend_without_weights_names_them_and_fails_no_check(record: BackendRecord) -> None:
     registry = discover()
     lacking = registry.load_class(registry.get(record.interface, record.name))().missing()
     assert lacking

@@ -322,7 +322,7 @@ class TestGroundedSam2:
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
 
-    def test_nobody_and_no_floor_need_no_masks(self) -> None:
+    def test_no_people_and_no_floor_need_no_masks(self) -> None:
         answer, _, sam = self.run(self.NOTHING, self.NOTHING, [])
         assert len(answer) == 0
         assert answer.floor is not None
@@ -393,7 +393,7 @@ class TestSam3:
         assert network.shown().min() < -0.9
         assert network.shown().max() <= 1
 
-    def test_padding_of_the_text_is_told(self) -> None:
+    def test_the_attention_mask_leaves_out_padding(self) -> None:
         _, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6))))
         for _, inputs in network.asked[1:]:
             assert inputs["attention_mask"].sum() == 3
@@ -468,7 +468,9 @@ class TestVitPose:
     @pytest.mark.parametrize(
         ("joints", "options", "expert"), [(17, {}, 0), (133, {}, 5), (17, {"dataset_index": 3}, 3)]
     )
-    def test_models_with_experts_are_told_which_to_ask(self, joints: int, options: dict[str, int], expert: int) -> None:
+    def test_models_with_experts_get_the_index_of_the_expert(
+        self, joints: int, options: dict[str, int], expert: int
+    ) -> None:
         network = self.run(6, joints, **options)
         for (_, inputs), count in zip(network.asked, (2, 1), strict=True):
             assert inputs["dataset_index"].dtype == np.int64

@@ -68,7 +68,7 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
     return float((np.abs(one.astype(int) - other.astype(int)).max(-1) > 8).mean())
 
 
-def test_it_opens_from_a_file_and_asks_for_nothing(page, path):
+def test_the_page_opens_from_a_file_without_any_request(page, path):
     assert page.evaluate(READY) == "3d"
     assert page.requests() == [path.as_uri()]
     assert page.errors() == []

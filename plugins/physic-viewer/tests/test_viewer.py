@@ -227,7 +227,7 @@ def test_without_following_a_folder_must_have_a_result(tmp_path):
     assert done.output == f"Error: no result in {tmp_path}: name the folder of a finished run, or let it follow\n"
 
 
-def test_it_is_drawn_in_a_browser_that_asks_for_nothing_else(chromium, saved, viewer_of):
+def test_it_is_drawn_in_a_browser_without_any_request(chromium, saved, viewer_of):
     viewer = viewer_of(saved)
     page = chromium.open(viewer.address, 900, 500)
     page.wait("document.querySelectorAll('canvas').length > 0")

@@ -69,7 +69,7 @@ def test_the_truth_is_perfect(name):
     assert set(PARTNER_METRICS) <= set(found)
 
 
-def test_who_is_missed_has_no_hits():
+def test_a_missed_person_has_no_true_positives():
     world = build_world("hold_hands", 0, SIZE)
     counts = counted(world, NO_CONTACT)
     truth = counted(world, true_contacts(world))

@@ -96,7 +96,7 @@ def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(wor
         assert person["true_floating_unscaled_mm"] > 100 or person["true_penetration_unscaled_mm"] > 50
 
 
-def test_people_are_told_apart_whatever_their_order(world, truth, skin):
+def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
     order = [1, 0]
     turned = Estimate(
         truth.vertices[order], truth.joints[order], truth.contact[order], truth.scene, truth.intrinsics, ("no step", "")
@@ -106,7 +106,7 @@ def test_people_are_told_apart_whatever_their_order(world, truth, skin):
     assert [person["why"] for person in people] == ["", "no step"]
 
 
-def test_who_is_not_found_is_a_failure_that_scores_nothing(world, truth, skin):
+def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
     evaluator = Evaluator(world, world.masks[:1], skin)
     only = Estimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
     first, second = evaluator.person_records(only)

@@ -55,7 +55,7 @@ def test_people_are_averaged_and_those_without_a_number_left_out():
     assert np.isnan(found["pa_mpjpe_mm"].value)
 
 
-def test_who_is_missed_or_left_behind_is_counted():
+def test_missed_and_unmatched_people_are_counted():
     missed = {"found": False, "why": "no person was found there", "hits": 0, "false_alarms": 0, "misses": 7}
     missed |= {"precision": 0.0, "recall": 0.0, "f1": 0.0}
     records = [record(person(5, 0, 0, mpjpe_mm=10.0), missed), record({**person(5, 0, 0), "why": "the steps diverged"})]
@@ -109,7 +109,7 @@ def test_the_truth_has_figures_of_its_own():
     assert found["penetration_mm"].count == 2
 
 
-def test_actions_are_told_apart():
+def test_results_are_grouped_by_action():
     records = [
         record(person(pa_mpjpe_mm=10.0, hidden_limbs_pa_mm=None), action="stand", start=[person(pa_mpjpe_mm=40.0)]),
         record(person(pa_mpjpe_mm=30.0, hidden_limbs_pa_mm=60.0), action="lie", start=[person(pa_mpjpe_mm=50.0)]),

@@ -71,7 +71,7 @@ def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend():
         assert report.interface == "metric_depth"
 
 
-def test_a_name_of_several_interfaces_asks_which():
+def test_a_name_of_several_interfaces_needs_the_interface():
     registry = Registry(installed=False)
     registry.register(BackendRecord("metric_depth", "right", RightMetricDepth, api=1))
     registry.register(BackendRecord("segmenter", "right", RightSegmenter, api=1))
@@ -181,7 +181,7 @@ def test_capabilities_choose_checks():
     assert outcome(again, "is_deterministic").outcome == "passed"
 
 
-def test_a_backend_that_needs_a_gpu_is_asked_nothing_without_one():
+def test_a_backend_that_needs_a_gpu_is_not_called_without_one():
     report = check_backend(Gpu, size=SIZE)
     assert report.not_run_reason == "needs a GPU: pass device='cuda'"
 

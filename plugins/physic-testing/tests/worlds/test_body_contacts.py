@@ -45,7 +45,7 @@ def test_an_item_is_touched_within_the_reach_by_outer_vertices() -> None:
     assert found.tolist() == [[0, NONE, 1, NONE, 0, NONE]]
 
 
-def test_people_touch_each_other_and_nobody_far_away() -> None:
+def test_people_touch_each_other_and_no_one_far_away() -> None:
     body = t_pose()
     near = np.stack([body, body + np.array([0.0, 0.0, 0.2])])
     person, part = touched_people(model(), near, REACH)

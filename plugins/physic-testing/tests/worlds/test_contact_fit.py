@@ -61,7 +61,7 @@ def test_a_standing_person_is_on_both_soles_and_in_nothing() -> None:
     assert settled.residual == max(settled.depth, settled.gap)
 
 
-def test_a_settled_person_who_is_lifted_comes_down_again() -> None:
+def test_a_converged_person_who_is_lifted_converges_again() -> None:
     plan, settled = _standing()
     _, joints = pose_body(_model(), settled.pose, plan.betas, settled.transl)
     x, y, z = (float(c) for c in joints[0])

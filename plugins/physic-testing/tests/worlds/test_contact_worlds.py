@@ -82,7 +82,7 @@ def test_plans_bend_joints_only_as_joints_bend(name: str) -> None:
         assert all(i < len(plan.blocks) for touch in plan.touches for i in touch.blocks or ())
 
 
-def test_people_are_in_nothing_and_nobody(world: World) -> None:
+def test_people_penetrate_neither_scene_nor_each_other(world: World) -> None:
     assert world.residual.max() < 0.015
     # The scene has its dents, but not the small objects.
     assert -world.distance[:, world.outer].min() < 0.01

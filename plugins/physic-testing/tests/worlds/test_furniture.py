@@ -33,7 +33,7 @@ def test_a_piece_stands_on_the_ground_in_one_place(name: str, seed: int) -> None
 
 
 @pytest.mark.parametrize("name", _SEATS)
-def test_a_seat_is_as_high_as_asked(name: str) -> None:
+def test_a_seat_has_the_requested_height(name: str) -> None:
     blocks = _build(name, 0, height=0.47)
     over = np.array([[0.0, 0.47, 0.0], [0.0, 0.5, 0.0]])
     assert signed_distance(over, blocks, LEVEL_GROUND) == pytest.approx([0.0, 0.03], abs=1e-9)

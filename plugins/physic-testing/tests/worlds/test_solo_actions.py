@@ -108,7 +108,7 @@ def test_turning_a_plan_turns_all_of_it() -> None:
     assert after == pytest.approx(before, abs=1e-9)
 
 
-def test_limbs_point_where_they_are_told() -> None:
+def test_limbs_point_in_the_given_directions() -> None:
     posture = PoseBuilder((20, 0, 0)).trunk(15, 10, 5)
     posture.arm("left", (0.2, -1, 0.3), (0.1, 0.2, 1)).arm("right", (0.2, -1, 0.3), (0.1, 0.2, 1))
     posture.leg("left", 90, 80).foot("left")

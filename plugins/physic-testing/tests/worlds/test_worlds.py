@@ -207,7 +207,7 @@ def test_portraits_show_people_too():
     assert world.masks.sum() > 0.02 * 96 * 144
 
 
-def test_the_size_of_the_photo_changes_nobody():
+def test_the_size_of_the_photo_changes_no_person():
     one, two = build_world("stand", 0, SIZE), build_world("stand", 0, (96, 144))
     np.testing.assert_array_equal(one.parameters.body_pose, two.parameters.body_pose)
     np.testing.assert_array_equal(one.parameters.betas, two.parameters.betas)
