@@ -39,7 +39,7 @@ _PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix 
 TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _OF_RESULTS, _LINK = "in folders of results", "link to a folder"
-_COLUMNS = ("path", "camera", "stature", "id")
+_COLUMNS = ("path", "camera", "stature", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -107,9 +107,10 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m) and "id". Photos of folders and patterns are sorted by path. Files of folders and
-    patterns that are in the folder of a result are skipped, and folders of earlier batches, and all files below
-    ``out``. So are files of folders that are hidden, or have a suffix that no photo has, and links to folders.
+    "fx,fy,cx,cy"), "stature" (m), "depth" and "pointmap" (files), and "id". Photos of folders and patterns are sorted
+    by path. Files of folders and patterns that are in the folder of a result are skipped, and folders of earlier
+    batches, and all files below ``out``. So are files of folders that are hidden, or have a suffix that no photo has,
+    and links to folders.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
@@ -256,7 +257,7 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
 
 
 def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
-    """Return the photo of a row with "path", and where given "camera", "stature" and "id".
+    """Return the photo of a row with "path", and where given "camera", "stature", "depth", "pointmap" and "id".
 
     A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.
 
@@ -270,7 +271,7 @@ def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> P
         raise ValueError(f"a path is text without null characters (got {quoted(path)})")
     if "://" not in path:
         path = os.path.abspath(os.path.join(folder, path))
-    return PhotoItem(_text(row.get("id")) or default_id(path), path, _settings(row))
+    return PhotoItem(_text(row.get("id")) or default_id(path), path, _settings(row, folder))
 
 
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
@@ -304,7 +305,7 @@ def _text(value: Any) -> str:
     return "" if value is None or value != value else str(value).strip()
 
 
-def _settings(row: Mapping[str, Any]) -> dict[str, Any]:
+def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[str, Any]:
     settings: dict[str, Any] = {}
     camera = _text(row.get("camera"))
     if camera:
@@ -317,7 +318,8 @@ def _settings(row: Mapping[str, Any]) -> dict[str, Any]:
         settings["stature"] = _numbers(stature)
         if not settings["stature"]:
             raise ValueError(f"statures are numbers in m, from left to right (got {quoted(stature)})")
-    return settings
+    files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
+    return settings | {name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()}
 
 
 def _numbers(text: str) -> list[float]:

@@ -42,7 +42,7 @@ _VARIABLE_PREFIX = "PHYSIC__"
 _ALTERNATIVE_KEYS = (("photo", ("focal_px", "intrinsics")), ("body_model", ("name", "path")))
 """Alternative keys of a table: a layer that sets one removes the others of earlier layers."""
 
-_PATHS = (("body_model", "path"), ("photo", "masks"))
+_PATHS = (("body_model", "path"), ("photo", "masks"), ("photo", "depth"), ("photo", "pointmap"))
 """Table and key of the paths that are relative to their config file."""
 
 _MAX_BYTES = {".toml": 1_000_000, ".json": 100_000_000}

@@ -94,6 +94,9 @@ class BackendChoice(_Table):
     options: dict[str, Any] = Field(default_factory=dict, description="the backend's own options")
 
 
+_FROM_FILE = "file"
+"""Name by which a plugin offers to read a result of an interface from a file of the user, its option ``path``."""
+_METRES_PER_MILLIMETRE = 0.001  # depth cameras write PNGs in millimetres
 _MAX_PROMPTS = 1000  # people or lengths; a photo that can be reconstructed has tens
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
@@ -128,6 +131,16 @@ class PhotoSettings(_Table):
         default=None,
         description="an indexed PNG of the upright photo's size: 0 background, 1 the first person to reconstruct, "
         "2 the second; relative to the config file",
+    )
+    depth: _FilePath = Field(
+        default=None,
+        description="a depth map of the photo, in place of metric_depth: .npy or .exr in metres, or a PNG of 16 bits "
+        "in millimetres; relative to the config file",
+    )
+    pointmap: _FilePath = Field(
+        default=None,
+        description="a point map of the photo, in place of relative_pointmap: .npy (H, W, 3), or .npz with points and "
+        "valid; relative to the config file",
     )
     require_people: bool = Field(
         default=False, description="whether a photo without people is an error, instead of a scene alone"
@@ -298,9 +311,18 @@ class Config(_Table):
     _sources: dict[str, str] = PrivateAttr(default_factory=dict)
 
     def choice(self, interface: str) -> BackendChoice:
-        """Return the backend and options that are chosen for an interface."""
+        """Return the backend and options that are chosen for an interface; a file of ``[photo]`` replaces both.
+
+        Options of a chosen backend that reads files are kept.
+        """
         chosen: BackendChoice = getattr(self, interface)
-        return chosen
+        path = {"metric_depth": self.photo.depth, "relative_pointmap": self.photo.pointmap}.get(interface)
+        if path is None:
+            return chosen
+        is_png = interface == "metric_depth" and path.lower().endswith(".png")
+        usual = {"scale": _METRES_PER_MILLIMETRE} if is_png else {}
+        kept = chosen.options if chosen.backend.rpartition(":")[2] == _FROM_FILE else usual
+        return BackendChoice(backend=_FROM_FILE, options={**kept, "path": path})
 
     def with_backends(self, chosen: Mapping[str, tuple[str, Mapping[str, Any]]]) -> Config:
         """Return a copy with other backends; ``chosen`` maps interfaces to a backend's name and options."""
@@ -331,8 +353,9 @@ class Config(_Table):
         tables = self.model_dump(mode="json", exclude_none=True)
         if self.body_model.path is not None:
             tables["body_model"]["path"] = str(Path(self.body_model.path).absolute())
-        if self.photo.masks is not None:
-            tables["photo"]["masks"] = str(Path(self.photo.masks).absolute())
+        for name in ("masks", "depth", "pointmap"):
+            if (path := getattr(self.photo, name)) is not None:
+                tables["photo"][name] = str(Path(path).absolute())
         return tables
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.cache.code import CodeDigester  # imported before any backend: it detects later edits of their code
 from physic_core.configuration.model import as_config
-from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve
+from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
@@ -77,6 +77,7 @@ class Pipeline:
         backends: Mapping[str, Backend | type[Backend]] | None = None,
         registry: Registry | None = None,
     ) -> None:
+        self._registry = registry
         if isinstance(config, ResolvedPipeline):
             if backends:
                 raise ConfigError("backends cannot be replaced in a ResolvedPipeline: give them to resolve()")
@@ -189,7 +190,7 @@ class Pipeline:
         close: bool = False,
     ) -> Reconstruction:
         """Reconstruct a photo; with ``close``, close the backends before the engine runs, which frees their memory."""
-        camera, plan, name = given.camera(), _with_photo_settings(self._plan, settings), photo_name(source)
+        camera, plan, name = given.camera(), self._plan_with(settings), photo_name(source)
         with self._exclusive(), _naming(name):
             with timed_call(READING):
                 photo = read_source(source)
@@ -198,8 +199,25 @@ class Pipeline:
             if camera is not None:
                 photo = replace(photo, intrinsics=camera)
             stages = self._stages(progress)
-            found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)
+            try:
+                found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)
+            finally:
+                for name, resolved in plan.backends.items():
+                    if resolved is not self._plan.backends[name]:
+                        self._loaded.close(resolved)
             return replace(found, photo=photo.digest)
+
+    def _plan_with(self, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
+        """Return the plan with other values in the table ``[photo]``, and backends that read its files."""
+        if not settings:
+            return self._plan
+        config = self._plan.config.with_photo(settings)
+        backends = dict(self._plan.backends)
+        for name in backends:
+            if (choice := config.choice(name)) != self._plan.config.choice(name):
+                registry = discover() if self._registry is None else self._registry
+                backends[name] = resolve_one(name, choice.backend, choice.options, registry)
+        return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None) -> StageRunner:
         from physic_core.cache.result_cache import ResultCache
@@ -295,14 +313,6 @@ class _Given:
         if self.intrinsics is not None and not self.intrinsics.guessed:
             return replace(self.intrinsics, trust=CameraTrust.KNOWN)
         return self.intrinsics
-
-
-def _with_photo_settings(plan: ResolvedPipeline, settings: Mapping[str, Any] | None) -> ResolvedPipeline:
-    """Return the plan with other values in the table ``[photo]``."""
-    if not settings:
-        return plan
-    config = plan.config.with_photo(settings)
-    return replace(plan, photo=config.photo, config=config)
 
 
 def _reconstruct(

@@ -70,6 +70,13 @@ def test_a_table_gives_cameras_statures_and_ids(folder: Path):
     assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
 
 
+def test_depth_and_point_maps_of_a_table_are_relative_to_it(folder: Path):
+    (folder / "table.csv").write_text("path,depth,pointmap\nb.jpg,maps/b.png,\na.PNG,,/data/a.npz\n")
+    first, second = find_photos([str(folder / "table.csv")])
+    assert first.settings == {"depth": str(folder / "maps" / "b.png")}
+    assert second.settings == {"pointmap": "/data/a.npz"}
+
+
 def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
     pa = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -81,7 +88,7 @@ def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, id"),
+        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, depth, pointmap, id"),
         ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
         (
             "path,camera\nb.jpg,wide\n",

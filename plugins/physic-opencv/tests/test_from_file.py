@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core import InputError, load_config, reconstruct
+from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
 from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, read_points, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
@@ -193,6 +193,38 @@ def test_the_scene_of_a_run_has_the_depth_of_the_files(tmp_path: Path, stand: Wo
     assert np.ptp(np.quantile(ratio, [0.1, 0.9])) < 0.02
     assert result.scene.floor is not None
     assert result.scene.floor.offset == pytest.approx(stand.floor.offset, rel=0.02)
+
+
+def test_a_png_in_millimetres_of_one_photo_replaces_the_backend_for_that_photo(tmp_path: Path, stand: World) -> None:
+    millimetres = np.nan_to_num(stand.depth * 1000).round().astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "depth.png"), millimetres)
+    with Pipeline({"extends": "mock", "run": {"cache": False}}) as pipeline:
+        mine = pipeline(stand.image, intrinsics=stand.intrinsics, settings={"depth": str(tmp_path / "depth.png")})
+        plain = pipeline(stand.image, intrinsics=stand.intrinsics)
+        with pytest.raises(WeightsMissingError, match=r"other\.png"):
+            pipeline(stand.image, settings={"depth": str(tmp_path / "other.png")})
+    backends = [
+        {s.provenance.interface: s.provenance for s in result.stages if s.provenance} for result in (mine, plain)
+    ]
+    assert [found["metric_depth"].backend for found in backends] == ["file", "mock"]
+    assert backends[0]["metric_depth"].options["scale"] == 0.001
+    assert backends[0]["relative_pointmap"].backend == "mock"
+    known = mine.scene.valid & ~stand.masks.any(0) & np.isfinite(stand.depth)
+    assert np.median(mine.scene.points[..., 2][known] / stand.depth[known]) == pytest.approx(1, abs=0.02)
+
+
+def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend() -> None:
+    flags = {"--depth": {"photo": {"depth": "d.png"}}, "--pointmap": {"photo": {"pointmap": "p.npz"}}}
+    config = load_config(preset="mock", flags=flags)
+    assert config.choice("metric_depth").model_dump() == {
+        "backend": "file", "options": {"scale": 0.001, "path": "d.png"},
+    }  # fmt: skip
+    assert config.choice("relative_pointmap").model_dump() == {"backend": "file", "options": {"path": "p.npz"}}
+    assert config.choice("inpainter").backend == "physic-mock:mock"
+    chosen = ["metric_depth.backend=physic-opencv:file", "metric_depth.options={scale = 0.01, sigma = 0.1}"]
+    kept = load_config(preset="mock", overrides=chosen, flags=flags).choice("metric_depth").options
+    assert kept == {"scale": 0.01, "sigma": 0.1, "path": "d.png"}
+    assert Path(config.as_dict()["photo"]["depth"]) == Path("d.png").absolute()
 
 
 def test_both_pass_the_conformance_kit(tmp_path: Path) -> None:
