@@ -1,4 +1,4 @@
-"""Read a user's SMPL or MANO file, ``.npz`` or the published ``.pkl``, without running code in it.
+"""Read a user's SMPL, SMPL-X or MANO file, ``.npz`` or a published ``.pkl``, without running code in it.
 
 Shapes and types are checked before memory for the data is allocated.
 """
@@ -6,8 +6,8 @@ Shapes and types are checked before memory for the data is allocated.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,12 @@ from physic_core.body.array_pickle import (
     escape_unprintable,
     read_pickle,
 )
+from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.body.npz_reader import ArrayHeader, is_archive, read_array, read_header
 from physic_core.errors import BodyModelError
 
-__all__ = ["MANO", "SMPL", "ModelFileLayout", "check_values", "read_model_file"]
+__all__ = ["MANO", "SMPL", "SMPLX", "ModelFileLayout", "read_model_file"]
 
-_MOST_BETAS = 300
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
 """Number of vertices -> family of the body model."""
 
@@ -40,21 +40,32 @@ class ModelFileLayout:
         name: of the family, "SMPL".
         vertices: how many.
         faces: how many.
-        joints: how many.
-        others: further arrays and their shapes.
+        parents: parent of each joint; that of the root is not compared.
+        columns: numbers of shape components, the columns of ``shapedirs``, that files have.
+        columns_text: the same, for messages.
         advice: which file to give.
+        others: further arrays and their shapes.
+        has_pickles: whether files may be pickles.
     """
 
     name: str
     vertices: int
     faces: int
-    joints: int
-    others: Mapping[str, tuple[int, ...]]
+    parents: tuple[int, ...]
+    columns: Collection[int]
+    columns_text: str
     advice: str
+    others: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    has_pickles: bool = True
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.parents)
 
     @property
     def shapes(self) -> dict[str, tuple[int | None, ...]]:
-        """Name of each array -> its shape; None is the number of shape components, 10 to 300."""
+        """Name of each array -> its shape; None is a number of ``columns``."""
         return {
             "v_template": (self.vertices, 3),
             "f": (self.faces, 3),
@@ -71,18 +82,33 @@ SMPL = ModelFileLayout(
     "SMPL",
     6890,
     13776,
-    24,
-    {},
+    (*PARENTS[:22], 20, 21),
+    range(10, 301),
+    "10 to 300",
     "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or "
     "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
+)
+"""As SMPL-X up to the wrists, then one joint in each hand."""
+
+SMPLX = ModelFileLayout(
+    "SMPL-X",
+    10475,
+    20908,
+    PARENTS[:NUM_JOINTS],
+    (20, 400),
+    "20 or 400",
+    "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz, or 'embedded' for the body that ships",
+    has_pickles=False,
 )
 MANO = ModelFileLayout(
     "MANO",
     778,
     1538,
-    16,
-    {"hands_components": (45, 45), "hands_mean": (45,)},
+    (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14),
+    range(10, 301),
+    "10 to 300",
     "give the path of an official MANO file, MANO_RIGHT.pkl",
+    {"hands_components": (45, 45), "hands_mean": (45,)},
 )
 
 
@@ -94,25 +120,35 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    arrays = _from_npz(path, layout) if is_archive(path) else _from_pickle(path, layout)
-    check_values(path, arrays, layout.vertices, layout.joints, layout.advice)
+    if is_archive(path):
+        arrays = _from_npz(path, layout)
+    elif layout.has_pickles:
+        arrays = _from_pickle(path, layout)
+    else:
+        raise BodyModelError(
+            f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} are never opened, "
+            f"they can run code): {layout.advice}"
+        )
+    _check_values(path, arrays, layout)
     return arrays
 
 
-def check_values(path: Path, arrays: Mapping[str, NDArray[Any]], vertices: int, joints: int, advice: str) -> None:
-    """Check that arrays are finite, and that face and parent indices are in range.
+def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelFileLayout) -> None:
+    """Check that arrays are finite, that indices of vertices are in range, and the tree of the joints.
 
     Raises:
         BodyModelError: the file at ``path`` holds others.
     """
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise BodyModelError(f"{path}: {name} holds numbers that are not finite: {advice}")
-    parents = arrays["kintree_table"][0, 1:]  # the root has none: -1, or 4294967295 in old files
-    for name, indices, end in (("f", arrays["f"], vertices), ("kintree_table", parents, joints)):
-        wrong = indices[(indices < 0) | (indices >= end) | (indices != np.floor(indices))]
-        if wrong.size:
-            raise BodyModelError(f"{path}: {name} holds {wrong.flat[0]}, not an index below {end}: {advice}")
+            raise BodyModelError(f"{path}: {name} holds numbers that are not finite: {layout.advice}")
+    faces = arrays["f"]
+    wrong = faces[(faces < 0) | (faces >= layout.vertices) | (faces != np.floor(faces))]
+    if wrong.size:
+        raise BodyModelError(f"{path}: f holds {wrong.flat[0]}, not an index below {layout.vertices}: {layout.advice}")
+    # The root has no parent: -1, or 4294967295 in old files.
+    if tuple(arrays["kintree_table"][0, 1:]) != layout.parents[1:]:
+        raise BodyModelError(f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}")
 
 
 def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
@@ -135,16 +171,14 @@ def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader 
             raise BodyModelError(f"{path}: {name} holds {escape_unprintable(str(array.dtype))}, not numbers: {advice}")
         fits = len(array.shape) == len(shape)
         if not fits or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
-            wanted = str(shape).replace("None", "10 or more")
+            wanted = str(shape).replace("None", layout.columns_text)
             raise BodyModelError(
                 f"{path}: {name} must be {wanted}, got {escape_unprintable(str(array.shape))}: {advice}"
             )
     columns = found["shapedirs"].shape[2]
-    if columns < 10:
-        raise BodyModelError(f"{path}: shapedirs has {columns} columns, where {layout.name} has 10: {advice}")
-    if columns > _MOST_BETAS:
+    if columns not in layout.columns:
         raise BodyModelError(
-            f"{path}: shapedirs has {columns} columns, where {layout.name} has {_MOST_BETAS} at most: {advice}"
+            f"{path}: shapedirs has {columns} columns, where {layout.name} has {layout.columns_text}: {advice}"
         )
 
 

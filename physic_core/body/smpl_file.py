@@ -9,17 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import PARENTS
 from physic_core.body.model_file import SMPL, read_model_file
-from physic_core.errors import BodyModelError
 from physic_core.types import RestMesh
 
 __all__ = ["SMPL_PARENTS", "SmplBody", "load_smpl", "read_smpl"]
 
 Array = NDArray[np.float64]
 
-SMPL_PARENTS: tuple[int, ...] = (*PARENTS[:22], 20, 21)
-"""Parents of the 24 joints: as SMPL-X up to the wrists, then one joint in each hand; -1 for the pelvis."""
+SMPL_PARENTS = SMPL.parents
+"""Parents of the 24 joints; -1 for the pelvis."""
 
 _NUM_JOINTS, _NUM_BETAS = 24, 10
 
@@ -99,11 +97,8 @@ def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.
     """
-    path = Path(path)
-    found = read_model_file(path, SMPL)
+    found = read_model_file(Path(path), SMPL)
     tree = found["kintree_table"].astype(np.int64)
-    if tuple(tree[0, 1:]) != SMPL_PARENTS[1:]:
-        raise BodyModelError(f"{path}: kintree_table is not the joint tree of SMPL: {SMPL.advice}")
     arrays = {name: found[name].astype(np.float64) for name in SMPL.shapes if name not in ("f", "kintree_table")}
     arrays["shapedirs"] = arrays["shapedirs"][:, :, :_NUM_BETAS]
     # The root has no parent: -1, which old files hold as 4294967295.

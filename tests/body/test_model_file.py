@@ -160,11 +160,11 @@ HARM: dict[str, tuple[str, Callable[[], Any], str]] = {
     "a choice of fractions": ("shapedirs", lambda: chosen(FULL.ravel() / 2), "is a choice by float64, not by whole"),
     "a huge choice": ("shapedirs", lambda: chosen(FULL.ravel(), (10**9, 10**9)), "must be 1000000000 x 1000000000"),
     "a choice of itself": ("shapedirs", endless, "is a choice of a choice without end"),
-    "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "shapedirs has 301 columns, where MANO has 300"),
+    "many columns": ("shapedirs", lambda: np.zeros((778, 3, 301)), "has 301 columns, where MANO has 10 to 300"),
     "vertex outside": ("f", lambda: np.full((1538, 3), 778), "f holds 778, not an index below 778"),
     "vertex below": ("f", lambda: np.full((1538, 3), -1), "f holds -1, not an index below 778"),
     "half a vertex": ("f", lambda: np.full((1538, 3), 0.5), "f holds 0.5, not an index below 778"),
-    "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table holds 16, not an index below 16"),
+    "parent outside": ("kintree_table", lambda: np.full((2, 16), 16), "kintree_table is not the joint tree of MANO"),
 }  # fmt: skip
 
 
