@@ -80,7 +80,8 @@ def save_photo(
     Raises:
         OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
     """
-    from physic_core.io.results import save_reconstruction
+    from physic_core.io.results import save_people, save_reconstruction
+    from physic_core.visual.preview import preview_png
 
     if saving.can_be_loaded:
         pictures = saving.level != "numbers"
@@ -92,8 +93,10 @@ def save_photo(
             compact=not saving.exact,
             overwrite=overwrite,
         )
-    elif saving.main_file:
-        _save_people(result, folder, saving, overwrite)
+    elif saving.level == "people":
+        save_people(result, folder, preview=saving.preview, overwrite=overwrite)
+    elif saving.preview:
+        _write_file(folder / "preview.png", preview_png(result))
     if saving.report:
         from physic_core.io.report_file import REPORT_FILE, add_report, save_report
 
@@ -103,40 +106,11 @@ def save_photo(
             add_report(folder, result, title)
 
 
-def _save_people(result: Reconstruction, folder: Path, saving: Saving, overwrite: bool) -> None:
+def _write_file(path: Path, content: bytes) -> None:
     from physic_core.files.atomic import atomic_write, check_writable
-    from physic_core.files.npz import write_arrays
-    from physic_core.io.arrays import npz_checksum, to_arrays
-    from physic_core.io.compact import compact_arrays, is_of_people, specs_of
-    from physic_core.io.document import encode_document, to_document
-    from physic_core.io.result_folder import (
-        DOCUMENT_FILE,
-        PEOPLE_FILE,
-        PREVIEW_FILE,
-        check_overwrite_of_locked,
-        digest_of,
-        file_digest,
-        unchanged_result_files,
-    )
-    from physic_core.visual.preview import preview_png
 
-    pictures = {PREVIEW_FILE: preview_png(result)} if saving.preview else {}
-    with atomic_write(check_writable(folder)) as temporary:
-        if saving.level == "people":
-            names = [DOCUMENT_FILE, PEOPLE_FILE, *pictures]
-            check_overwrite_of_locked(folder, result.photo, overwrite=overwrite, names=names)
-            for name in unchanged_result_files(folder).difference(names):
-                temporary.remove(name)
-            arrays = {n: a for n, a in compact_arrays(to_arrays(result)).items() if is_of_people(n)}
-            shared, of_person = specs_of(arrays, compact=True)
-            specs = ([spec for spec in shared if spec.name in arrays], of_person)
-            document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(PEOPLE_FILE)
-            write_arrays(arrays_file, arrays)
-            digests = {PEOPLE_FILE: file_digest(arrays_file), **{n: digest_of(c) for n, c in pictures.items()}}
-            document = to_document(result, names, npz_checksum(arrays_file), digests, specs)
-            document_file.write_bytes(encode_document(document))
-        for name, content in pictures.items():
-            temporary(name).write_bytes(content)
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_bytes(content)
 
 
 def thumbnail_path(folder: str) -> str:
@@ -155,11 +129,8 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> bytes:
     Raises:
         OutputError: it cannot be written.
     """
-    from physic_core.files.atomic import atomic_write, check_writable
-
-    path, content = out / thumbnail_path(folder), thumbnail_jpeg(result)
-    with atomic_write(check_writable(path.parent)) as temporary:
-        temporary(path.name).write_bytes(content)
+    content = thumbnail_jpeg(result)
+    _write_file(out / thumbnail_path(folder), content)
     return content
 
 

@@ -10,11 +10,9 @@ from typing import Any
 
 from physic_core.cli.listing import format_table
 from physic_core.files.strict_json import from_json
-from physic_core.io.check_records import parse_checks
-from physic_core.io.contact_records import parse_contacts, parse_support
-from physic_core.io.document import parse_stages
+from physic_core.io.records import from_optional, from_records, parse_checks
 from physic_core.io.result_folder import REPORT_FILE
-from physic_core.types import CheckResult, summarize_checks
+from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 
 __all__ = ["summary_record", "summary_text"]
 
@@ -29,7 +27,7 @@ def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         document: ``reconstruction.json`` of the result.
         folder: of the result.
     """
-    stages = parse_stages(document["stages"])
+    stages = from_records(StageRecord, document["stages"])
     return {
         "folder": str(folder),
         "files": document["files"],
@@ -67,7 +65,7 @@ def summary_text(document: Mapping[str, Any], folder: Path, *, width: int | None
         width: of the terminal, characters; None for lines of any length.
         verbose: whether to list the time of each stage, and each check that is not ok.
     """
-    stages, people = parse_stages(document["stages"]), document["people"]
+    stages, people = from_records(StageRecord, document["stages"]), document["people"]
     checks = parse_checks(document.get("checks", ()), document["schema_version"])
     found = {0: "no person, the scene alone", 1: "1 person"}.get(len(people), f"{len(people)} people")
     seconds, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
@@ -100,7 +98,8 @@ def _contact(person: Mapping[str, Any]) -> str:
     """Return the share of the vertices in contact, and with what they are likely to be: "12 %: floor, person 1"."""
     if _distance(person) is None:
         return "-"
-    partners = [one.partner for one in parse_contacts(person) if one.partner.kind != "self" and one.likely]
+    contacts = from_records(BodyContact, person.get("contacts"))
+    partners = [one.partner for one in contacts if one.partner.kind != "self" and one.likely]
     names = dict.fromkeys(p.title if p.person is None else f"person {p.person}" for p in partners)
     share = f"{100 * person['contact_vertices'] / max(1, person['vertices']):.0f} %"
     return ": ".join(filter(None, (share, ", ".join(names))))
@@ -113,7 +112,7 @@ def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
         return "; ".join(failed)
     if own and person.get("grade") != "good":
         return f"not measured: {', '.join(check.title for check in own)}"
-    support = parse_support(person)
+    support = from_optional(Support, person.get("support"))
     return "-" if support is None else str(support)
 
 

@@ -13,7 +13,8 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
-from typing import Any
+from operator import methodcaller
+from typing import Any, NamedTuple
 
 __all__ = ["PluginExit", "own_stdout", "plugin_code", "plugin_error"]
 
@@ -48,8 +49,8 @@ def plugin_code() -> Iterator[None]:
         restored.enter_context(_signal_handlers(raised))
         restored.enter_context(_standard_streams())
         restored.enter_context(warnings.catch_warnings())
-        for get, restore in _STATES:
-            restored.callback(_restore_if_changed, get, restore, get())
+        for setting in _SETTINGS:
+            restored.callback(setting.restore, setting.read())
         if _stdout_is_own:
             restored.enter_context(redirect_stdout(sys.stderr))
         try:
@@ -162,116 +163,90 @@ def _same_file(one: int, other: int) -> bool:
         return False
 
 
-def _restore_if_changed(get: Callable[[], Any], restore: Callable[[Any], object], before: Any) -> None:
-    if get() != before:
-        restore(before)
+class _Setting(NamedTuple):
+    """A setting of a module: how it is read and set, and its value in a module that the plugin has imported."""
+
+    module: str
+    get: Callable[[Any], Any]
+    set: Callable[[Any, Any], object]
+    initial: Any = None
+
+    def read(self) -> Any:
+        """Return the value; ``initial`` if the module is not imported, or only in part."""
+        module = sys.modules.get(self.module)
+        try:
+            return self.initial if module is None else self.get(module)
+        except (AttributeError, OSError):  # OSError: the current folder was deleted
+            return self.initial
+
+    def restore(self, value: Any) -> None:
+        """Set a value of :meth:`read` again, if it has changed; None stands for no value."""
+        if value is not None and self.read() != value:
+            self.set(sys.modules[self.module], value)
 
 
-def _folder() -> str | None:
-    try:
-        return os.getcwd()
-    except OSError:  # it was deleted
-        return None
+def _of_torch(get: str, set_: str, initial: Any = None) -> _Setting:
+    return _Setting("torch", methodcaller(get), lambda torch, value: getattr(torch, set_)(value), initial)
 
 
-def _change_folder(folder: str | None) -> None:
-    if folder is not None:
-        with suppress(OSError):
-            os.chdir(folder)
+def _change_folder(module: Any, folder: str) -> None:
+    with suppress(OSError):
+        module.chdir(folder)
 
 
-def _random() -> Any:
-    """Return the state of Python's random numbers; None if nothing has imported them."""
-    random = sys.modules.get("random")
-    return random.getstate() if random is not None and hasattr(random, "getstate") else None
-
-
-def _restore_random(state: Any) -> None:
-    if state is not None:
-        sys.modules["random"].setstate(state)
-
-
-def _numpy_errors() -> Any:
-    """Return NumPy's error handling; its default if NumPy is not imported."""
-    numpy = sys.modules.get("numpy")
-    if numpy is None or not hasattr(numpy, "geterr"):
-        return {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"}, None
-    return numpy.geterr(), numpy.geterrcall()
-
-
-def _restore_numpy_errors(state: Any) -> None:
-    import numpy as np
-
-    errors, call = state
-    np.seterr(**errors)
-    np.seterrcall(call)
-
-
-def _numpy_random() -> Any:
-    """Return the state of NumPy's global random numbers; None if nothing has imported them."""
-    random = sys.modules.get("numpy.random")
-    if random is None or not hasattr(random, "get_state"):
-        return None
+def _random_of_numpy(random: Any) -> Any:
     name, keys, *rest = random.get_state()
     return name, keys.tobytes(), *rest
 
 
-def _restore_numpy_random(state: Any) -> None:
+def _restore_random_of_numpy(random: Any, state: Any) -> None:
     import numpy as np
 
-    if state is not None:
-        name, keys, *rest = state
-        np.random.set_state((name, np.frombuffer(keys, np.uint32).copy(), *rest))
+    name, keys, *rest = state
+    random.set_state((name, np.frombuffer(keys, np.uint32).copy(), *rest))
 
 
-def _torch() -> Any:
-    """Return settings of torch and the state of its random numbers; None if it is not imported."""
-    torch = sys.modules.get("torch")
-    if torch is None or not hasattr(torch, "get_default_device"):
-        return None
-    return (
-        torch.get_default_dtype(),
-        torch.get_default_device(),
-        torch.is_grad_enabled(),
-        torch.get_num_threads(),
-        torch.are_deterministic_algorithms_enabled(),
-        torch.get_float32_matmul_precision(),
-        torch.is_anomaly_enabled(),
-        torch.get_rng_state().numpy().tobytes(),
-    )
+def _restore_device(torch: Any, device: str) -> None:
+    torch.set_default_device(None)
+    if str(torch.get_default_device()) != device:
+        torch.set_default_device(device)
 
 
-def _restore_torch(state: Any) -> None:
-    import torch
-
-    if state is None:  # imported by the plugin
-        torch.set_default_dtype(torch.float32)
-        torch.set_default_device(None)
-        torch.set_grad_enabled(True)
-        torch.set_float32_matmul_precision("highest")
-        torch.autograd.set_detect_anomaly(False)
-        return
-    dtype, device, gradients, threads, deterministic, precision, anomaly, random_numbers = state
-    torch.set_default_dtype(dtype)
-    if torch.get_default_device() != device:
-        torch.set_default_device(None)
-        if torch.get_default_device() != device:
-            torch.set_default_device(device)
-    torch.set_grad_enabled(gradients)
-    if torch.get_num_threads() != threads:
-        torch.set_num_threads(threads)
-    torch.use_deterministic_algorithms(deterministic)
-    torch.set_float32_matmul_precision(precision)
-    torch.autograd.set_detect_anomaly(anomaly)
-    torch.set_rng_state(torch.frombuffer(bytearray(random_numbers), dtype=torch.uint8))
-
-
-_STATES: tuple[tuple[Callable[[], Any], Callable[[Any], object]], ...] = (
-    (_folder, _change_folder),
-    (lambda: locale.setlocale(locale.LC_ALL), lambda name: locale.setlocale(locale.LC_ALL, name)),
-    (sys.getrecursionlimit, sys.setrecursionlimit),
-    (_random, _restore_random),
-    (_numpy_errors, _restore_numpy_errors),
-    (_numpy_random, _restore_numpy_random),
-    (_torch, _restore_torch),
+_SETTINGS = (
+    _Setting("os", lambda os: os.getcwd(), _change_folder),
+    _Setting(
+        "locale", lambda _: locale.setlocale(locale.LC_ALL), lambda _, name: locale.setlocale(locale.LC_ALL, name)
+    ),
+    _Setting("sys", lambda sys: sys.getrecursionlimit(), lambda sys, limit: sys.setrecursionlimit(limit)),
+    _Setting("random", lambda random: random.getstate(), lambda random, state: random.setstate(state)),
+    _Setting(
+        "numpy",
+        lambda numpy: numpy.geterr(),
+        lambda numpy, errors: numpy.seterr(**errors),
+        {"divide": "warn", "over": "warn", "under": "ignore", "invalid": "warn"},
+    ),
+    _Setting("numpy", lambda numpy: (numpy.geterrcall(),), lambda numpy, call: numpy.seterrcall(*call), (None,)),
+    _Setting("numpy.random", _random_of_numpy, _restore_random_of_numpy),
+    _Setting(
+        "torch",
+        lambda torch: str(torch.get_default_dtype()).removeprefix("torch."),
+        lambda torch, name: torch.set_default_dtype(getattr(torch, name)),
+        "float32",
+    ),
+    _Setting("torch", lambda torch: str(torch.get_default_device()), _restore_device, "cpu"),
+    _of_torch("is_grad_enabled", "set_grad_enabled", True),
+    _of_torch("get_num_threads", "set_num_threads"),
+    _of_torch("are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
+    _of_torch("get_float32_matmul_precision", "set_float32_matmul_precision", "highest"),
+    _Setting(
+        "torch",
+        lambda torch: torch.is_anomaly_enabled(),
+        lambda torch, wanted: torch.autograd.set_detect_anomaly(wanted),
+        False,
+    ),
+    _Setting(
+        "torch",
+        lambda torch: torch.get_rng_state().numpy().tobytes(),
+        lambda torch, state: torch.set_rng_state(torch.frombuffer(bytearray(state), dtype=torch.uint8)),
+    ),
 )

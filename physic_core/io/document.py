@@ -6,21 +6,19 @@ import json
 import re
 import reprlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.files.document_checksum import EDITED, ChecksumState, checksum_state, with_checksum
-from physic_core.files.strict_json import from_json, parse_json, to_json
+from physic_core.files.strict_json import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
-from physic_core.io.check_records import check_record
-from physic_core.io.contact_records import contact_record, partner_record, support_record
+from physic_core.io.records import to_record
 from physic_core.io.result_folder import SCHEMA
 from physic_core.io.schema_file import schema_fault
-from physic_core.types import CameraTrust, Provenance, Skeleton, StageRecord, UnposedPerson
+from physic_core.types import Skeleton
 
 if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
@@ -32,9 +30,6 @@ __all__ = [
     "decode_document",
     "encode_document",
     "parse_skeleton",
-    "parse_stages",
-    "parse_trust",
-    "parse_unposed",
     "to_document",
 ]
 
@@ -76,15 +71,15 @@ def to_document(
         },
         "photo": reconstruction.photo,
         "image": {"width": reconstruction.image.shape[1], "height": reconstruction.image.shape[0]},
-        "intrinsics": asdict(reconstruction.intrinsics),
+        "intrinsics": to_record(reconstruction.intrinsics),
         "grade": reconstruction.grade,
-        "lens": None if reconstruction.lens is None else asdict(reconstruction.lens),
-        "checks": [check_record(check) for check in reconstruction.checks],
+        "lens": to_record(reconstruction.lens),
+        "checks": to_record(reconstruction.checks),
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
         "people": [_person(index, person) for index, person in enumerate(reconstruction.people)],
-        "contact_partners": [partner_record(partner) for partner in reconstruction.contact_partners],
-        "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
+        "contact_partners": to_record(reconstruction.contact_partners),
+        "unposed": to_record(reconstruction.unposed),
         "body_model": reconstruction.body_model,
         **_skeleton(reconstruction.skeleton),
         "scene": {
@@ -93,7 +88,7 @@ def to_document(
             "scale_sigma": scene.scale_sigma,
             "valid_share": float(np.mean(scene.valid)),
         },
-        "stages": [_stage(stage) for stage in reconstruction.stages],
+        "stages": to_record(reconstruction.stages),
         "diagnostics": reconstruction.diagnostics,
         "config": reconstruction.config,
         "files": list(files),
@@ -155,38 +150,6 @@ def decode_document(content: bytes, name: str) -> dict[str, Any]:
     return document
 
 
-def parse_stages(records: Sequence[Mapping[str, Any]]) -> tuple[StageRecord, ...]:
-    """Parse the ``stages`` of a document."""
-    return tuple(
-        StageRecord(
-            record["name"],
-            from_json(record["seconds"]),
-            from_json(record["load_seconds"]),
-            None if record["backend"] is None else _provenance(record["backend"]),
-            cached=record.get("cached", False),
-            failed=record.get("failed", False),
-        )
-        for record in records
-    )
-
-
-def parse_trust(camera: Mapping[str, Any]) -> CameraTrust:
-    """Parse the trust in a document's ``intrinsics``; older documents state the trust at the start of ``source``."""
-    if "trust" in camera:
-        return CameraTrust(camera["trust"])
-    if camera["source"].startswith(("given", "EXIF", "measured")):
-        return CameraTrust.KNOWN
-    return CameraTrust.GUESSED if camera["source"].startswith("default") else CameraTrust.ESTIMATED
-
-
-def parse_unposed(records: Sequence[Mapping[str, Any]]) -> tuple[UnposedPerson, ...]:
-    """Parse the ``unposed`` of a document."""
-    return tuple(
-        UnposedPerson(tuple(from_json(record["box"])), from_json(record["score"]), record["reason"])
-        for record in records
-    )
-
-
 def parse_skeleton(document: Mapping[str, Any]) -> Skeleton | str:
     """Parse ``skeleton`` of a document, and ``skeleton_points`` if it is not a standard skeleton."""
     points = document.get("skeleton_points")
@@ -212,44 +175,10 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "unknown_checks": person.unknown_checks,
         "pelvis": np.asarray(person.joints)[0] if len(person.joints) else None,
         "contact_vertices": int(np.sum(person.contact)),
-        "contacts": None if person.contact_partner is None else [contact_record(one) for one in person.contacts],
-        "support": None if person.support is None else support_record(person.support),
+        "contacts": None if person.contact_partner is None else to_record(person.contacts),
+        "support": to_record(person.support),
         "vertices": len(person.vertices),
     }
-
-
-def _stage(stage: StageRecord) -> dict[str, Any]:
-    backend = stage.provenance
-    return {
-        "name": stage.name,
-        "seconds": stage.seconds,
-        "load_seconds": stage.load_seconds,
-        "cached": stage.cached,
-        "failed": stage.failed,
-        "backend": None
-        if backend is None
-        else {
-            "interface": backend.interface,
-            "name": backend.backend,
-            "plugin": backend.plugin,
-            "distribution": backend.distribution,
-            "version": backend.version,
-            "options": backend.options,
-            "weights_license": backend.weights_license,
-        },
-    }
-
-
-def _provenance(backend: Mapping[str, Any]) -> Provenance:
-    return Provenance(
-        interface=backend["interface"],
-        backend=backend["name"],
-        plugin=backend["plugin"],
-        distribution=backend["distribution"],
-        version=backend["version"],
-        options=from_json(backend["options"]),
-        weights_license=backend["weights_license"],
-    )
 
 
 def _spec(name: str, dtype: str, shape: Sequence[str | int], meaning: str) -> dict[str, Any]:

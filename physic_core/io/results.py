@@ -22,7 +22,6 @@ from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_ar
 from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, check_arrays, npz_checksum, number_of_people, to_arrays
-from physic_core.io.check_records import parse_checks, parse_grade
 from physic_core.io.compact import (
     compact_arrays,
     expand_arrays,
@@ -31,16 +30,13 @@ from physic_core.io.compact import (
     is_of_people,
     specs_of,
 )
-from physic_core.io.contact_records import parse_contacts, parse_partners, parse_support
 from physic_core.io.document import (
     decode_document,
     encode_document,
     parse_skeleton,
-    parse_stages,
-    parse_trust,
-    parse_unposed,
     to_document,
 )
+from physic_core.io.records import from_optional, from_record, from_records, parse_checks, parse_grade
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -55,14 +51,19 @@ from physic_core.io.result_folder import (
 )
 from physic_core.types import (
     NO_PARTNER,
+    BodyContact,
     BodyParameters,
     CheckState,
+    ContactPartner,
     Intrinsics,
     Lens,
     Person,
     Plane,
     Reconstruction,
     Scene,
+    StageRecord,
+    Support,
+    UnposedPerson,
 )
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ __all__ = [
     "load_reconstruction",
     "read_document",
     "read_image",
+    "save_people",
     "save_reconstruction",
 ]
 
@@ -135,24 +137,63 @@ def save_reconstruction(
         arrays = compact_arrays(arrays)
     # Pictures are made before the folder is locked.
     pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
+    stored = _StoredArrays(ARRAYS_FILE, arrays, specs_of(arrays, compact=compact), "" if compact else "f")
+    pictures = {name: pictures[name] for name in names if name in pictures}
+    written = _write(reconstruction, folder, stored, pictures, overwrite=overwrite)
     if failure is not None:
-        names, pictures = [DOCUMENT_FILE, ARRAYS_FILE], {}
+        raise failure
+    return written
+
+
+def save_people(
+    reconstruction: Reconstruction, folder: str | os.PathLike[str], *, preview: bool = False, overwrite: bool = False
+) -> tuple[Path, ...]:
+    """Write ``reconstruction.json`` and the people's arrays in their smaller form, which :func:`load_people` reads.
+
+    Arguments, return value and errors are those of :func:`save_reconstruction`.
+    """
+    from physic_core.visual.preview import preview_png
+
+    pictures = {PREVIEW_FILE: preview_png(reconstruction)} if preview else {}
+    arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_of_people(n)}
+    shared, of_person = specs_of(arrays, compact=True)
+    specs = tuple(spec for spec in shared if spec.name in arrays), of_person
+    stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
+    return _write(reconstruction, check_writable(folder), stored, pictures, overwrite=overwrite)
+
+
+@dataclass(frozen=True)
+class _StoredArrays:
+    """Arrays, their file, their specifications, and the kinds of dtype that are not compressed."""
+
+    file: str
+    arrays: Mapping[str, NDArray[Any]]
+    specs: tuple[Sequence[ArraySpec], Sequence[ArraySpec]]
+    uncompressed: str = ""
+
+
+def _write(
+    reconstruction: Reconstruction,
+    folder: Path,
+    stored: _StoredArrays,
+    pictures: Mapping[str, bytes],
+    *,
+    overwrite: bool,
+) -> tuple[Path, ...]:
+    """Write document, arrays and pictures, all or none; delete unchanged files of an earlier result."""
+    names = [DOCUMENT_FILE, stored.file, *pictures]
     with atomic_write(folder) as temporary:
         check_overwrite_of_locked(folder, reconstruction.photo, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
-        document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(ARRAYS_FILE)
-        write_arrays(arrays_file, arrays, stored="" if compact else "f")
-        digests = {ARRAYS_FILE: file_digest(arrays_file)}
+        document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)
+        write_arrays(arrays_file, stored.arrays, stored=stored.uncompressed)
+        digests = {stored.file: file_digest(arrays_file)}
         for name, content in pictures.items():
             temporary(name).write_bytes(content)
             digests[name] = digest_of(content)
-        document = to_document(
-            reconstruction, names, npz_checksum(arrays_file), digests, specs_of(arrays, compact=compact)
-        )
+        document = to_document(reconstruction, names, npz_checksum(arrays_file), digests, stored.specs)
         document_file.write_bytes(encode_document(document))
-    if failure is not None:
-        raise failure
     return tuple(folder / name for name in names)
 
 
@@ -366,14 +407,14 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
 
 
 def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Reconstruction:
-    camera, scene = document["intrinsics"], document["scene"]
+    scene = document["scene"]
     floor = scene["floor"]
     own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
     # The first results were written without checks.
     checks = parse_checks(document.get("checks", ()), document["schema_version"])
     return Reconstruction(
         **own,
-        intrinsics=_camera(camera),
+        intrinsics=from_record(Intrinsics, document["intrinsics"]),
         scene=Scene(
             **of_scene,
             floor=None if floor is None else Plane(arrays["floor_normal"][0], from_json(floor["offset"])),
@@ -383,7 +424,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         people=tuple(_person(record, index, arrays, checks) for index, record in enumerate(document["people"])),
         body_model=document["body_model"],
         skeleton=parse_skeleton(document),
-        stages=parse_stages(document["stages"]),
+        stages=from_records(StageRecord, document["stages"]),
         diagnostics=from_json(document["diagnostics"]),
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
@@ -391,31 +432,10 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         checks=checks,
         grade=parse_grade(document),
         photo=document.get("photo", ""),
-        unposed=parse_unposed(document.get("unposed", ())),
-        lens=_lens(document.get("lens")),
-        contact_partners=parse_partners(document),
+        unposed=from_records(UnposedPerson, document.get("unposed")),
+        lens=from_optional(Lens, document.get("lens")),
+        contact_partners=from_records(ContactPartner, document.get("contact_partners")),
     )
-
-
-def _camera(camera: Mapping[str, Any]) -> Intrinsics:
-    return Intrinsics(
-        fx=from_json(camera["fx"]),
-        fy=from_json(camera["fy"]),
-        cx=from_json(camera["cx"]),
-        cy=from_json(camera["cy"]),
-        width=camera["width"],
-        height=camera["height"],
-        source=camera["source"],
-        trust=parse_trust(camera),
-        focal_sigma=camera.get("focal_sigma"),
-    )
-
-
-def _lens(lens: Mapping[str, Any] | None) -> Lens | None:
-    if lens is None:
-        return None
-    k1, k2, p1, p2, k3 = (float(v) for v in from_json(lens["distortion"]))
-    return Lens(_camera(lens["intrinsics"]), (k1, k2, p1, p2, k3))
 
 
 def _person(
@@ -431,8 +451,8 @@ def _person(
         failed_checks=tuple(record["failed_checks"]),
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
         grade=parse_grade(record),
-        contacts=parse_contacts(record),
-        support=parse_support(record),
+        contacts=from_records(BodyContact, record.get("contacts")),
+        support=from_optional(Support, record.get("support")),
     )
 
 

@@ -20,7 +20,7 @@ from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.io.check_records import check_record, parse_checks
+from physic_core.io.records import parse_checks, to_record
 from physic_core.pipeline.checks import (
     CHECKS,
     check_warnings,
@@ -485,7 +485,7 @@ RECORDS = (
 
 
 def test_checks_are_written_and_read_back() -> None:
-    records = json.loads(json.dumps(to_json([check_record(d) for d in RECORDS])))
+    records = json.loads(json.dumps(to_json(to_record(RECORDS))))
     assert records[0] == {
         "name": "floating",
         "state": "failed",

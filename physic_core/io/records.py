@@ -1,0 +1,136 @@
+"""Dataclasses of a result as JSON records: a key for each field, with the field's name unless ``_KEYS`` has another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from physic_core.files.strict_json import from_json
+from physic_core.types import (
+    BodyContact,
+    CheckResult,
+    CheckState,
+    ContactPartner,
+    Grade,
+    Intrinsics,
+    Provenance,
+    StageRecord,
+    Support,
+)
+
+__all__ = ["from_optional", "from_record", "from_records", "parse_checks", "parse_grade", "to_record"]
+
+Record = TypeVar("Record")
+
+_KEYS = {
+    (ContactPartner, "surface"): "class",
+    (ContactPartner, "part"): "person_part",
+    (Provenance, "backend"): "name",
+    (StageRecord, "provenance"): "backend",
+}
+
+_AT_LEAST = {
+    *("scene_alignment", "photo_alignment", "floor", "floor_mask", "focal_known"),
+    *("placed", "optimised", "visible", "legs_seen"),
+}
+"""Checks of schema version 1 whose value must reach the threshold; the records do not state the direction."""
+
+
+def to_record(value: Any) -> Any:
+    """Return a dataclass, or a sequence of such, ready for :func:`physic_core.files.strict_json.to_json`.
+
+    The keys of a contact's partner are among those of the contact. Titles of partners and hidden supports are for
+    readers.
+    """
+    if isinstance(value, tuple | list):
+        return [to_record(item) for item in value]
+    if not is_dataclass(value):
+        return value
+    record: dict[str, Any] = {}
+    for field in fields(value):
+        item = getattr(value, field.name)
+        if isinstance(value, BodyContact) and isinstance(item, ContactPartner):
+            record |= {"partner": item.title, **to_record(item)}
+        else:
+            record[_key(type(value), field.name)] = to_record(item)
+    return record | {"hidden": value.hidden} if isinstance(value, Support) else record
+
+
+def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
+    """Parse a dataclass of class ``kind``; keys that earlier versions did not write have their defaults.
+
+    Raises:
+        KeyError, TypeError, ValueError: a key is missing, or of another kind.
+    """
+    if kind is Intrinsics and "trust" not in record:
+        record = {**record, "trust": _trust_by_source(record["source"])}
+    values: dict[str, Any] = {}
+    for field in fields(kind):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
+        hint, key = _hints(kind)[field.name], _key(kind, field.name)
+        if hint is ContactPartner:
+            values[field.name] = from_record(ContactPartner, record)
+        elif key in record or field.default is MISSING:
+            values[field.name] = _value(hint, record[key])
+    return kind(**values)
+
+
+def from_optional(kind: type[Record], record: Mapping[str, Any] | None) -> Record | None:
+    """Parse a dataclass as :func:`from_record` does; None is None."""
+    return None if record is None else from_record(kind, record)
+
+
+def from_records(kind: type[Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[Record, ...]:
+    """Parse a list of records; None, of an earlier version, is an empty one."""
+    return tuple(from_record(kind, record) for record in records or ())
+
+
+def parse_checks(records: Iterable[Mapping[str, Any]], version: int) -> tuple[CheckResult, ...]:
+    """Parse the ``checks`` of a document of a schema version.
+
+    Version 1 has ``ok``, which is true if nothing was measured, in place of ``state`` and ``direction``.
+    """
+    return from_records(CheckResult, map(_upgraded, records) if version == 1 else records)
+
+
+def parse_grade(record: Mapping[str, Any]) -> Grade | None:
+    """Parse the ``grade`` of a document or of a person; None if it was written without grades."""
+    grade = record.get("grade")
+    return None if grade is None else Grade(grade)
+
+
+def _upgraded(check: Mapping[str, Any]) -> dict[str, Any]:
+    state = CheckState.FAILED if not check["ok"] else CheckState.UNKNOWN if check["value"] is None else CheckState.OK
+    return {**check, "state": state, "direction": "at least" if check["name"] in _AT_LEAST else "at most"}
+
+
+def _trust_by_source(source: str) -> str:
+    """Return the trust in a camera of an earlier version, which stated it at the start of ``source``."""
+    if source.startswith(("given", "EXIF", "measured")):
+        return "known"
+    return "guessed" if source.startswith("default") else "estimated"
+
+
+def _key(kind: type, name: str) -> str:
+    return _KEYS.get((kind, name), name)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _value(hint: Any, value: Any) -> Any:
+    if value is None:
+        return None
+    inner = get_args(hint)
+    if get_origin(hint) is tuple:
+        return tuple(_value(inner[0], item) for item in value)
+    kind = next((one for one in inner if one is not type(None)), hint) if type(None) in inner else hint
+    if is_dataclass(kind):
+        return from_record(kind, value)  # type: ignore[arg-type]
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(value)
+    return value if kind is str else from_json(value)
