@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.render import Orthographic, composite, merge_layers, render_mesh, render_points
+from physic_core.visual.render import Orthographic, composite, render_mesh, render_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +32,7 @@ _SIDE_MARGIN = 0.4  # metres beside the people that the side view shows in full 
 _FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
-_MOST_TICKS = 100
+_POINT_RADIUS, _MAX_RADIUS_PX = 1.2, 6  # of a drawn point, in spacings of points, and px
 _OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 _AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame
@@ -48,14 +47,12 @@ class LabeledView:
         pixels_per_metre: scale.
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera: column and row of the camera; None if it is outside.
-        columns: distance from the camera in whole metres -> column; empty if that axis is vertical.
     """
 
     picture: UInt8Array
     pixels_per_metre: float
     floor_row: float | None
     camera: tuple[float, float] | None
-    columns: dict[int, float]
 
 
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
@@ -66,15 +63,13 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     ahead = [-high[2] - 0.8, -low[2] + 0.8]
     ahead, rows = _include_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
     view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, width, height)
-    near = transform_points(geometry.upright, geometry.points)[:, 0]
-    surface = None if geometry.surface is None else transform_points(geometry.upright, geometry.surface.vertices)[:, 0]
-    picture = _render(
-        geometry, view, near < high[0] + _SIDE_MARGIN, near < low[0] - _SIDE_MARGIN, surface, low[0] - _SIDE_MARGIN
-    )
-    metres = _ticks(max(0.0, ahead[0]), ahead[1])
-    columns = {metre: _project(geometry, view, (0.0, 0.0, -float(metre)))[0] for metre in metres}
-    floor_row = _project(geometry, view, (0.0, 0.0, 0.0))[1] if geometry.has_floor else None
-    return LabeledView(picture, view.pixels_per_metre, floor_row, _camera_pixel(geometry, view), columns)
+    right = transform_points(geometry.upright, geometry.points)[:, 0]
+    picture = _render(geometry, view, right < high[0] + _SIDE_MARGIN, right < low[0] - _SIDE_MARGIN)
+    floor_row = None
+    if geometry.has_floor:
+        turn = geometry.upright[:3, :3]
+        floor_row = float(view.project(-(turn.T @ eye)[None])[0, 1])
+    return LabeledView(picture, view.pixels_per_metre, floor_row, _camera_pixel(view))
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
@@ -83,17 +78,9 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
     view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
-    near = transform_points(geometry.upright, geometry.points)[:, 1]
-    picture = _render(geometry, view, near < high[1] + 0.1, np.zeros(len(near), bool), None, 0.0)
-    return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(geometry, view), {})
-
-
-def _ticks(low: float, high: float) -> range:
-    """Return full metres of a range, each 1, 10, 100, ... so that there are at most ``_MOST_TICKS``."""
-    step = 1
-    while high - low > _MOST_TICKS * step:
-        step *= 10
-    return range(math.ceil(low / step) * step, math.floor(high) + 1, step)
+    height_m = transform_points(geometry.upright, geometry.points)[:, 1]
+    picture = _render(geometry, view, height_m < high[1] + 0.1, np.zeros(len(height_m), bool))
+    return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(view))
 
 
 def _include_camera(
@@ -144,27 +131,14 @@ def _fit_view(
 
 
 def _render(
-    geometry: PreviewGeometry,
-    view: Orthographic,
-    kept: NDArray[np.bool_],
-    faint: NDArray[np.bool_],
-    surface: Array | None,
-    faint_below: float,
+    geometry: PreviewGeometry, view: Orthographic, kept: NDArray[np.bool_], faint: NDArray[np.bool_]
 ) -> UInt8Array:
-    """Render scene and people.
-
-    ``surface`` is the coordinate of each mesh vertex along the view; vertices below ``faint_below`` are drawn faint.
-    """
+    """Render people and some of the points of the scene, of which some are faint, (M,) bool each."""
     paper = np.array(BACKGROUND_RGB) / 255
-    picture = np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3))
     tints = np.where(faint[:, None], _FAINT * geometry.point_colors + (1 - _FAINT) * paper, geometry.point_colors)
-    scene = render_points(view, geometry.points[kept], tints[kept])
-    if geometry.surface is not None:
-        colors = geometry.surface_colors
-        if surface is not None:
-            colors = np.where(surface[:, None] < faint_below, _FAINT * colors + (1 - _FAINT) * paper, colors)
-        scene = merge_layers(scene, render_mesh(geometry.surface, view, colors, lit=False, samples=1), _THICK)
-    picture = composite(scene, picture)
+    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * view.pixels_per_metre), 1, _MAX_RADIUS_PX))
+    scene = render_points(view, geometry.points[kept], tints[kept], radius)
+    picture = composite(scene, np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3)))
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.people_colors)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
@@ -172,14 +146,7 @@ def _render(
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
 
 
-def _project(geometry: PreviewGeometry, view: Orthographic, point: tuple[float, float, float]) -> tuple[float, float]:
-    """Project a point of the upright frame to column and row."""
-    turn = geometry.upright[:3, :3]
-    column, row, _ = view.project((turn.T @ (np.array(point) - geometry.upright[:3, 3]))[None])[0]
-    return float(column), float(row)
-
-
-def _camera_pixel(geometry: PreviewGeometry, view: Orthographic) -> tuple[float, float] | None:
+def _camera_pixel(view: Orthographic) -> tuple[float, float] | None:
     """Project the camera centre to column and row; None if it is outside the image."""
     column, row, _ = view.project(np.zeros((1, 3)))[0]
     return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

@@ -180,30 +180,21 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     x, y = frame.x + room - width - 20, frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
-    last = -math.inf
-    for metres in _ticks(near, far):
-        column = x + math.log(metres / near) / math.log(far / near) * width
-        if column > last + 26:
-            last = column
-            pen.line((column, y - 3, column, y), fill=SOFT_RGB)
-            pen.text((column, y - 4), f"{metres:g}", font=font(13), fill=INK_RGB, anchor="mb")
-    pen.text((x + width + 6, y + 9), "m", font=font(14), fill=INK_RGB, anchor="ls")
+    pen.text((x, y - 4), f"{near:.2g} m", font=font(13), fill=INK_RGB, anchor="lb")
+    pen.text((x + width, y - 4), f"{far:.2g} m", font=font(13), fill=INK_RGB, anchor="rb")
 
 
 def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) -> None:
     _draw_panel(page, frame, title, plan.picture)
     pen = ImageDraw.Draw(page, "RGBA")
-    bottom = frame.y + frame.height
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
         row = frame.y + plan.floor_row
         pen.line((frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
         pen.text((frame.x + frame.width - 8, row + 3), "floor", font=font(14), fill=FLOOR_RGB, anchor="ra")
     if plan.camera is not None:
-        _draw_camera(pen, frame, plan)
-    for metre, column in plan.columns.items():
-        if 6 < column < frame.width - 6 and (plan.pixels_per_metre > 30 or metre % 5 == 0):
-            pen.line((frame.x + column, bottom - 8, frame.x + column, bottom - 1), fill=SOFT_RGB)
-            pen.text((frame.x + column, bottom - 9), f"{metre} m", font=font(13), fill=INK_RGB, anchor="mb")
+        x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
+        pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
+        pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
     x, y = frame.x + 16, frame.y + 28
     end = x + length * plan.pixels_per_metre
@@ -212,18 +203,6 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
     for edge in (x, end):
         pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
     pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
-
-
-def _draw_camera(pen: ImageDraw.ImageDraw, frame: _Frame, plan: LabeledView) -> None:
-    """Draw the camera's field of view as a wedge, to the right in the side view, to the top in the top view."""
-    assert plan.camera is not None
-    x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
-    sideways = bool(plan.columns)
-    for right, down in ((24, -12), (24, 12)) if sideways else ((-12, -24), (12, -24)):
-        pen.line((x, y, x + right, y + down), fill=INK_RGB, width=2)
-    pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
-    anchor, spot = ("mt", (x + 4, y + 15)) if sideways else ("lm", (x + 12, y - 4))
-    pen.text(spot, "camera", font=font(13), fill=INK_RGB, anchor=anchor)
 
 
 def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction) -> None:
@@ -239,13 +218,3 @@ def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
     more = len(texts) - _SHOWN_MESSAGES
     shown = [*texts[:_SHOWN_MESSAGES], *([f"{more} more in reconstruction.json"] if more > 0 else [])]
     return [line for text in shown for line in wrap(f"{mark}{' '.join(text.split())}", 16, WIDTH - 2 * _MARGIN)]
-
-
-def _ticks(near: float, far: float) -> list[float]:
-    """Return round depths between two depths in metres: 1, 2, 5, 10, ..., with more values if these are few."""
-    powers = [10.0**power for power in range(math.floor(math.log10(near)), math.ceil(math.log10(far)) + 1)]
-    for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 7), tuple(1 + step / 10 for step in range(90))):
-        ticks = [power * factor for power in powers for factor in factors if near <= power * factor <= far]
-        if len(ticks) >= 3:
-            break
-    return ticks

@@ -1,4 +1,4 @@
-"""Meshes, points and colours of people and scene for the preview."""
+"""Bodies, points of the scene, and their colours for the preview."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.palette import person_color
 from physic_core.visual.render import LONGEST_BODY_EDGE_M, RayCastMesh, prepare_meshes
-from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.surface import depth_limit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,21 +23,19 @@ if TYPE_CHECKING:
 
 __all__ = ["PreviewGeometry", "build_preview_geometry"]
 
-_SURFACE_VERTICES = 60_000
-_POINTS = 150_000
+_POINTS = 1_200_000
 
 
 @dataclass(frozen=True)
 class PreviewGeometry:
-    """Meshes, points and colours of the preview; camera frame, metres.
+    """Bodies and points of the preview, and their colours; camera frame, metres.
 
     Attributes:
         people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1.
-        surface: mesh of the scene; None if no pixel is valid.
-        surface_colors: sRGB of its vertices.
-        points: (M, 3) points of the scene; they show surfaces parallel to the view direction, a mesh does not.
+        points: (M, 3) points of the scene.
         point_colors: (M, 3) sRGB in 0-1.
+        spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
         low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
         high: (3,) maximum corner.
@@ -46,10 +44,9 @@ class PreviewGeometry:
 
     people: RayCastMesh | None
     people_colors: Array
-    surface: RayCastMesh | None
-    surface_colors: Array
     points: Array
     point_colors: Array
+    spacing: float
     upright: Array
     low: Array
     high: Array
@@ -67,16 +64,16 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     ]
     bodies = [vertices for _, vertices in finite]
     colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
-    surface = mesh_scene(scene, limit, _SURFACE_VERTICES)
-    points, point_colors = _cloud(scene, limit)
+    stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
+    points, point_colors = _cloud(scene, limit, stride)
+    depth = float(np.median(points[:, 2])) if len(points) else 0.0
     low, high = _bounds([transform_points(matrix, vertices) for vertices in bodies], transform_points(matrix, points))
     return PreviewGeometry(
         people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        surface=prepare_meshes([surface.vertices.astype(np.float64)], surface.faces, smooth=False),
-        surface_colors=scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255.0,
         points=points,
         point_colors=point_colors,
+        spacing=stride * depth / reconstruction.intrinsics.fx,
         upright=matrix,
         low=low,
         high=high,
@@ -84,9 +81,8 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     )
 
 
-def _cloud(scene: Scene, limit: float) -> tuple[Array, Array]:
-    """Return scene points (M, 3) up to a depth in metres, and their sRGB colours."""
-    stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
+def _cloud(scene: Scene, limit: float, stride: int) -> tuple[Array, Array]:
+    """Return scene points (M, 3) of every n-th pixel up to a depth in metres, and their sRGB colours."""
     points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
     with np.errstate(invalid="ignore"):
         valid = valid & np.isfinite(points).all(-1) & (points[..., 2] < limit)

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.geometry.mesh import vertex_normals
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -28,11 +30,12 @@ __all__ = [
     "RayCastMesh",
     "ViewCamera",
     "composite",
-    "merge_layers",
     "prepare_meshes",
     "render_mesh",
     "render_points",
 ]
+
+_RAYS = 2  # along each side of a pixel
 
 LONGEST_BODY_EDGE_M = 2.0
 """Longest edge of a body's triangle that is drawn. Those of plausible bodies are up to 6 cm long."""
@@ -155,19 +158,16 @@ class Layer:
 
 
 def prepare_meshes(
-    bodies: Sequence[Array], faces: NDArray[Any], *, smooth: bool = True, longest_edge: float = math.inf
+    bodies: Sequence[Array], faces: NDArray[Any], *, longest_edge: float = math.inf
 ) -> RayCastMesh | None:
     """Concatenate N bodies with common faces for ray casting; None without bodies.
 
     Args:
         bodies: vertices of each body, (V, 3) metres.
         faces: (F, 3) of one body.
-        smooth: whether to compute normals; otherwise they are zero.
         longest_edge: of a triangle, metres; others are left out. It bounds the time for bodies of a degenerate backend,
             of which each triangle may cover the image.
     """
-    import trimesh
-
     from physic_core.geometry.rays import RayCaster
 
     if not bodies or not len(faces):
@@ -181,46 +181,38 @@ def prepare_meshes(
         triangles = triangles[length <= longest_edge]
         if not len(triangles):
             return None
-    mesh = trimesh.Trimesh(vertices, triangles, process=False)
-    normals = np.asarray(mesh.vertex_normals) if smooth else np.zeros_like(vertices)
-    return RayCastMesh(vertices, triangles, normals, RayCaster(vertices, triangles))
+    return RayCastMesh(vertices, triangles, vertex_normals(vertices, triangles), RayCaster(vertices, triangles))
 
 
-def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array, *, lit: bool = True, samples: int = 2) -> Layer:
-    """Render meshes by ray casting.
+def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array) -> Layer:
+    """Render meshes by ray casting, with light from the upper left and four rays a pixel.
 
     Args:
         shapes: meshes in the frame of ``viewer``.
         viewer: the camera.
         colors: (N * V, 3) sRGB of each vertex.
-        lit: whether to apply lighting; colours of a photo need none.
-        samples: rays along each side of a pixel.
     """
     import cv2
 
     color = np.zeros((viewer.height, viewer.width, 4), np.float32)
     distance = np.full((viewer.height, viewer.width), np.inf, np.float32)
     spots = viewer.project(shapes.vertices)[:, :2]
-    if np.isnan(spots).all():
-        return Layer(color[..., :3], color[..., 3], distance)
-    size = viewer.width, viewer.height
-    x0, y0 = (int(np.clip(np.floor(np.nanmin(spots[:, axis])) - 1, 0, size[axis])) for axis in (0, 1))
-    x1, y1 = (int(np.clip(np.ceil(np.nanmax(spots[:, axis])) + 2, 0, size[axis])) for axis in (0, 1))
-    if x0 >= x1 or y0 >= y1:
-        return Layer(color[..., :3], color[..., 3], distance)
-    columns = np.arange(x0 * samples, x1 * samples) / samples - 0.5 + 0.5 / samples
-    rows = np.arange(y0 * samples, y1 * samples) / samples - 0.5 + 0.5 / samples
-    grid = np.meshgrid(columns, rows)
-    hit, rgb, far = _cast_rays(shapes, viewer, colors, grid[0].ravel(), grid[1].ravel(), lit)
-    fine = np.zeros((grid[0].size, 4), np.float32)
-    fine[hit, :3], fine[hit, 3] = rgb, 1.0
-    depth = np.full(grid[0].size, np.inf, np.float32)
-    depth[hit] = far
-    box = (x1 - x0, y1 - y0)
-    color[y0:y1, x0:x1] = cv2.resize(fine.reshape(*grid[0].shape, 4), box, interpolation=cv2.INTER_AREA)
-    distance[y0:y1, x0:x1] = (
-        depth.reshape(box[1], samples, box[0], samples).transpose(0, 2, 1, 3).reshape(box[1], box[0], -1).min(-1)
-    )
+    size = np.array([viewer.width, viewer.height])
+    low, high = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf)), np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
+    x0, y0 = np.clip(np.floor(low) - 1, 0, size).astype(int).tolist()
+    x1, y1 = np.clip(np.ceil(high) + 2, 0, size).astype(int).tolist()
+    if x0 < x1 and y0 < y1:
+        steps = [
+            np.arange(start * _RAYS, end * _RAYS) / _RAYS - 0.5 + 0.5 / _RAYS for start, end in ((x0, x1), (y0, y1))
+        ]
+        columns, rows = np.meshgrid(*steps)
+        fine = np.zeros((columns.size, 4), np.float32)
+        depth = np.full(columns.size, np.inf, np.float32)
+        hit, shaded, far = _cast_rays(shapes, viewer, colors, columns.ravel(), rows.ravel())
+        fine[hit, :3], fine[hit, 3], depth[hit] = shaded, 1.0, far
+        box = x1 - x0, y1 - y0
+        color[y0:y1, x0:x1] = cv2.resize(fine.reshape(*columns.shape, 4), box, interpolation=cv2.INTER_AREA)
+        distance[y0:y1, x0:x1] = depth.reshape(box[1], _RAYS, box[0], _RAYS).min((1, 3))
     return Layer(color[..., :3], color[..., 3], distance)
 
 
@@ -229,72 +221,41 @@ def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) 
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def render_points(viewer: ViewCamera, points: Array, colors: Array) -> Layer:
-    """Render points (N, 3) with sRGB colours (N, 3) as squares of 3 px, nearest on top."""
-    shape = viewer.height + 2, viewer.width + 2  # a rim of one pixel, so that the squares need no clipping
+def render_points(viewer: ViewCamera, points: Array, colors: Array, radius: int = 1) -> Layer:
+    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top."""
+    # A rim of the squares' radius, so that they need no clipping.
+    shape = viewer.height + 2 * radius, viewer.width + 2 * radius
     color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
     spots = viewer.project(points)
     with np.errstate(invalid="ignore"):
         inside = (spots[:, :2] > -0.5).all(-1) & (spots[:, 0] < viewer.width) & (spots[:, 1] < viewer.height)
     order = np.flatnonzero(inside)
     order = order[np.argsort(-spots[order, 2])]  # numpy keeps the last of several writes: the nearest come last
-    columns, rows = np.round(spots[order, :2]).astype(np.int64).T + 1
+    columns, rows = np.round(spots[order, :2]).astype(np.int64).T + radius
     distance[rows, columns] = spots[order, 2]
     color[rows, columns] = np.asarray(colors, np.float32)[order]
-    sparse, tints = distance.copy(), color.copy()
-    for dy in (0, 1, 2):
-        for dx in (0, 1, 2):
-            window = slice(dy, dy + viewer.height), slice(dx, dx + viewer.width)
-            nearer = sparse[window] < distance[1:-1, 1:-1]
-            distance[1:-1, 1:-1][nearer] = sparse[window][nearer]
-            color[1:-1, 1:-1][nearer] = tints[window][nearer]
-    distance = distance[1:-1, 1:-1]
-    return Layer(color[1:-1, 1:-1], np.isfinite(distance).astype(np.float32), distance)
-
-
-def merge_layers(back: Layer, front: Layer, margin: float) -> Layer:
-    """Merge two layers: ``front`` is visible unless ``back`` is nearer by more than ``margin`` metres."""
-    first = (front.alpha[..., None] > 0) & ~(back.distance < front.distance - margin)[..., None]
-    under = front.color + back.color * (1.0 - front.alpha[..., None])
-    veil = front.alpha + back.alpha * (1.0 - front.alpha)
-    return Layer(
-        np.where(first, under, back.color),
-        np.where(first[..., 0], veil, back.alpha),
-        np.minimum(front.distance, back.distance),
-    )
+    for axis in (0, 1):
+        sparse, tints = distance.copy(), color.copy()
+        for shift in (step for step in range(-radius, radius + 1) if step):
+            moved = np.roll(sparse, shift, axis)
+            nearer = moved < distance
+            distance[nearer], color[nearer] = moved[nearer], np.roll(tints, shift, axis)[nearer]
+    distance, color = (values[radius:-radius, radius:-radius] for values in (distance, color))
+    return Layer(color, np.isfinite(distance).astype(np.float32), distance)
 
 
 def _cast_rays(
-    shapes: RayCastMesh, viewer: ViewCamera, colors: Array, columns: Array, rows: Array, lit: bool
+    shapes: RayCastMesh, viewer: ViewCamera, colors: Array, columns: Array, rows: Array
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
     origins, directions = viewer.rays(columns, rows)
-    triangle = shapes.caster.first_faces(origins, directions)
-    hit = np.flatnonzero(triangle >= 0)
-    corners = shapes.faces[triangle[hit]]
-    weights, spots = _barycentric(shapes.vertices[corners], origins[hit], directions[hit])
-    base = np.einsum("nkc,nk->nc", np.asarray(colors)[corners], weights)
-    if not lit:
-        return hit, base, viewer.project(spots)[:, 2]
-    normals = np.einsum("nkc,nk->nc", shapes.normals[corners], weights)
+    hits = shapes.caster.first(origins, directions)
+    hit = np.flatnonzero(hits.face >= 0)
+    corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
+    spots = origins[hit] + hits.distance[hit, None] * directions[hit]
+    base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
     return hit, _shade(normals, directions[hit], viewer.light_axes(), base), viewer.project(spots)[:, 2]
-
-
-def _barycentric(triangles: Array, origins: Array, directions: Array) -> tuple[Array, Array]:
-    """Return barycentric weights (N, 3) and hit points (N, 3) of rays that hit triangles (N, 3, 3)."""
-    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    normal = np.cross(first, second)
-    slope = (normal * directions).sum(-1)
-    slope = np.where(np.abs(slope) < 1e-15, 1e-15, slope)  # seen edge on: the clip below keeps it finite
-    distance = (normal * (triangles[:, 0] - origins)).sum(-1) / slope
-    spots = origins + distance[:, None] * directions
-    area = np.maximum((normal * normal).sum(-1), 1e-30)
-    offset = spots - triangles[:, 0]
-    beta = np.clip((np.cross(offset, second) * normal).sum(-1) / area, 0.0, 1.0)
-    gamma = np.clip((np.cross(first, offset) * normal).sum(-1) / area, 0.0, 1.0 - beta)
-    weights = np.stack([1.0 - beta - gamma, beta, gamma], -1)
-    return weights, np.einsum("nkc,nk->nc", triangles, weights)
 
 
 def _shade(normals: Array, directions: Array, lights: Array, base: Array) -> Array:
