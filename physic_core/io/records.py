@@ -68,8 +68,9 @@ def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
     if kind is Intrinsics and "trust" not in record:
         record = {**record, "trust": _trust_by_source(record["source"])}
     values: dict[str, Any] = {}
+    hints = _hints(kind)  # type: ignore[arg-type]  # mypy takes no type variable for hashable
     for field in fields(kind):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
-        hint, key = _hints(kind)[field.name], _key(kind, field.name)
+        hint, key = hints[field.name], _key(kind, field.name)
         if hint is ContactPartner:
             values[field.name] = from_record(ContactPartner, record)
         elif key in record or field.default is MISSING:
