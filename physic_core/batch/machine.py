@@ -21,7 +21,7 @@ def usable_cores() -> int:
 
 
 def available_memory_mb() -> float:
-    """Return the free memory of the machine or of the container, MB; infinity if the system does not tell."""
+    """Return the free memory of the machine or of the container, MB; infinity if it is unknown."""
     limits = [float("inf")]
     with suppress(OSError, ValueError):
         text = Path("/proc/meminfo").read_text()
@@ -47,7 +47,7 @@ def default_workers(peak_mb: float, device: str = "cpu") -> int:
 
 
 def peak_memory_mb() -> float:
-    """Return the peak resident memory of this process, MB; 0 where the system does not tell."""
+    """Return the peak resident memory of this process, MB; 0 if it is unknown."""
     try:
         import resource
     except ImportError:

@@ -344,7 +344,7 @@ def _reconstruct(
             if close:
                 stages.close()
             else:
-                stages.finish()
+                stages.trim_cache()
         solution = run_engine(estimates, plan.engine, model, stages)
     checks = run_checks(estimates, solution, plan.engine)
     found = _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
@@ -396,7 +396,7 @@ def _result(
     config: Config,
     stages: StageRunner,
 ) -> Reconstruction:
-    from physic_core.pipeline.checks import check_warnings, failed_checks, grade_person, grade_photo, unknown_checks
+    from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
 
     grades = [grade_person(checks, i) for i in range(len(estimates.people))]
     people = []
@@ -422,7 +422,7 @@ def _result(
                 grade=grades[i],
             )
         )
-    stages.warn(*check_warnings(checks))
+    stages.warn(*warning_messages(checks))
     return Reconstruction(
         image=estimates.image,
         intrinsics=solution.intrinsics,

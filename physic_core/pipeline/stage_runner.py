@@ -166,7 +166,7 @@ class StageRunner:
             _print_traceback(error)
             return None
 
-    def finish(self) -> None:
+    def trim_cache(self) -> None:
         """Trim the cache and collect its notes; the backends stay loaded."""
         if self._cache is not None:
             self._cache.trim()
@@ -175,7 +175,7 @@ class StageRunner:
     def close(self) -> None:
         """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
         self._warn_each(self._loaded.close())
-        self.finish()
+        self.trim_cache()
 
     def _begin(self, name: str) -> None:
         if self._progress is not None:

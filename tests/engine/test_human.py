@@ -317,7 +317,7 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     for axis in range(4):
         ahead = x.clone()
         ahead[axis] += step
-        for now, then in zip(term.rows(x), term.rows(ahead), strict=True):
+        for now, then in zip(term.residuals(x), term.residuals(ahead), strict=True):
             assert isinstance(now, Residuals)
             torch.testing.assert_close((then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5)
 
@@ -345,7 +345,7 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypa
     term = ReprojectionTerm(person, replace(DEFAULT, robust_px_share=math.inf))
 
     def energy(x: Tensor) -> float:
-        return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.rows(x)))
+        return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
 
     values, x = [], torch.zeros(4, dtype=torch.float64)
     for _ in range(5):

@@ -23,12 +23,12 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.io.records import parse_checks, to_record
 from physic_core.pipeline.checks import (
     CHECKS,
-    check_warnings,
     failed_checks,
     grade_person,
     grade_photo,
     run_checks,
     unknown_checks,
+    warning_messages,
 )
 from physic_core.pipeline.checks.result import check_value
 from physic_core.pipeline.checks.specs import CheckSpec
@@ -128,7 +128,7 @@ def test_nothing_fails_where_all_is_well() -> None:
     assert not any(d.failed for d in found)
     assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
     assert failed_checks(found, 0) == ()
-    assert check_warnings(found) == ()
+    assert warning_messages(found) == ()
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
     (failed,) = [d for d in run_checks(*case(**changes)) if d.failed]
     assert (failed.name, failed.person) == (name, None)
     assert failed.value == pytest.approx(value)
-    assert check_warnings([failed]) == (failed.message,)
+    assert warning_messages([failed]) == (failed.message,)
 
 
 @pytest.mark.parametrize(
@@ -301,12 +301,12 @@ def test_a_point_map_that_is_not_used_need_not_agree() -> None:
     ],
 )
 def test_warnings(changes: dict[str, Any], warning: str) -> None:
-    assert check_warnings(run_checks(*case(**changes))) == (warning,)
+    assert warning_messages(run_checks(*case(**changes))) == (warning,)
 
 
 def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
     found = run_checks(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
-    assert check_warnings(found) == ()
+    assert warning_messages(found) == ()
     told = {d.name: d.message for d in found if d.failed}
     assert told["lean"] == (
         "this person stands and leans 20 degrees towards the camera: one photo hardly shows that, the pose or the "

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 
-__all__ = ["hinge_angles", "lowest_height", "lowest_indices", "plane_height", "root_relative", "signed_distance"]
+__all__ = ["hinge_angles", "lowest_height", "lowest_sole_indices", "plane_height", "root_relative", "signed_distance"]
 
 # Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
 _KNEES, _ELBOWS = (slice(left, right + 1) for left, right in (joint_pair("knee"), joint_pair("elbow")))
@@ -27,7 +27,7 @@ def plane_height(vertices: Tensor, normal: Tensor, offset: Tensor) -> Tensor:
     return vertices @ normal + offset
 
 
-def lowest_indices(height: Tensor) -> Tensor:
+def lowest_sole_indices(height: Tensor) -> Tensor:
     """Return the indices of the lowest 5 % of the vertices of a foot's sole: heights (B, n) -> (B, n / 20) int64."""
     count = max(1, round(_LOWEST_SHARE * height.shape[-1]))
     return height.topk(count, dim=-1, largest=False).indices
@@ -35,7 +35,7 @@ def lowest_indices(height: Tensor) -> Tensor:
 
 def lowest_height(height: Tensor) -> Tensor:
     """Return the mean height of the lowest 5 % of a sole's vertices: (B, n) -> (B,) metres."""
-    return height.gather(-1, lowest_indices(height)).mean(-1)
+    return height.gather(-1, lowest_sole_indices(height)).mean(-1)
 
 
 def root_relative(vertices: Tensor, pelvis: Tensor, root: Tensor) -> Tensor:

@@ -79,7 +79,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
     Only the elements of x with an index in ``free`` change. A step that increases the energy is halved.
     """
     index = torch.tensor(free)
-    rows = [r for term in terms for r in term.rows(x)]
+    rows = [r for term in terms for r in term.residuals(x)]
     for _ in range(ITERATIONS):
         scales = [_robust_scale(r) for r in rows]
         energy = _energy(rows, scales)
@@ -97,7 +97,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
         for _ in range(_HALVINGS):
             # The exponential of a larger offset may overflow.
             if abs(float(x[3] + step[3])) <= _MAX_OFFSET:
-                tried = [r for term in terms for r in term.rows(x + step)]
+                tried = [r for term in terms for r in term.residuals(x + step)]
                 if _energy(tried, scales) <= energy:
                     x, rows = x + step, tried
                     break
@@ -126,7 +126,7 @@ def _energy(rows: Sequence[Residuals], scales: Sequence[float]) -> float:
 
 def term_energy(term: Term, x: Tensor) -> float:
     """Return the energy of one term at x = (t, g), (4,)."""
-    rows = term.rows(x)
+    rows = term.residuals(x)
     return _energy(rows, [r.scale for r in rows])
 
 

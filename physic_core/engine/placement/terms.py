@@ -80,7 +80,7 @@ class ReprojectionTerm:
         self.weight = settings.reprojection_weight * person.confidence / total
         self.scale = settings.robust_px_share
 
-    def rows(self, x: Tensor) -> list[Residuals]:
+    def residuals(self, x: Tensor) -> list[Residuals]:
         moved = self.person.landmarks + x[:3]
         z = moved[:, 2].clamp(min=NEAREST_M)
         size, K = self.person.size, self.person.K
@@ -111,7 +111,7 @@ class ChamferTerm:
         _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:3]).numpy())
         return self.points[torch.as_tensor(nearest_point)], self.vertices[torch.as_tensor(nearest_vertex)]
 
-    def rows(self, x: Tensor) -> list[Residuals]:
+    def residuals(self, x: Tensor) -> list[Residuals]:
         factor = math.exp(float(x[3]))
         of_vertex, of_point = self.matched(x)
         identity = torch.eye(3, dtype=torch.float64)
@@ -128,7 +128,7 @@ class ChamferTerm:
 
     def median(self, x: Tensor) -> float:
         """Return the median distance over both directions, metres."""
-        return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.rows(x)]).median())
+        return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.residuals(x)]).median())
 
 
 class FloorTerm:
@@ -137,7 +137,7 @@ class FloorTerm:
     def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
         self.person, self.settings = person, settings
 
-    def rows(self, x: Tensor) -> list[Residuals]:
+    def residuals(self, x: Tensor) -> list[Residuals]:
         normal = self.person.plane[:3]
         lowest = height_over_plane(self.person.soles + x[:3], normal, self.person.plane[3]).min().reshape(1, 1)
         upward = torch.cat((normal, torch.zeros(1, dtype=torch.float64))).reshape(1, 1, 4)
@@ -157,7 +157,7 @@ class TranslationPrior:
     def __init__(self, place: Tensor, weight: float) -> None:
         self.place, self.weight = place, weight
 
-    def rows(self, x: Tensor) -> list[Residuals]:
+    def residuals(self, x: Tensor) -> list[Residuals]:
         slope = torch.eye(4, dtype=torch.float64)[:3][None]
         weight = x.new_tensor([self.weight])
         return [Residuals((x - self.place)[None, :3], slope, weight, math.inf)]

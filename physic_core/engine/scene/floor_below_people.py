@@ -113,7 +113,7 @@ def wrong_floor(
 def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
     """Return whether the surfaces of the scene, or half of the people who stand, contradict a floor's normal.
 
-    People who lie straight are told from those who stand by the axis of the camera that points up.
+    People who lie straight differ from people who stand by the axis of the camera that points up.
     """
     estimate = estimate_up(scene_normals, normal)
     confident = estimate is not None and estimate.confidence >= _CONFIDENCE_FACTOR * MIN_UP_CONFIDENCE

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from physic_core.pipeline.checks.grade import grade_person, grade_photo
 from physic_core.pipeline.checks.person import check_person
 from physic_core.pipeline.checks.photo import check_photo
-from physic_core.pipeline.checks.result import check_warnings, failed_checks, unknown_checks
+from physic_core.pipeline.checks.result import failed_checks, unknown_checks, warning_messages
 from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
 
 if TYPE_CHECKING:
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 __all__ = [
     "CHECKS",
     "CheckSpec",
-    "check_warnings",
     "failed_checks",
     "grade_person",
     "grade_photo",
     "run_checks",
     "unknown_checks",
+    "warning_messages",
 ]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.types import CheckResult, CheckState
 
-__all__ = ["check_value", "check_warnings", "failed_checks", "measured", "relative_difference", "unknown_checks"]
+__all__ = ["check_value", "failed_checks", "measured", "relative_difference", "unknown_checks", "warning_messages"]
 
 
 def check_value(
@@ -64,7 +64,7 @@ def unknown_checks(checks: Sequence[CheckResult], person: int) -> tuple[str, ...
     return tuple(check.name for check in checks if check.person == person and check.state is CheckState.UNKNOWN)
 
 
-def check_warnings(checks: Sequence[CheckResult]) -> tuple[str, ...]:
+def warning_messages(checks: Sequence[CheckResult]) -> tuple[str, ...]:
     """Return the messages of the failed self-checks that have ``warns`` set."""
     return tuple(
         check.message if check.person is None else f"person {check.person}: {check.message}"

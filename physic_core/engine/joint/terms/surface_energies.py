@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from physic_core.engine.joint.distances import lowest_indices
+from physic_core.engine.joint.distances import lowest_sole_indices
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
 
@@ -133,7 +133,7 @@ class _Fused(torch.autograd.Function):
         deviation = (points - pelvis[..., None]) - root @ data.relative
         slopes["mesh"] = 2.0 * data.mesh_weight[:, None] * deviation
         energies["mesh"] = 0.5 * (slopes["mesh"] * deviation).sum((1, 2))
-        feet = [sole[lowest_indices(height[:, sole])] if len(sole) else None for sole in data.soles]
+        feet = [sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles]
         lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
 
         ctx.data, ctx.slopes, ctx.feet = data, slopes, feet
