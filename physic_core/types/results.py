@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError
@@ -191,9 +192,7 @@ class Reconstruction(ShortRepr):
         """Return the preview as an HTML image, which notebooks show; rendering it takes about a second."""
         import base64
 
-        from physic_core import preview_png
-
-        picture = base64.b64encode(preview_png(self)).decode()
+        picture = base64.b64encode(_public_function("preview_png")(self)).decode()
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
@@ -228,9 +227,7 @@ class Reconstruction(ShortRepr):
         Raises:
             OutputError: the folder cannot be written, or a file of the user's would be lost.
         """
-        from physic_core import save_reconstruction
-
-        save_reconstruction(self, folder, preview=preview, overwrite=overwrite)
+        _public_function("save_reconstruction")(self, folder, preview=preview, overwrite=overwrite)
 
     def report(self, path: str, title: str = "") -> None:
         """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser without a network.
@@ -243,9 +240,7 @@ class Reconstruction(ShortRepr):
             OutputError: the file cannot be written, or is not a page of PhySIC.
             PackageMissingError: physic-viewer, which makes the page, is not installed.
         """
-        from physic_core import save_report
-
-        save_report(self, path, title)
+        _public_function("save_report")(self, path, title)
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
         """Write a file of another program's format: a skinned GLB, or a format of an installed plugin.
@@ -263,9 +258,8 @@ class Reconstruction(ShortRepr):
             InputError: the format is unknown, the result does not have what it needs, or a library is missing.
             OutputError: a file exists already, or cannot be written.
         """
-        from physic_core import export_reconstruction
-
-        return export_reconstruction(self, path, format, **options)
+        exported: Exported = _public_function("export_reconstruction")(self, path, format, **options)
+        return exported
 
     @classmethod
     def load(cls, folder: str) -> Reconstruction:
@@ -274,6 +268,11 @@ class Reconstruction(ShortRepr):
         Raises:
             InputError: a file is missing, or of another schema version.
         """
-        from physic_core import load_reconstruction
+        loaded: Reconstruction = _public_function("load_reconstruction")(folder)
+        return loaded
 
-        return load_reconstruction(folder)
+
+def _public_function(name: str) -> Callable[..., Any]:
+    """Return a function of the package by its public name: a result imports none of what writes, draws and reads it."""
+    function: Callable[..., Any] = getattr(import_module(__name__.partition(".")[0]), name)
+    return function
