@@ -21,7 +21,7 @@ from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.rotations_from_joints import finite_rows, has_torso_joints
-from physic_core.body.surface_fit import SURFACE_SIGMA_M, VertexSample, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SURFACE_SIGMA_M, SurfaceTargets, VertexSample, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 
@@ -213,7 +213,7 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> t
             map_.sure.astype(np.float64),
             SURFACE_SIGMA_M,
         )
-    fit = fit_surface(patches, points, np.broadcast_to(weights, points.shape[:2]), sigma_m=sigma)
+    fit = fit_surface(patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma)
     start, slopes = patches.linear(fit.world)
     now = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
     return fit, (np.linalg.norm(now - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)

@@ -18,7 +18,7 @@ from physic_core.body.joint_fit import BodyFit
 from physic_core.body.joints import joint_pair
 from physic_core.body.nearest_surface import SurfaceIndex
 from physic_core.body.rotations import rotation_between
-from physic_core.body.surface_fit import VertexSample, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SurfaceTargets, VertexSample, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 
@@ -92,7 +92,7 @@ def register_to_mesh(rest: RestMesh, model: BodyModel, patches: VertexSample, no
         weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
         # At large distances, limbs move before single bones. In later rounds, vertices may slide along the surface.
         glide = surface.normals[on.face][None] if step >= _ROUNDS // 3 else None
-        fit = fit_surface(patches, there[None], weights, 1, fit, stay_m2=reach**2, normals=glide)
+        fit = fit_surface(patches, SurfaceTargets(there[None], weights, glide), 1, fit, stay_m2=reach**2)
     return fit
 
 

@@ -158,7 +158,16 @@ class BodyModel:
         """
         self._check(rotations, betas, transl, expression)
         skin = None if joints_only else self._skin_of(vertex_ids)
-        return _pose(self.kinematics, skin, self.num_expression, rotations, betas, transl, expression)
+        coefficients = _coefficients(self.num_expression, betas, expression)
+        world, skinning = self.kinematics.transforms(rotations, self.kinematics.rest_joints(coefficients))
+        joints = world[..., 3] + transl[:, None]
+        if skin is None:
+            return BodyOutput(rotations.new_zeros(len(rotations), 0, 3), joints, world[..., :3])
+        if len(skin.directions) > coefficients.shape[1]:
+            identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+            coefficients = torch.cat([coefficients, (rotations[:, 1:] - identity).flatten(1)], 1)
+        vertices = skin.pose(coefficients, skinning) + transl[:, None]
+        return BodyOutput(vertices, joints, world[..., :3])
 
     def zero_pose(self, batch: int = 1) -> tuple[Tensor, Tensor, Tensor]:
         """Return rotations (B, 55, 3, 3), betas (B, K) and transl (B, 3) of the mean body in its T-pose."""
@@ -279,29 +288,6 @@ class LandmarkModel:
             for (name, regressor), group in zip(self.regressors.items(), groups, strict=True)
         }
         return {**points, "joints": joints, "vertices": vertices}
-
-
-def _pose(
-    kinematics: Kinematics,
-    skin: Skin | None,
-    num_expression: int,
-    rotations: Tensor,
-    betas: Tensor,
-    transl: Tensor,
-    expression: Tensor | None,
-) -> BodyOutput:
-    """Pose bodies by linear blend skinning."""
-    batch = len(rotations)
-    coefficients = _coefficients(num_expression, betas, expression)
-    world, skinning = kinematics.transforms(rotations, kinematics.rest_joints(coefficients))
-    joints = world[..., 3] + transl[:, None]
-    if skin is None:
-        return BodyOutput(rotations.new_zeros(batch, 0, 3), joints, world[..., :3])
-    if len(skin.directions) > coefficients.shape[1]:
-        identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
-        coefficients = torch.cat([coefficients, (rotations[:, 1:] - identity).flatten(1)], 1)
-    vertices = skin.pose(coefficients, skinning) + transl[:, None]
-    return BodyOutput(vertices, joints, world[..., :3])
 
 
 def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None) -> Tensor:

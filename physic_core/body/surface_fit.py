@@ -19,7 +19,7 @@ from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["SURFACE_SIGMA_M", "VertexSample", "fit_surface", "sample_vertices"]
+__all__ = ["SURFACE_SIGMA_M", "SurfaceTargets", "VertexSample", "fit_surface", "sample_vertices"]
 
 Array = NDArray[np.float64]
 
@@ -158,16 +158,30 @@ def sample_vertices(model: BodyModel, per_bone: int = _VERTICES_PER_BONE) -> NDA
     return np.sort(np.concatenate(chosen))
 
 
+@dataclass(frozen=True)
+class SurfaceTargets:
+    """Points of a surface for n vertices of B bodies.
+
+    Attributes:
+        points: (B, n, 3) metres, one for each vertex.
+        weights: (B, n) in [0, 1]; 0 for a vertex without a point.
+        normals: (B, n, 3) unit, of the surface that the points are on, where a vertex may as well lie beside its point:
+            of the way along the surface only a share of _TANGENT_WEIGHT counts.
+    """
+
+    points: Array
+    weights: Array
+    normals: Array | None = None
+
+
 def fit_surface(
     patches: VertexSample,
-    points: Array,
-    weights: Array,
+    targets: SurfaceTargets,
     rounds: int = _ROUNDS,
     start: BodyFit | None = None,
     *,
     sigma_m: float = SURFACE_SIGMA_M,
     stay_m2: float = _DAMPING_M2,
-    normals: Array | None = None,
 ) -> BodyFit:
     """Fit a body model to surface points with known correspondence.
 
@@ -176,15 +190,13 @@ def fit_surface(
 
     Args:
         patches: the vertices.
-        points: (B, n, 3) metres, one for each.
-        weights: (B, n) in [0, 1]; 0 for a vertex without a point.
+        targets: their points.
         rounds: number of Gauss-Newton rounds.
         start: initial bodies; None to align every bone from the T-pose.
         sigma_m: standard deviation of a vertex from its point, metres; it sets the weight of the shape prior.
         stay_m2: square metres of levers below which a bone does not turn.
-        normals: (B, n, 3) unit, of the surface that the points are on, where a vertex may as well lie beside its point:
-            of the way along the surface only a share of _TANGENT_WEIGHT counts.
     """
+    points, weights, normals = targets.points, targets.weights, targets.normals
     batch = len(points)
     held = (patches.rotation_weights[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
     if start is None:

@@ -91,7 +91,7 @@ def batch(
     items = listed.photos
     if shard is not None:
         items = [item for item in items if in_shard(item.id, part, count)]
-    job = _job(out, write=not dry_run, **options)
+    job = _job(out, options, write=not dry_run)
     plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
@@ -102,7 +102,7 @@ def batch(
         return
     from physic_core.cli.run import sigterm_as_exception
 
-    with sigterm_as_exception(), _show_progress(len(todo), plan.failed) as on_row:
+    with sigterm_as_exception(), _show_progress(len(todo)) as on_row:
         run_batch(todo, job, run, Path(job.out) / name, on_row)
     written = [write_table(Path(job.out), table)]
     if job.saving.thumbnails:
@@ -113,34 +113,28 @@ def batch(
     echo("\n".join(f"wrote {path}" for path in written))
 
 
-def _job(
-    out: Path,
-    *,
-    write: bool,
-    level: str,
-    preview: bool,
-    glb: bool,
-    report: bool,
-    no_thumbnails: bool,
-    cache: bool,
-    file: Path | None,
-    preset: str | None,
-    overrides: tuple[str, ...],
-    device: str | None,
-) -> BatchJob:
-    """Check everything that concerns all photos, and return the job; no network is loaded."""
+def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
+    """Check everything that concerns all photos, and return the job; no network is loaded.
+
+    Args:
+        out: output folder.
+        options: of the command: what to save, and those of the configuration.
+        write: whether to create the folder.
+    """
     from physic_core.batch.job import prepare_job
     from physic_core.batch.saving import Saving
     from physic_core.configuration.resolve import load_checked_config
     from physic_core.discovery.plugins import discover
 
+    file, preset, device = options["file"], options["preset"], options["device"]
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
-    saving = Saving(level, preview, glb, not no_thumbnails, report)
+    saved = {name: options[name] for name in ("level", "preview", "glb", "report")}
+    saving = Saving(**saved, thumbnails=not options["no_thumbnails"])
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
-    config = load_checked_config(registry, file, preset=preset, overrides=overrides, flags=flags)
-    return prepare_job(config, out, saving, cache=cache, registry=registry, write=write)
+    config = load_checked_config(registry, file, preset=preset, overrides=options["overrides"], flags=flags)
+    return prepare_job(config, out, saving, cache=options["cache"], registry=registry, write=write)
 
 
 def _executor(
@@ -186,7 +180,7 @@ def _describe(plan: Plan, photos: int) -> str:
 
 
 @contextmanager
-def _show_progress(total: int, failed_before: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+def _show_progress(total: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
     """Yield a function for each row: a bar with rate, time left and failures on a terminal, else lines; on stderr."""
     import sys
     import time

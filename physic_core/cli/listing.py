@@ -209,8 +209,6 @@ _BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusive
 
 def describe_schema(schema: dict[str, Any], parts: dict[str, Any]) -> str:
     """Describe the allowed values of a JSON Schema as text, such as "number > 0, <= 50"."""
-    if len(schema.get("allOf", ())) == 1:  # pydantic before 2.9
-        schema = schema["allOf"][0]
     if "$ref" in schema:
         schema = parts.get(schema["$ref"].rpartition("/")[2], {})
     if "anyOf" in schema:

@@ -58,7 +58,20 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
-__all__ = ["Estimates", "dilate", "feet_pixels", "run_backends"]
+__all__ = ["ChosenByUser", "Estimates", "dilate", "feet_pixels", "run_backends"]
+
+
+@dataclass(frozen=True)
+class ChosenByUser:
+    """What the user wants and knows, in px of the image.
+
+    Attributes:
+        people: whom to reconstruct; None for all people.
+        known: sizes.
+    """
+
+    people: PeoplePrompt | None = None
+    known: KnownSizes = field(default_factory=KnownSizes)
 
 
 @dataclass(frozen=True)
@@ -110,8 +123,7 @@ def run_backends(
     plan: ResolvedPipeline,
     model: BodyModel,
     stages: StageRunner,
-    prompt: PeoplePrompt | None = None,
-    known: KnownSizes | None = None,
+    chosen: ChosenByUser | None = None,
 ) -> Estimates:
     """Run all backends on a photo.
 
@@ -121,8 +133,7 @@ def run_backends(
         plan: the backends and settings of the run.
         model: body model that all bodies are converted to.
         stages: calls the backends and records the run.
-        prompt: people whom the user chose, px of ``image``; None for all people.
-        known: sizes that the user knows, in px of ``image``.
+        chosen: by the user; None for all people and no known size.
 
     Raises:
         InputError: the number of known statures is not that of the people.
@@ -131,9 +142,10 @@ def run_backends(
         BackendOutputError: a required backend returned an invalid result.
     """
     run = _BackendCalls(plan.backends, model, stages)
+    chosen = chosen or ChosenByUser()
+    prompt, known = chosen.people, chosen.known
 
     people = run.people(image, prompt)
-    known = known or KnownSizes()
     statures = statures_of_people(known, people, chosen=prompt is not None) if any(known.stature) else None
     if not len(people):
         if plan.photo.require_people:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from typing import Any, Self
 
+    from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
     from physic_core.interfaces import Backend
@@ -321,7 +322,7 @@ def _reconstruct(
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.pipeline.checks import run_checks
-    from physic_core.pipeline.estimate import run_backends
+    from physic_core.pipeline.estimate import ChosenByUser, run_backends
     from physic_core.pipeline.optimise import run_engine
 
     file_size = photo.file_size or photo.image.shape[1::-1]
@@ -339,7 +340,7 @@ def _reconstruct(
     model = load_body(plan.body_model)
     with limited_threads(plan.config.run.threads):
         try:
-            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, prompt, known)
+            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, ChosenByUser(prompt, known))
         finally:
             if close:
                 stages.close()
@@ -347,7 +348,7 @@ def _reconstruct(
                 stages.trim_cache()
         solution = run_engine(estimates, plan.engine, model, stages)
     checks = run_checks(estimates, solution, plan.engine)
-    found = _result(estimates, solution, checks, model.faces.int().numpy(), model.name, plan.config, stages)
+    found = _result(estimates, solution, checks, model, plan.config, stages)
     return replace(found, lens=lens)
 
 
@@ -391,8 +392,7 @@ def _result(
     estimates: Estimates,
     solution: Solution,
     checks: tuple[CheckResult, ...],
-    faces: Any,
-    body_model: str,
+    model: BodyModel,
     config: Config,
     stages: StageRunner,
 ) -> Reconstruction:
@@ -428,8 +428,8 @@ def _result(
         intrinsics=solution.intrinsics,
         scene=solution.scene,
         people=tuple(people),
-        faces=faces,
-        body_model=body_model,
+        faces=model.faces.int().numpy(),
+        body_model=model.name,
         skeleton=estimates.keypoints.skeleton,
         stages=tuple(stages.records),
         diagnostics={**solution.diagnostics, "people": [dict(p) for p in solution.people]},

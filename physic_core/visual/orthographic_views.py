@@ -62,7 +62,7 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     rows = [bottom - 0.35, high[1] + 0.25]
     ahead = [-high[2] - 0.8, -low[2] + 0.8]
     ahead, rows = _include_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
-    view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, width, height)
+    view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, (width, height))
     right = transform_points(geometry.upright, geometry.points)[:, 0]
     picture = _render(geometry, view, right < high[0] + _SIDE_MARGIN, right < low[0] - _SIDE_MARGIN)
     floor_row = None
@@ -77,7 +77,7 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     low, high = geometry.low, geometry.high
     across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
     ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
-    view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, width, height)
+    view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, (width, height))
     height_m = transform_points(geometry.upright, geometry.points)[:, 1]
     picture = _render(geometry, view, height_m < high[1] + 0.1, np.zeros(len(height_m), bool))
     return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(view))
@@ -109,10 +109,10 @@ def _fit_view(
     rows: Sequence[float],
     axes: tuple[str, str, str],
     cut: float,
-    width: int,
-    height: int,
+    size: tuple[int, int],
 ) -> Orthographic:
-    """Create a view of two ranges (metres) of the named axes, clipped nearer than ``cut``."""
+    """Create a view of two ranges (metres) of the named axes, clipped nearer than ``cut``, of width x height px."""
+    width, height = size
     along, top, towards = (np.array(_AXES[name]) for name in axes)
     scale = min(width / (columns[1] - columns[0]), height / (rows[1] - rows[0]))
     # Free space goes to the top, so that the ground is at the bottom of every image.

@@ -15,7 +15,7 @@ from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from physic_core.body.rotations_from_joints import has_torso_joints, rotations_from_joints
-from physic_core.body.surface_fit import VertexSample, _normal_equations, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SurfaceTargets, VertexSample, _normal_equations, fit_surface, sample_vertices
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]
@@ -233,7 +233,9 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
     points = vertices[:, patches.ids]
     errors = []
     for rounds in (0, 1, 2, 3):
-        found = posed(embedded, fit_surface(patches, points, np.ones(points.shape[:2]), rounds, sigma_m=0.001))
+        found = posed(
+            embedded, fit_surface(patches, SurfaceTargets(points, np.ones(points.shape[:2])), rounds, sigma_m=0.001)
+        )
         errors.append((mm(found[0], vertices), mm(found[1], joints)))
     print("rounds, vertices and joints in mm:", [tuple(round(e, 3) for e in pair) for pair in errors])
     assert errors[2][0] < 0.1
@@ -248,7 +250,7 @@ def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, peopl
     owner = patches.weights.argmax(1)
     weights = np.broadcast_to(~np.isin(owner, range(25, 55)), (4, len(owner))).astype(float)
     points = np.where(weights[..., None] > 0, vertices[:, patches.ids], 0.0)
-    found = fit_surface(patches, points, weights)
+    found = fit_surface(patches, SurfaceTargets(points, weights))
     bent = np.linalg.norm(rotmat_to_rotvec(local_from_world(found.world)[:, 28:31]), axis=-1)
     assert np.isfinite(found.world).all()
     assert bent.max() < 0.2
