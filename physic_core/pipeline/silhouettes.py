@@ -124,6 +124,6 @@ def _grown(mask: Tensor, by: float) -> Tensor:
     return F.max_pool2d(mask[None, None].float(), 2 * reach + 1, 1, reach)[0, 0] > 0
 
 
-def _share(part: Tensor, whole: Tensor) -> float | None:
-    total = float(whole.sum())
+def _share(part: Tensor, surface: Tensor) -> float | None:
+    total = float(surface.sum())
     return float(part.sum()) / total if total > 0 else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import zipfile
 from collections.abc import Callable, Mapping
@@ -50,11 +49,11 @@ def fetch(
         DownloadError: the licence is not accepted, a file has no source, a library is not installed, or a download
             failed. Partial downloads are kept.
     """
-    lacking = _missing_files(weights, to)
-    if not lacking:
+    missing_files = _missing_files(weights, to)
+    if not missing_files:
         return ()
-    by_hand = [file for file in lacking if not file.source]
-    if len(by_hand) == len(lacking):
+    by_hand = [file for file in missing_files if not file.source]
+    if len(by_hand) == len(missing_files):
         raise DownloadError(
             f"{_names(by_hand)} of '{weights.name}' cannot be downloaded: {_manual_instructions(weights, to)}"
         )
@@ -63,18 +62,18 @@ def fetch(
             f"'{weights.name}' is not downloaded without --accept-licence:\n{format_licence(weights)}\n"
             f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
         )
-    _require_libraries(lacking)
+    _require_libraries(missing_files)
     folder = _folder(to) / weights.name
     in_hubs_cache = to is None and _fits_hub_cache(weights)
     fetched = []
-    for file in lacking:
+    for file in missing_files:
         if file.source:
             _fetch_file(weights, file, folder, in_hubs_cache, progress)
             fetched.append(file.path)
     shutil.rmtree(folder / _ARCHIVES, ignore_errors=True)
     if by_hand:
         raise DownloadError(
-            f"'{weights.name}': {_names([f for f in lacking if f.source])} downloaded; "
+            f"'{weights.name}': {_names([f for f in missing_files if f.source])} downloaded; "
             f"{_names(by_hand)} cannot be: {_manual_instructions(weights, to)}"
         )
     return tuple(fetched)
@@ -104,9 +103,9 @@ def _missing_files(weights: WeightSet, to: Path | None) -> list[WeightFile]:
         return [file for file in weights.files if not inside[file.path].is_file()]
     here = locate_files(weights)
     _refuse_other_sizes(weights, here.files)
-    lacking = [file for file in weights.files if file.path not in here.files]
-    if lacking or len(weights.files) == 1 or here.folder is not None:
-        return lacking
+    missing_files = [file for file in weights.files if file.path not in here.files]
+    if missing_files or len(weights.files) == 1 or here.folder is not None:
+        return missing_files
     folder = _folder(None) / weights.name  # all files are here, but in several folders
     return [file for file in weights.files if not (folder / file.path).is_file()]
 
@@ -138,7 +137,7 @@ def _names(files: list[WeightFile]) -> str:
 
 
 def _require_libraries(files: list[WeightFile]) -> None:
-    wanted = {"pooch", "requests"} | {"huggingface_hub" for f in files if isinstance(f.origin, HubSource)}
+    wanted = {"requests"} | {"huggingface_hub" for f in files if isinstance(f.origin, HubSource)}
     uninstalled = sorted(name for name in wanted if find_spec(name) is None)
     if uninstalled:
         raise DownloadError(f"downloading weights needs {' and '.join(uninstalled)}: {INSTALL}")
@@ -175,14 +174,14 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cach
     with wrap_write_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
     if not origin.member:
-        _download_with_pooch(origin.url, target, file, report, advice)
+        _download(origin.url, target, file, report, advice)
         return
     name = Path(origin.url.partition("?")[0]).name
     archive = folder / _ARCHIVES / (name if name.endswith(".zip") else f"{name}.zip")
     if not archive.is_file():
         with wrap_write_errors(archive):
             archive.parent.mkdir(parents=True, exist_ok=True)
-        _download_with_pooch(origin.url, archive, WeightFile(archive.name), report, advice)
+        _download(origin.url, archive, WeightFile(archive.name), report, advice)
     _extract_member(archive, origin, file, target)
 
 
@@ -205,15 +204,7 @@ def _browser_instructions(target: Path) -> str:
     return f"or download it with a browser to {target}"
 
 
-def _download_with_pooch(
-    url: str, target: Path, file: WeightFile, report: Callable[[int, int | None], None], advice: str
-) -> None:
-    """Download a file with pooch, which verifies its SHA-256 and moves it to ``target``."""
-    import logging
-
-    import pooch  # type: ignore[import-untyped]
-
-    pooch.get_logger().setLevel(logging.WARNING)  # `report` shows the progress
+def _download(url: str, target: Path, file: WeightFile, report: Callable[[int, int | None], None], advice: str) -> None:
     transfer = ResumableDownload(
         target.with_name(f"{target.name}.part"),
         file.bytes,
@@ -221,14 +212,7 @@ def _download_with_pooch(
         advice=advice,
         report=report,
     )
-    known = None if file.sha256 is None else f"sha256:{file.sha256}"
-    try:
-        with wrap_write_errors(target):
-            pooch.retrieve(url, known_hash=known, fname=target.name, path=target.parent, downloader=transfer)
-    except ValueError as error:  # pooch has removed the file
-        found = [digest for digest in re.findall(r"\b[0-9a-f]{64}\b", str(error)) if digest != file.sha256]
-        wrong = f"its SHA-256 is {found[0]} instead of {file.sha256}" if found else str(error)
-        raise DownloadError(f"{url} was downloaded, but {wrong}: removed{f'; {advice}' if advice else ''}") from error
+    transfer.fetch(url, target, lambda path: describe_mismatch(path, file), advice)
 
 
 def _extract_member(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:

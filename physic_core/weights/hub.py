@@ -74,11 +74,13 @@ def download_from_hub(file: WeightFile, target: Path | None, report: ByteProgres
         transfer = ResumableDownload(
             part, remote.size, True, remote.tag, build_hf_headers(), _access_advice(origin), report
         )
-        transfer.download(remote.url)
-        if wrong := describe_mismatch(part, file) or _etag_mismatch(part, remote.tag):
-            transfer.discard()
-            raise DownloadError(f"{file.source} was downloaded, but {wrong}: removed{f'; {advice}' if advice else ''}")
-        transfer.move_to(place)
+        transfer.fetch(
+            remote.url,
+            place,
+            lambda path: describe_mismatch(path, file) or _etag_mismatch(path, remote.tag),
+            advice,
+            file.source,
+        )
     if target is not None:
         return target
     with _convert_errors(origin, advice):

@@ -92,13 +92,15 @@ def find(manifest: Path, value: str, file: str | None = None) -> Path:
             f"weights '{value}' have no file {file}, only {', '.join(known)}: choose weights of this backend"
         )
     here = locate_files(weights)
-    lacking = [f.path for f in weights.files if f.path not in here.files and file in (None, f.path)]
-    if not lacking:
+    missing_paths = [f.path for f in weights.files if f.path not in here.files and file in (None, f.path)]
+    if not missing_paths:
         if file is not None or len(weights.files) == 1:
             return here.files[file if file is not None else weights.files[0].path]
         if here.folder is not None:
             return here.folder
-    raise WeightsMissingError(f"{_describe_missing(weights, lacking)}\nsearched: {describe_search_folders(value)}")
+    raise WeightsMissingError(
+        f"{_describe_missing(weights, missing_paths)}\nsearched: {describe_search_folders(value)}"
+    )
 
 
 def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
@@ -213,13 +215,13 @@ def _common_folder(found: Mapping[str, Path]) -> Path | None:
     return folders.pop() if len(folders) == 1 else None
 
 
-def _describe_missing(weights: WeightSet, lacking: list[str]) -> str:
+def _describe_missing(weights: WeightSet, missing_paths: list[str]) -> str:
     """Format one line about the missing files of a weight set, and how to get them."""
     facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
-    if not lacking:
+    if not missing_paths:
         what = " are in several folders, and must be in one folder"
-    elif len(lacking) < len(weights.files):
-        what = f" lack {', '.join(lacking)}"
+    elif len(missing_paths) < len(weights.files):
+        what = f" lack {', '.join(missing_paths)}"
     else:
         what = " are missing"
     return f"weights '{weights.name}' ({facts}){what}: {how_to_get(weights)}"

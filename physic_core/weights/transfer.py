@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from physic_core.errors import DownloadError
+from physic_core.files.locks import try_lock
 from physic_core.weights.locate import format_size
 
 __all__ = ["ByteProgress", "ResumableDownload", "require_room", "wrap_write_errors", "write_error"]
@@ -37,7 +38,7 @@ class _RemoteFileChanged(Exception):
 
 @dataclass(frozen=True)
 class ResumableDownload:
-    """A downloader for :func:`pooch.retrieve` that resumes partial downloads.
+    """A download that goes on from a partial one.
 
     A ``.part`` file has the partial content. A ``.part.of`` file beside it has the address and ETag of the remote file.
     Without a hash or an ETag, the download starts again, since the remote file may have changed.
@@ -59,21 +60,31 @@ class ResumableDownload:
     advice: str = ""
     report: ByteProgress = lambda done, total: None
 
-    def __call__(self, url: str, output_file: str | os.PathLike[str], pooch: object = None) -> None:
-        """Download ``url`` to ``output_file``; ``pooch`` is ignored.
+    def fetch(
+        self, url: str, target: Path, find_fault: Callable[[Path], str], advice: str = "", name: str = ""
+    ) -> None:
+        """Download ``url`` to a file, or resume its download, and verify it.
+
+        Args:
+            url: of the file.
+            target: where the complete file goes.
+            find_fault: returns what is wrong with the complete file; "" if nothing is.
+            advice: for the message about a fault.
+            name: of the file in that message; ``url`` by default.
 
         Raises:
-            DownloadError: the download failed; the partial file is kept.
+            DownloadError: the download failed, and the partial file is kept; or the file is wrong, and removed.
         """
-        self.download(url)
-        self.move_to(output_file)
+        self._download(url)
+        if wrong := find_fault(self.part):
+            self.discard()
+            end = f"; {advice}" if advice else ""
+            raise DownloadError(f"{name or url} was downloaded, but {wrong}: removed{end}")
+        with wrap_write_errors(target):
+            os.replace(self.part, target)
+            self._identity_file.unlink(missing_ok=True)
 
-    def download(self, url: str) -> None:
-        """Download ``url`` to the partial file, or resume its download.
-
-        Raises:
-            DownloadError: the download failed; the partial file is kept.
-        """
+    def _download(self, url: str) -> None:
         tries, restarted = 0, False
         while True:
             before = self._bytes_here()
@@ -90,12 +101,6 @@ class ResumableDownload:
                 if self._bytes_here() <= before or tries == _MAX_TRIES:
                     raise DownloadError(f"{url}: {error}{self._kept_text()}") from error
                 time.sleep(1.0)  # the router or server may restart
-
-    def move_to(self, output_file: str | os.PathLike[str]) -> None:
-        """Move the complete download to ``output_file``."""
-        with wrap_write_errors(Path(output_file)):
-            os.replace(self.part, output_file)
-            self._identity_file.unlink(missing_ok=True)
 
     def discard(self) -> None:
         """Delete the partial file."""
@@ -179,7 +184,9 @@ class ResumableDownload:
             # Unbuffered, so that a killed process loses no data; truncated only after the lock is acquired.
             file = self.part.open("ab", buffering=0)
         with file, wrap_write_errors(self.part):
-            _lock(file, self.part)
+            # Until the process ends, so that no other download writes the partial file.
+            if try_lock(file.fileno()) is False:
+                raise DownloadError(f"another download is writing {self.part}: wait until it is done")
             if not have:
                 file.truncate(0)
             require_room(self.part.parent, None if total is None else total - have)
@@ -241,20 +248,6 @@ def _no_room(folder: Path, size: int | None = None) -> str:
         f"{folder} is full: {free or 'nothing'} free{needed}; free some space, or choose another folder with --to, "
         "XDG_CACHE_HOME or HF_HOME; the partial download is kept, and the next one resumes"
     )
-
-
-def _lock(file: IO[bytes], part: Path) -> None:
-    """Lock the partial file until the process ends, so that no other download writes it."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise DownloadError(f"another download is writing {part}: wait until it is done") from error
-    except OSError:  # a file system without locks
-        return
 
 
 def _continues_at(answer: Any, have: int) -> bool:

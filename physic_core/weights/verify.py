@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from physic_core.weights.manifest import WeightFile
 
 __all__ = ["describe_mismatch", "git_blob_hash", "sha256_of", "sha256_of_open"]
-
-_CHUNK = 1 << 20
 
 
 def describe_mismatch(path: Path, file: WeightFile) -> str:
@@ -31,16 +29,11 @@ def sha256_of(path: Path) -> str:
 
 def sha256_of_open(file: BinaryIO) -> str:
     """Return the SHA-256 of an open file, from its place on, as hexadecimal digits."""
-    return _digest(file, hashlib.sha256())
+    return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def git_blob_hash(path: Path) -> str:
     """Return the git blob hash of a file; Hugging Face uses it as ETag of small files."""
+    digest = hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False)
     with path.open("rb") as file:
-        return _digest(file, hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False))
-
-
-def _digest(file: BinaryIO, digest: Any) -> str:
-    while piece := file.read(_CHUNK):
-        digest.update(piece)
-    return str(digest.hexdigest())
+        return hashlib.file_digest(file, lambda: digest).hexdigest()

@@ -335,7 +335,7 @@ def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
     assert refusal(one(server.add("/model.onnx", CONTENT))).startswith(f"{own_cache / 'net'} cannot be written (")
 
 
-@pytest.mark.parametrize("absent", ["pooch", "requests"])
+@pytest.mark.parametrize("absent", ["requests"])
 def test_a_library_that_is_not_installed_is_named(server: Any, monkeypatch, absent: str):
     monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == absent else object())
     assert refusal(one(server.add("/model.onnx", CONTENT))) == (
