@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.types.per_person import select_people
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -38,17 +40,9 @@ class Detections:
 
     def __getitem__(self, rows: Any) -> Detections:
         """Select rows by slice, indices or mask."""
-        from dataclasses import replace
-
-        joints = self.keypoints
-        if joints is not None:
-            joints = replace(
-                joints,
-                points=joints.points[rows],
-                confidence=joints.confidence[rows],
-                world=None if joints.world is None else joints.world[rows],
-            )
-        return Detections(self.boxes[rows], self.scores[rows], joints)
+        chosen = np.arange(len(self))[rows]
+        joints = None if self.keypoints is None else select_people(self.keypoints, chosen)
+        return Detections(self.boxes[chosen], self.scores[chosen], joints)
 
 
 def xyxy_from_cxcywh(boxes: FloatArray) -> FloatArray:

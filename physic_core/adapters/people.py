@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.types import People
+from physic_core.types.per_person import select_people
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -64,10 +64,7 @@ def people_from_masks(
     rows = np.array([i for i in np.argsort(-scores, kind="stable") if area[i] >= max(1, smallest)], int)
     final = np.stack([owner == i for i in rows]) if len(rows) else np.zeros((0, *size), bool)
     if keypoints is not None:
-        world = None if keypoints.world is None else keypoints.world[rows]
-        keypoints = replace(
-            keypoints, points=keypoints.points[rows], confidence=keypoints.confidence[rows], world=world
-        )
+        keypoints = select_people(keypoints, rows)
     if floor is not None:
         floor = floor & ~final.any(axis=0)
     return People(final, boxes_from_masks(final), scores[rows], floor, keypoints)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -42,17 +42,6 @@ class Kinematics:
             ancestor = [ancestor[a] for a in ancestor]
         own_parent = torch.tensor([0, *parents[1:]], device=template.device)
         return cls(template, directions.flatten(1), bind_rot, tuple(rounds), own_parent)
-
-    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> Kinematics:
-        """Return a copy on another device, or in another float type."""
-        return replace(
-            self,
-            template=self.template.to(device=device, dtype=dtype),
-            directions=self.directions.to(device=device, dtype=dtype),
-            bind_rot=None if self.bind_rot is None else self.bind_rot.to(device=device, dtype=dtype),
-            ancestors=tuple(a.to(device=device) for a in self.ancestors),
-            parents=self.parents.to(device=device),
-        )
 
     def rest_joints(self, coefficients: Tensor) -> Tensor:
         """Return the bind-pose joints (B, J, 3), metres, for shape coefficients (B, K), K <= D."""

@@ -67,10 +67,6 @@ class LandmarkRegressor:
         """Map joints (B, 55, 3) and the n vertices (B, n, 3) to points (B, J, 3)."""
         return self.matrix @ torch.cat([joints, vertices], 1)
 
-    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> LandmarkRegressor:
-        """Return a copy on another device, or in another float type."""
-        return LandmarkRegressor(self.vertex_ids.to(device=device), self.matrix.to(device=device, dtype=dtype))
-
 
 def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> LandmarkRegressor:
     """Build the linear map from a body to the keypoints of a skeleton, float32 on the CPU.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -17,6 +17,7 @@ from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.mesh import faces_of_vertices
+from physic_core.geometry.tensors import moved
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -119,18 +120,7 @@ class BodyModel:
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
         """Return a copy on another device, or in another float type."""
-        return replace(
-            self,
-            faces=self.faces.to(device=device),
-            part_of_vertex=self.part_of_vertex.to(device=device),
-            contact_sets={name: ids.to(device=device) for name, ids in self.contact_sets.items()},
-            outer=self.outer.to(device=device),
-            kinematics=self.kinematics.to(device, dtype),
-            skin=self.skin.to(device, dtype),
-            surface_points={name: ids.to(device=device) for name, ids in self.surface_points.items()},
-            extremes=self.extremes.to(device=device),
-            regressors={name: regressor.to(device, dtype) for name, regressor in self.regressors.items()},
-        )
+        return moved(self, device, dtype)
 
     def __call__(
         self,

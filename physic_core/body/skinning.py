@@ -31,10 +31,6 @@ class Skin:
         """Number of vertices."""
         return self.template.shape[1]
 
-    def to(self, device: torch.device | str | None, dtype: torch.dtype | None) -> Skin:
-        """Return a copy on another device, or in another float type."""
-        return Skin(*(t.to(device=device, dtype=dtype) for t in (self.template, self.directions, self.weights)))
-
     def subset(self, vertex_ids: Tensor) -> Skin:
         """Return the skin of the vertices ``vertex_ids`` (n,) int64, in the order of the ids."""
         return Skin(

@@ -1,8 +1,10 @@
-"""Convert NumPy arrays of backends to tensors of the engine."""
+"""Convert NumPy arrays of backends to tensors of the engine, and move dataclasses of tensors."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import torch
@@ -10,7 +12,9 @@ import torch
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["tensor"]
+__all__ = ["moved", "tensor"]
+
+Record = TypeVar("Record")
 
 
 def tensor(array: NDArray[Any]) -> torch.Tensor:
@@ -20,3 +24,24 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     """
     kind = np.float32 if array.dtype.kind == "f" else array.dtype
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))
+
+
+def moved(record: Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> Record:
+    """Return a copy of a dataclass on another device, with its floating-point tensors in another type.
+
+    Args:
+        record: its fields are tensors, dataclasses, mappings and tuples of these, and others, which stay.
+        device: None for the same.
+        dtype: None for the same.
+    """
+    copy: Any = record
+    if isinstance(record, torch.Tensor):
+        copy = record.to(device=device, dtype=dtype if record.is_floating_point() else None)
+    elif is_dataclass(record) and not isinstance(record, type):
+        parts = {field.name: moved(getattr(record, field.name), device, dtype) for field in fields(record)}
+        copy = replace(record, **parts)
+    elif isinstance(record, Mapping):
+        copy = {name: moved(item, device, dtype) for name, item in record.items()}
+    elif isinstance(record, tuple):
+        copy = tuple(moved(item, device, dtype) for item in record)
+    return copy  # type: ignore[no-any-return]
