@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from physic_core.batch.extra import import_pyarrow
+from physic_core.batch.table import import_pyarrow
 from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import SUFFIXES

@@ -6,6 +6,7 @@ are flat and ready for JSON and Parquet.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,15 +19,21 @@ from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
 from physic_core.batch.result_files import file_sizes, result_digest
 from physic_core.batch.saving import Saving, save_photo, write_thumbnail
-from physic_core.batch.settings import config_digest, settings_digest
-from physic_core.discovery.plugins import core_version
+from physic_core.batch.settings import batch_config, config_digest, settings_digest
+from physic_core.configuration.model import as_config
+from physic_core.configuration.resolve import require_available, resolve
+from physic_core.discovery.plugins import core_version, discover
 from physic_core.errors import OutputError
+from physic_core.files.atomic import check_writable
+from physic_core.visual.report import require_report
 
 if TYPE_CHECKING:
+    from physic_core.batch.saving import Saving
     from physic_core.configuration.model import Config
+    from physic_core.discovery.registry import Registry
     from physic_core.types import Reconstruction
 
-__all__ = ["BatchJob", "PhotoProcessor", "failed_row"]
+__all__ = ["BatchJob", "PhotoProcessor", "failed_row", "prepare_job"]
 
 _MAX_MESSAGE = 5000
 """Characters of a message in the journal."""
@@ -171,3 +178,36 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "checks_failed": "",
         "peak_mb": None,
     }
+
+
+def prepare_job(
+    config: Config | str | os.PathLike[str] | Mapping[str, Any] | None,
+    out: str | os.PathLike[str],
+    saving: Saving,
+    *,
+    cache: bool = False,
+    registry: Registry | None = None,
+    write: bool = True,
+) -> BatchJob:
+    """Return the job of a batch after checks of its configuration, weights and output folder; no network is loaded.
+
+    Args:
+        config: as of :class:`physic_core.Pipeline`.
+        out: output folder.
+        saving: the files of each photo.
+        cache: whether to use the cache of backends' outputs.
+        registry: of the backends; the installed ones if None.
+        write: whether the output folder is created, and checked to be writable.
+
+    Raises:
+        ConfigError: the configuration is invalid.
+        WeightsMissingError: weights are missing.
+        PackageMissingError: pages are to be written, and no installed plugin makes them.
+        OutputError: the folder cannot be written.
+    """
+    registry = discover() if registry is None else registry
+    settings = batch_config(as_config(config), registry, cache=cache)
+    require_available(resolve(settings, registry))
+    if saving.report:
+        require_report()
+    return BatchJob(settings, str((check_writable(Path(out)) if write else Path(out)).resolve()), saving)

@@ -139,9 +139,8 @@ def thumbnail_jpeg(result: Reconstruction) -> bytes:
     import numpy as np
     from PIL import Image
 
-    from physic_core.visual.orthographic_views import side_view
+    from physic_core.visual.orthographic_views import build_preview_geometry, side_view
     from physic_core.visual.panels import overlay_panel
-    from physic_core.visual.preview_geometry import build_preview_geometry
 
     height, width = result.image.shape[:2]
     geometry = build_preview_geometry(result)

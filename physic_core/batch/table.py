@@ -1,19 +1,43 @@
-"""Write the last rows of all photos as one table, Parquet or CSV."""
+"""Write the last rows of all photos as one table, CSV or Parquet, for which it imports pyarrow."""
 
 from __future__ import annotations
 
 import csv
+import importlib
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.extra import import_pyarrow
 from physic_core.batch.journal import COLUMNS, last_rows
+from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
 
-__all__ = ["TABLE_KINDS", "all_columns", "arrow_schema", "check_table_kind", "default_table_kind", "write_table"]
+__all__ = [
+    "TABLE_KINDS",
+    "all_columns",
+    "arrow_schema",
+    "check_table_kind",
+    "default_table_kind",
+    "import_pyarrow",
+    "write_table",
+]
+
+
+def import_pyarrow(purpose: str) -> Any:
+    """Import ``pyarrow.parquet``.
+
+    Raises:
+        PackageMissingError: it is not installed; ``purpose`` begins the message.
+    """
+    try:
+        return importlib.import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise PackageMissingError(
+            f"{purpose} needs pyarrow: pip install pyarrow, or use a CSV file (--table csv)"
+        ) from error
+
 
 TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "run", "bytes", "modified")

@@ -14,10 +14,9 @@ from torch import Tensor
 from physic_core.body.joints import PARENTS
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.model import BodyModel
-from physic_core.body.parts import PART_NAMES, find_contact_sets, label_parts
+from physic_core.body.parts import PART_NAMES, TPoseMesh, find_contact_sets, label_parts
 from physic_core.body.skinning import Skin
 from physic_core.body.surface_points import pick_surface_points
-from physic_core.body.tpose_mesh import TPoseMesh
 
 __all__ = ["BodyArrays", "VertexSets", "build_body_model", "derive_vertex_sets"]
 

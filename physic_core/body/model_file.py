@@ -23,10 +23,52 @@ from physic_core.body.array_pickle import (
     read_pickle,
 )
 from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.body.npz_reader import ArrayHeader, is_archive, read_array, read_header
 from physic_core.errors import BodyModelError
 
 __all__ = ["MANO", "SMPL", "SMPLX", "ModelFileLayout", "read_model_file"]
+
+
+@dataclass(frozen=True)
+class _ArrayHeader:
+    """Shape and type of an array in an ``.npz`` file."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+
+def _is_archive(path: Path) -> bool:
+    """Return whether a file is a zip archive; also for a damaged one that is recognised by its end."""
+    try:
+        return zipfile.is_zipfile(path)
+    except zipfile.BadZipFile:  # of an end that states several disks
+        return True
+
+
+def _read_header(archive: zipfile.ZipFile, name: str) -> _ArrayHeader:
+    """Read the shape and type of one array, without its data.
+
+    Raises:
+        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
+    """
+    with archive.open(f"{name}.npy") as stream:
+        version = np.lib.format.read_magic(stream)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
+        shape, _, dtype = read(stream)
+    if min(shape, default=0) < 0:
+        raise ValueError(f"the shape {shape}")
+    return _ArrayHeader(tuple(shape), dtype)
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Read one array; pickled objects are refused.
+
+    Raises:
+        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
+    """
+    with archive.open(f"{name}.npy") as stream:
+        found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+    return found
+
 
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
 """Number of vertices -> family of the body model."""
@@ -120,7 +162,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    if is_archive(path):
+    if _is_archive(path):
         arrays = _from_npz(path, layout)
     elif layout.has_pickles:
         arrays = _from_pickle(path, layout)
@@ -151,7 +193,7 @@ def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelF
         raise BodyModelError(f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}")
 
 
-def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
+def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, _ArrayHeader | NDArray[Any]]) -> None:
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
     Raises:
@@ -188,11 +230,11 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(path) as archive:
             there = set(archive.namelist())
             names = [name for name in layout.shapes if f"{name}.npy" in there]
-            headers = {name: read_header(archive, name) for name in names}
+            headers = {name: _read_header(archive, name) for name in names}
             if any(header.dtype.hasobject for header in headers.values()):
                 raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}")
             _check(path, layout, headers)
-            return {name: read_array(archive, name) for name in names}
+            return {name: _read_array(archive, name) for name in names}
     except BodyModelError:
         raise
     except Exception as error:  # of zipfile, its compressors and numpy, which have many

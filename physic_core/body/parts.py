@@ -6,13 +6,40 @@ back, hands). Both work for any mesh with SMPL-X joints.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, SIDES
-from physic_core.body.tpose_mesh import TPoseMesh
+from physic_core.geometry.mesh import vertex_normals
 
-__all__ = ["CONTACT_SETS", "PART_NAMES", "find_contact_sets", "label_parts"]
+__all__ = ["CONTACT_SETS", "PART_NAMES", "TPoseMesh", "find_contact_sets", "label_parts"]
+
+
+@dataclass(frozen=True)
+class TPoseMesh:
+    """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x, metres.
+
+    Attributes:
+        vertices: (V, 3).
+        faces: (F, 3) int.
+        joints: (55, 3) in SMPL-X order.
+        weights: (V, 55) skinning weights.
+        outer: (V,) bool, False for cavities.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    joints: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    outer: NDArray[np.bool_]
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(V, 3) unit outward normals."""
+        return vertex_normals(self.vertices, self.faces)
+
 
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from physic_core.body.joints import JOINT_INDEX, SIDES
 from physic_core.body.landmarks import SURFACE_POINTS
-from physic_core.body.parts import PART_NAMES, label_parts
-from physic_core.body.tpose_mesh import TPoseMesh
+from physic_core.body.parts import PART_NAMES, TPoseMesh, label_parts
 
 __all__ = ["pick_surface_points"]
 

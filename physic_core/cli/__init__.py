@@ -61,7 +61,7 @@ class _Main(ExtensibleGroup):
             echo(f"{traceback_text(error)}Error: {message}", err=True)
             ctx.exit(exit_code(error))
         except (MemoryError, OSError, ImportError, RuntimeError) as error:
-            from physic_core.cli.memory_errors import is_out_of_memory
+            from physic_core.cli.exit_codes import is_out_of_memory
 
             if isinstance(error, click.exceptions.Exit) or not is_out_of_memory(error):
                 raise

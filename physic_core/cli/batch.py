@@ -121,7 +121,7 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         options: of the command: what to save, and those of the configuration.
         write: whether to create the folder.
     """
-    from physic_core.batch.job import prepare_job
+    from physic_core.batch.process import prepare_job
     from physic_core.batch.saving import Saving
     from physic_core.configuration.resolve import load_checked_config
     from physic_core.discovery.plugins import discover

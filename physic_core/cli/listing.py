@@ -165,7 +165,7 @@ def _needs(offer: BackendOffer) -> str:
 
 
 def _readiness(registry: Registry, offer: BackendOffer) -> Readiness:
-    from physic_core.weights.required import missing_sets
+    from physic_core.weights.library import missing_sets
 
     return readiness(registry, offer, missing_sets=missing_sets)
 

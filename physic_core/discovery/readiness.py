@@ -60,7 +60,7 @@ def readiness(
         registry: registry that contains the backend.
         offer: the backend.
         gpu: returns whether there is a GPU; None for :func:`has_gpu`.
-        missing_sets: returns missing weights, as :func:`physic_core.weights.required.missing_sets`; None skips them.
+        missing_sets: returns missing weights, as :func:`physic_core.weights.library.missing_sets`; None skips them.
     """
     if offer.problem:
         return Readiness("refused", offer.problem)

@@ -15,7 +15,7 @@ from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pipeline.time_limit import timed_call
-from physic_core.weights.published import require_unchanged_files
+from physic_core.weights.verify import require_unchanged_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend

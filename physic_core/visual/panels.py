@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, UInt8Array
-    from physic_core.visual.preview_geometry import PreviewGeometry
+    from physic_core.visual.orthographic_views import PreviewGeometry
 
     Array = NDArray[np.float64]
 

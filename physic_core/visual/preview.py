@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import summarize_checks
-from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, side_view, top_view
+from physic_core.visual.orthographic_views import PAGE_RGB, LabeledView, build_preview_geometry, side_view, top_view
 from physic_core.visual.palette import FLOOR_RGB, contact_legend
 from physic_core.visual.panels import (
     colored_depth,
@@ -24,7 +24,6 @@ from physic_core.visual.panels import (
     photo_panel,
 )
 from physic_core.visual.people_table import draw_person_number, people_table
-from physic_core.visual.preview_geometry import build_preview_geometry
 from physic_core.visual.preview_text import ALERT_RGB, INK_RGB, SOFT_RGB, draw_text, font, wrap
 from physic_core.visual.render import Perspective
 from physic_core.visual.unposed_boxes import draw_unposed

@@ -1,4 +1,4 @@
-"""The weight sets of all installed plugins."""
+"""The weight sets of all installed plugins, and those that a backend lacks."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.weights.close_names import format_choice, similar_names
+from physic_core.weights.locate import missing
 from physic_core.weights.manifest import WeightSet, read_manifest
 
 if TYPE_CHECKING:
-    from physic_core.discovery.registry import Manifest, Origin
+    from physic_core.discovery.registry import BackendOffer, Manifest, Origin, Registry
 
-__all__ = ["ListedWeights", "WeightLibrary", "read_library"]
+__all__ = ["ListedWeights", "WeightLibrary", "missing_sets", "read_library"]
 
 
 @dataclass(frozen=True)
@@ -72,3 +73,19 @@ def read_library(manifests: Iterable[Manifest]) -> WeightLibrary:
         except PhysicError as error:
             broken.append((manifest.origin, str(error)))
     return WeightLibrary(tuple(sorted(sets, key=lambda s: (s.weights.name, s.origin.distribution))), tuple(broken))
+
+
+def missing_sets(registry: Registry, offer: BackendOffer) -> tuple[str, ...] | None:
+    """Return the names of a backend's missing weight sets, or None if the required sets are unknown."""
+    lists = [manifest.path for manifest in registry.manifests if manifest.origin == offer.origin]
+    found = []
+    try:
+        for name in offer.record.weights:
+            path = next((path for path in lists if name in read_manifest(path)), None)
+            if path is None:
+                return None
+            if missing(path, name):
+                found.append(name)
+    except PhysicError:  # an invalid manifest, which `physic weights list` reports
+        return None
+    return tuple(found) if offer.record.weights else None

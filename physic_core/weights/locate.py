@@ -18,7 +18,7 @@ from physic_core.weights.folders import (
     user_folders,
 )
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
-from physic_core.weights.published import require_published
+from physic_core.weights.verify import require_published
 
 __all__ = [
     "LocatedFiles",

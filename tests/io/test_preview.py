@@ -12,11 +12,10 @@ import trimesh
 from PIL import Image
 
 from physic_core.types import CheckResult, Grade, Intrinsics
-from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, side_view, top_view
+from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, build_preview_geometry, side_view, top_view
 from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, depth_panel, depth_range, overlay_panel, render_contact_views
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
-from physic_core.visual.preview_geometry import build_preview_geometry
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     Orthographic,

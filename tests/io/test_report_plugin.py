@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from physic_core import ConfigError, InputError, save_reconstruction
-from physic_core.batch.job import prepare_job
+from physic_core.batch.process import prepare_job
 from physic_core.batch.saving import Saving
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError

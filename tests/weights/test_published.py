@@ -11,7 +11,7 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.weights import fingerprint, locate, missing, published
-from physic_core.weights.published import require_unchanged_files
+from physic_core.weights.verify import require_unchanged_files
 
 CONTENT = b"weights" * 1000
 DIGEST = hashlib.sha256(CONTENT).hexdigest()

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.job import prepare_job
 from physic_core.batch.photos import PhotoItem, table_item
+from physic_core.batch.process import prepare_job
 from physic_core.batch.saving import Saving
 from physic_core.batch.table import all_columns, arrow_schema
 from physic_core.errors import ConfigError
