@@ -177,7 +177,7 @@ class BodyModel:
             raise BodyModelError(str(error)) from error
         own = self.regressors.get(skeleton)
         found = skeleton_regressor(skeleton, self.surface_points) if own is None else own
-        return found.to(self.device, self.dtype)
+        return moved(found, self.device, self.dtype)
 
     def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
         """Return the keypoints (B, J, 3) of a skeleton on posed bodies, metres.

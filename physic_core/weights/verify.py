@@ -8,10 +8,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
 from physic_core.weights.manifest import WeightFile
+
+if TYPE_CHECKING:
+    from io import BufferedReader
 
 __all__ = [
     "describe_mismatch",
@@ -39,7 +42,7 @@ def sha256_of(path: Path) -> str:
         return sha256_of_open(file)
 
 
-def sha256_of_open(file: BinaryIO) -> str:
+def sha256_of_open(file: BufferedReader) -> str:
     """Return the SHA-256 of an open file, from its place on, as hexadecimal digits."""
     return hashlib.file_digest(file, "sha256").hexdigest()
 
