@@ -44,13 +44,13 @@ class BackendRecord:
 
 
 @dataclass(frozen=True)
-class CommandRecord:
-    """A command that a plugin adds to ``physic``.
+class _TargetRecord:
+    """What a plugin adds by a function or an object of its own.
 
     Attributes:
-        name: words after ``physic``, such as "bench" or "plugins check".
-        target: "package.module:function" of a ``click.Command``, imported when the command is run.
-        summary: one line for ``--help``.
+        name: of what is added.
+        target: "package.module:function", imported when it is used.
+        summary: one line for ``--help`` and messages.
     """
 
     name: str
@@ -58,20 +58,28 @@ class CommandRecord:
     summary: str = ""
 
 
-@dataclass(frozen=True)
-class ExecutorRecord:
-    """A way to run ``physic batch``, such as on a cluster.
+class CommandRecord(_TargetRecord):
+    """A command that a plugin adds to ``physic``; its name is the words after it, such as "bench" or "plugins check".
 
-    Attributes:
-        name: value of ``--executor``, lower case with hyphens.
-        target: "package.module:function" of a function that gets :class:`physic_core.batch.executors.ExecutorSettings`
-            and returns an :data:`physic_core.batch.run.Executor`; imported when the executor is used.
-        summary: one line for messages.
+    The target is a ``click.Command``.
     """
 
-    name: str
-    target: str
-    summary: str = ""
+
+class ExecutorRecord(_TargetRecord):
+    """A way to run ``physic batch``, such as on a cluster; its name is the value of ``--executor``, in lower case.
+
+    The target is a function that gets :class:`physic_core.batch.executors.ExecutorSettings` and returns an
+    :data:`physic_core.batch.run.Executor`.
+    """
+
+
+class ReportRecord(_TargetRecord):
+    """The page of a result, ``report.html``; only one installed plugin may make it.
+
+    The target is a function that gets a :class:`physic_core.Reconstruction`, or the :class:`physic_core.InputError`
+    that says why it cannot be read, and a title, and returns HTML as text. The HTML has
+    :data:`physic_core.visual.report.GENERATOR` in its first 500 bytes.
+    """
 
 
 @dataclass(frozen=True)
@@ -124,23 +132,6 @@ class ExporterRecord:
     def missing_packages(self) -> tuple[str, ...]:
         """The required packages that are not installed."""
         return tuple(package for package in self.packages if find_spec(package) is None)
-
-
-@dataclass(frozen=True)
-class ReportRecord:
-    """The page of a result, ``report.html``; only one installed plugin may make it.
-
-    Attributes:
-        name: of the page, lower case with hyphens.
-        target: "package.module:function" of a function that gets a :class:`physic_core.Reconstruction`, or the
-            :class:`physic_core.InputError` that says why it cannot be read, and a title, and returns HTML as text. The
-            HTML has :data:`physic_core.visual.report.GENERATOR` in its first 500 bytes. Imported when it is used.
-        summary: one line for messages.
-    """
-
-    name: str
-    target: str
-    summary: str = ""
 
 
 RECORD_HOOKS: dict[type[Any], str] = {

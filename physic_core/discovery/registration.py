@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import pluggy
 
 from physic_core.discovery import hookspecs
+from physic_core.discovery.records import RECORD_HOOKS
 
 __all__ = [
     "GROUP",
@@ -29,14 +30,7 @@ __all__ = [
 GROUP = "physic.plugins"
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
 _Record = TypeVar("_Record")
-_HOOKS = (
-    "physic_backends",
-    "physic_commands",
-    "physic_executors",
-    "physic_exporters",
-    "physic_reports",
-    "physic_weights",
-)
+_HOOKS = ("physic_backends", *RECORD_HOOKS.values(), "physic_weights")
 
 
 class InvalidPluginError(Exception):
