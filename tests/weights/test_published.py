@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.weights import fingerprint, locate, missing, published
+from physic_core.weights import fingerprint, locate, missing, verify
 from physic_core.weights.verify import require_unchanged_files
 
 CONTENT = b"weights" * 1000
@@ -58,7 +58,7 @@ def test_a_damaged_file_is_refused_and_not_missing(folder: Path, model: Path):
 
 def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, model: Path, monkeypatch):
     model.write_bytes(CONTENT[:-1])
-    monkeypatch.setattr(published, "sha256_of_open", None)
+    monkeypatch.setattr(verify, "sha256_of_open", None)
     with pytest.raises(BackendError) as caught:
         locate(folder, "net")
     assert str(caught.value) == (f"{model} is not the published file: it has 6999 bytes instead of 7000: {ADVICE}")
@@ -66,8 +66,8 @@ def test_a_file_of_another_size_is_refused_without_reading_it(folder: Path, mode
 
 def test_a_file_is_read_once_in_a_process_until_it_changes(folder: Path, model: Path, monkeypatch):
     reads = []
-    compute = published.sha256_of_open
-    monkeypatch.setattr(published, "sha256_of_open", lambda file: reads.append(file.name) or compute(file))
+    compute = verify.sha256_of_open
+    monkeypatch.setattr(verify, "sha256_of_open", lambda file: reads.append(file.name) or compute(file))
     for _ in range(3):
         locate(folder, "net")
     assert reads == [str(model)]
@@ -91,14 +91,14 @@ def test_a_link_to_another_file_is_compared_again(folder: Path, model: Path, tmp
 
 
 def test_a_file_that_is_written_while_it_is_compared_is_refused(folder: Path, model: Path, monkeypatch):
-    compute = published.sha256_of_open
+    compute = verify.sha256_of_open
 
     def compute_and_write(file: Any) -> str:
         digest = compute(file)
         flip_bit(model)
         return digest
 
-    monkeypatch.setattr(published, "sha256_of_open", compute_and_write)
+    monkeypatch.setattr(verify, "sha256_of_open", compute_and_write)
     with pytest.raises(BackendError) as caught:
         locate(folder, "net")
     assert str(caught.value) == f"{model} was written while it was read: try again when it is complete"
@@ -120,7 +120,7 @@ def test_a_file_that_is_replaced_while_it_is_loaded_is_refused(folder: Path, mod
 
 
 def test_looking_for_files_reads_none(folder: Path, model: Path, monkeypatch):
-    monkeypatch.setattr(published, "sha256_of_open", None)
+    monkeypatch.setattr(verify, "sha256_of_open", None)
     assert missing(folder, "net") == ()
     assert fingerprint(folder, "net")
 
