@@ -183,7 +183,7 @@ class TestRefused:
             recover_camera(np.zeros((60, 80, 3)), np.ones((60, 80), bool))
 
     @pytest.mark.parametrize("focal", [0.0, -5.0, np.nan, (100.0, 0.0)])
-    def test_known_focal_length_that_is_none(self, focal):
+    def test_a_known_focal_length_that_is_not_positive_is_an_error(self, focal):
         with pytest.raises(BackendError, match="must be a number of px above 0"):
             recover_camera(seen_by(100.0, depth_of_a_scene(60, 80)), np.ones((60, 80), bool), focal)
 

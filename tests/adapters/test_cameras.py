@@ -16,7 +16,7 @@ def test_a_known_camera_follows_the_size_of_the_image():
     assert known_camera(Hints(), IMAGE) is None
 
 
-def test_a_guess_is_of_the_long_side_and_says_so():
+def test_a_guessed_focal_length_depends_on_the_long_side_and_is_marked():
     for image in (IMAGE, IMAGE.swapaxes(0, 1)):
         camera, (note,) = guessed_camera(90.0, image)
         np.testing.assert_allclose([camera.fx, camera.fy], 100.0)

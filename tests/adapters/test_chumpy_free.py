@@ -151,7 +151,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
+def test_a_path_that_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
     """In a process of its own: opening a pipe waits for ever, and /dev/zero never ends."""
     path = Path("/dev/zero") if kind == "device" else tmp_path / "MANO_RIGHT.pkl"
     if kind == "pipe":

@@ -41,7 +41,7 @@ def test_a_squashed_crop_has_no_white() -> None:
     np.testing.assert_allclose(seen, 0, atol=0.1)
 
 
-def test_what_is_left_in_the_photo_is_left_in_the_crop() -> None:
+def test_the_crop_keeps_left_and_top() -> None:
     image = np.zeros((256, 256, 3), np.uint8)
     image[:100, :60] = 255
     seen = colours(contact_crop(image, np.array([0.0, 0, 256, 256]), growth=0.0))

@@ -82,7 +82,7 @@ def test_refining_equals_transformers() -> None:
     assert np.allclose(value, scores[..., 0])
 
 
-def test_a_flat_map_answers_its_first_cell_and_its_value() -> None:
+def test_the_peak_of_a_flat_map_is_its_first_cell() -> None:
     found, value = subpixel_peaks(np.zeros((1, 1, 8, 6)))
     assert found.tolist() == [[[0.0, 0.0]]]
     assert value.tolist() == [[0.0]]

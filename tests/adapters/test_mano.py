@@ -44,7 +44,7 @@ def test_matrices_do_as_well_as_vectors() -> None:
     )
 
 
-def test_the_surer_of_two_answers_about_a_hand_counts() -> None:
+def test_the_hand_with_the_higher_confidence_counts() -> None:
     hands = hands_from_mano(1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3]))
     np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
 

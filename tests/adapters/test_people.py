@@ -80,7 +80,7 @@ def test_a_mask_does_not_reach_far_out_of_its_box():
     arrays(np.float32, st.tuples(st.integers(0, 4), st.just(6), st.just(8)), elements=st.floats(-3, 3, width=32)),
     st.booleans(),
 )
-def test_whatever_the_masks_the_answer_holds_to_the_interface(logits, sharp):
+def test_any_mask_gives_a_valid_result(logits, sharp):
     masks = logits > 0 if sharp else logits
     people = people_from_masks(list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE)
     assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []

@@ -21,13 +21,13 @@ def test_three_joints_as_vectors_are_not_taken_for_a_matrix() -> None:
     np.testing.assert_array_equal(to_rotvecs(vectors, 3), vectors)
 
 
-def test_what_is_no_rotation_is_not_a_number() -> None:
+def test_a_matrix_that_is_no_rotation_becomes_nan() -> None:
     matrices = np.stack([np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)])[None]
     found = to_rotvecs(matrices, 4)[0]
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
 
 
-def test_another_shape_is_refused_in_words() -> None:
+def test_another_shape_is_refused_with_a_message() -> None:
     said = r"rotations of 15 joints must be \(N, 15, 3\), \(N, 45\) or \(N, 15, 3, 3\), got \(2, 16, 3\)"
     with pytest.raises(ValueError, match=said):
         to_rotvecs(np.zeros((2, 16, 3)), 15)

@@ -108,7 +108,7 @@ def test_ctrl_c_of_the_user_ends_the_call(deed: Callable[[], None]) -> None:
         call(lambda image: deed())
 
 
-def test_what_a_handler_of_the_program_raises_ends_the_call() -> None:
+def test_an_exception_of_a_signal_handler_ends_the_call() -> None:
     class Ended(BaseException):
         pass
 

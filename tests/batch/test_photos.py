@@ -149,7 +149,7 @@ def test_every_format_that_is_read_is_listed(tmp_path: Path):
         assert read_photo(item.path).image.shape == (80, 80, 3)
 
 
-def test_what_is_skipped_is_counted_by_reason(folder: Path):
+def test_skipped_files_are_counted_by_reason(folder: Path):
     (folder / "Thumbs.db").touch()
     (folder / "more.txt").touch()
     (folder / "README").touch()
@@ -236,7 +236,7 @@ def test_shards_cover_every_photo_once(items: list[str], count: int):
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
-def test_what_is_no_shard(text: str):
+def test_invalid_shards_are_an_error(text: str):
     assert parse_shard("3/16") == (3, 16)
     with pytest.raises(
         ConfigError, match=r"^a shard is written 3/16, with a first number from 1 to the second \(got '"

@@ -86,7 +86,7 @@ def test_what_is_hidden_is_unknown_where_a_data_set_does_not_say_so(truth, monke
     assert np.isnan(seen["posetrack18"].seen).all()
 
 
-def test_a_view_is_held_against_what_the_others_triangulate(truth):
+def test_a_view_is_compared_with_the_triangulation_of_the_others(truth):
     joints = truth.joints.limb_joints(JOINTS, 3)
     views = []
     for k, angle in enumerate(np.radians([-40, -15, 10, 35])):

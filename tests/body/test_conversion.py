@@ -188,7 +188,7 @@ def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, 
     )
 
 
-def test_the_note_says_how_near_it_came(own: Bodies, embedded: BodyModel) -> None:
+def test_the_note_states_the_residual_of_the_joints(own: Bodies, embedded: BodyModel) -> None:
     joints = posed(embedded, own)[1]
     found = convert_with_residuals(replace(own, body_model="smpl", joints=joints), embedded)
     assert found.note("smpl") == (

@@ -62,7 +62,7 @@ def files(cache: ResultCache) -> list[Path]:
     return sorted(cache._folder.iterdir())
 
 
-def test_what_was_kept_is_found_to_the_last_bit_by_another_run(cache: ResultCache):
+def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache):
     assert cache.read(ask(cache)) is None
     cache.write(ask(cache), ANSWER)
     found = ResultCache(cache._folder, 0).read(ask(cache))
@@ -134,7 +134,7 @@ def test_a_file_that_an_option_names_is_part_of_the_question(cache: ResultCache,
     assert len({absent, before, ask(cache, who).name}) == 3
 
 
-def test_what_the_backend_states_is_part_of_the_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_the_fingerprint_of_the_backend_is_part_of_the_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
     monkeypatch.setattr(Depth, "stated", "revision 2")
     assert ask(cache).name != before

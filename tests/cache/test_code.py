@@ -111,7 +111,7 @@ def test_a_huge_package_counts_by_the_module_alone(site: Path, monkeypatch: pyte
     assert CodeDigester().digest(kind) not in (told, None)
 
 
-def test_what_was_edited_after_the_process_began_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_module_edited_after_the_start_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):
     kind = package(site)
     monkeypatch.setattr(code, "_STARTED", time.time() - 100)
     assert CodeDigester().digest(kind) is None

@@ -51,7 +51,7 @@ TABLE = (
 )
 
 
-def test_info_tells_the_folder_and_what_is_in_it(folder: Path):
+def test_info_prints_the_folder_and_its_content(folder: Path):
     fill(folder)
     assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}"
 
@@ -61,7 +61,7 @@ def test_info_of_a_cache_that_was_never_used(folder: Path):
     assert not folder.exists()
 
 
-def test_clear_removes_all_answers_and_tells_which(folder: Path):
+def test_clear_removes_all_entries_and_lists_them(folder: Path):
     fill(folder)
     assert physic("clear").output == f"{TABLE}removed 4 answers, 1.4 MB from {folder}\n"
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]

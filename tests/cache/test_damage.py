@@ -32,7 +32,7 @@ def tool() -> ModuleType:
     return module
 
 
-def test_no_flipped_bit_changes_an_answer_or_ends_in_an_error(tool: ModuleType, tmp_path: Path):
+def test_a_flipped_bit_in_the_cache_changes_no_result(tool: ModuleType, tmp_path: Path):
     outcomes, faults = tool.flip(tmp_path, 800)
     assert faults == []
     assert sum(outcomes.values()) == 800

@@ -66,7 +66,7 @@ def test_an_array_that_is_shown_again_is_not_read_again():
         (Hints(hole=object()), "object has no digest."),  # type: ignore[arg-type]
     ],
 )
-def test_what_has_no_contents_to_tell_is_refused(thing: object, message: str):
+def test_digest_refuses_objects_without_contents(thing: object, message: str):
     with pytest.raises(TypeError) as error:
         digest(thing)
     assert str(error.value) == message

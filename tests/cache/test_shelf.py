@@ -53,7 +53,7 @@ def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, lef
     assert names(folder) == [*(f"{i}.answer.npz" for i in range(4 - left, 4)), "notes.txt", "reconstruction.npz"]
 
 
-def test_what_a_dead_writer_left_goes_and_what_is_being_written_stays(folder: Path):
+def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder: Path):
     put(folder, ".9.answer.npz.0a.physic-part", 10, 4000)
     put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
     put(folder, ".scene.glb.0c.physic-part", 10, 4000)

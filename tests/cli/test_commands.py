@@ -178,7 +178,7 @@ def test_show_prints_what_the_run_printed(pipeline):
         ([""], 2, "the name of the photo is empty: name an image file"),
     ],
 )
-def test_what_is_not_one_photo_names_the_command_to_type(pipeline, photos: list[str], code: int, message: str):
+def test_run_on_a_folder_names_the_batch_command(pipeline, photos: list[str], code: int, message: str):
     Path("photos").mkdir()
     Path("photos/a.jpg").touch()
     done = physic("run", *photos, "--preset", "mock")
@@ -234,7 +234,7 @@ def test_whoever_opens_a_file_says_that_it_may_not_be_read(pipeline, monkeypatch
     assert (done.exit_code, len(pipeline.calls)) == (0, 1), done.output
 
 
-def test_a_gpu_that_is_not_there_says_so(pipeline, monkeypatch):
+def test_a_missing_gpu_is_reported(pipeline, monkeypatch):
     torch = pytest.importorskip("torch")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert refusal(*run("--device", "cuda")) == (
@@ -547,7 +547,7 @@ def test_a_class_that_no_plugin_registers_is_shown(monkeypatch, tmp_path):
 # ---- config ----------------------------------------------------------------------------------------------------------
 
 
-def test_check_says_that_all_is_well_or_what_is_not():
+def test_check_prints_ok_or_the_faults():
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
     assert physic("config", "check", "my.toml").stdout == "my.toml: no errors\n"
     assert refusal("config", "check", "my.toml", "--set", "inpainter.backend=telae").startswith(

@@ -67,7 +67,7 @@ def test_photos_of_one_name_get_folders_of_their_own_and_find_them_again():
     assert [photo_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
 
 
-def test_it_says_that_a_folder_is_taken():
+def test_run_notes_that_a_folder_name_is_taken():
     run(photo("x/a.jpg"))
     assert run(photo("y/a.jpg")).stderr == "a-physic/ is taken: results go to a.jpg-physic/\n"
     Path("b-physic").mkdir()  # perhaps of a run that has not ended

@@ -116,7 +116,7 @@ def test_a_batch_runs_with_closed_streams():
     assert (done.returncode, done.stdout.splitlines()[0]) == (0, "1 done, 0 failed")
 
 
-def test_a_process_ends_with_its_code_and_does_what_it_has_to_do_at_its_end(tmp_path: Path):
+def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: Path):
     """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in buffers are written."""
     start = (
         "import atexit, tempfile, sys\n"

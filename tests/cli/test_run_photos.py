@@ -163,7 +163,7 @@ DEFAULT_FILES = ["combined.glb", "preview.png", "reconstruction.json", "reconstr
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_what_a_run_keeps(world: World, arguments: tuple[str, ...], names: list[str]):
+def test_save_option_of_run_chooses_these_files(world: World, arguments: tuple[str, ...], names: list[str]):
     Image.fromarray(world.image).save("a.png")
     assert run("a.png", *arguments).exit_code == 0
     assert sorted(path.name for path in Path("new/out").iterdir()) == names

@@ -147,7 +147,7 @@ def test_a_body_model_path_is_relative_to_its_file(write):
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_every_preset_of_the_engine_is_what_a_config_may_say(preset):
+def test_a_config_accepts_every_preset_of_the_engine(preset):
     said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "placement", "joint", "contact")}
     assert as_config({"engine": {"preset": preset, **said}}).engine.settings() == PRESETS[preset]
 

@@ -127,7 +127,7 @@ def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: 
     assert asked == []
 
 
-def test_the_command_says_it_too_and_leaves_no_folder(heavy: Path, repository: Path, tmp_path: Path):
+def test_run_lists_missing_files_and_leaves_no_folder(heavy: Path, repository: Path, tmp_path: Path):
     photo = repository / "examples" / "couple.jpg"
     done = physic("run", str(photo), "--config", "my.toml", "-o", "out")
     assert (done.exit_code, done.stdout) == (4, "")
@@ -145,7 +145,7 @@ def test_it_is_said_before_the_photo_is_read(heavy: Path):
     assert "no-such-photo.png" in done.stderr
 
 
-def test_the_benchmark_says_it_before_it_builds_a_world(site, heavy: Path, tmp_path: Path):
+def test_the_benchmark_lists_missing_files_before_it_builds_a_world(site, heavy: Path, tmp_path: Path):
     choice = "metric_depth={backend='slow', options={noise_seed=0}}"
     site.install("physic-slow", PLUGIN_WITH_SEED)
     (site.folder / "physic_slow.toml").write_text(MANIFEST)
@@ -158,7 +158,7 @@ def test_the_benchmark_says_it_before_it_builds_a_world(site, heavy: Path, tmp_p
     assert not (tmp_path / "bench").exists()
 
 
-def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy: Path):
+def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
     done = physic("config", "check", "my.toml")
     assert (done.exit_code, done.stdout) == (
         4,
@@ -170,7 +170,7 @@ def test_config_check_says_that_the_config_holds_and_what_a_run_would_lack(heavy
     )
 
 
-def test_config_check_says_no_more_than_before_where_all_is_here(heavy: Path):
+def test_config_check_lists_nothing_if_nothing_is_missing(heavy: Path):
     bring(heavy)
     with (heavy / "model.onnx").open("r+b") as file:
         file.truncate(140852051)
@@ -209,7 +209,7 @@ def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
     )
 
 
-def test_show_says_what_is_missing_and_where_it_is_sought_or_lies(heavy: Path, tmp_path: Path):
+def test_show_lists_missing_files_and_search_folders(heavy: Path, tmp_path: Path):
     def shown() -> list[str]:
         lines = physic("plugins", "show", "heavy").stdout.split("\n\n")[0].splitlines()
         return [line for line in lines if line.startswith(("  status", "  files"))]
@@ -269,7 +269,7 @@ def test_the_kit_runs_no_check_of_a_backend_that_is_not_ready(heavy: Path):
     assert (done.exit_code, json.loads(done.stdout)[0]["not_asked"]) == (4, f"not ready: {NET}")
 
 
-def test_a_comparison_says_why_a_backend_answers_nothing(heavy: Path):
+def test_a_comparison_states_why_a_backend_has_no_result(heavy: Path):
     found = compare("metric_depth", ["heavy"], worlds=[("stand", 0)], size=(96, 72))
     assert found.rows[0].problem == f"not ready: {NET}"
 
@@ -297,14 +297,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("answer", "says"), WRONG, ids=[says for _, says in WRONG])
-def test_what_is_no_answer_is_the_backends_fault(answer: object, says: str):
+def test_an_invalid_result_of_missing_is_a_backend_error(answer: object, says: str):
     with pytest.raises(BackendError) as caught:
         missing_requirements(saying(answer)())
     line = saying.__code__.co_firstlineno + 3
     assert str(caught.value) == says.replace("{}", str(line))
 
 
-def test_an_error_about_missing_weights_is_an_answer():
+def test_a_weights_missing_error_counts_as_a_missing_file():
     assert missing_requirements(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
 
 

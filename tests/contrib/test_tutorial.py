@@ -70,7 +70,7 @@ def test_the_example_is_what_the_tutorial_makes():
     assert hook == own.replace("physic_example_depth.stature", "physic_stature.metric_depth")
 
 
-def test_the_pages_of_contrib_name_what_is_there():
+def test_links_of_the_pages_of_contrib_exist():
     for page in (PAGE, *PAGE.parent.glob("*/README.md")):
         for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
             assert (page.parent / target).exists(), f"{page}: {target}"

@@ -154,7 +154,7 @@ def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("name", "whose"), [("colorsys", "colorsys.py"), ("click", "click/__init__.py")])
-def test_a_name_that_python_knows_is_refused(tmp_path: Path, name: str, whose: str):
+def test_the_name_of_an_installed_module_is_refused(tmp_path: Path, name: str, whose: str):
     (tmp_path / f"{name}.py").write_text(DEPTH)
     with pytest.raises(ImportError) as caught:
         load_module(tmp_path, name)

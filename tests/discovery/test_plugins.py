@@ -63,7 +63,7 @@ def test_a_plugin_that_leaves_python_is_a_row_too(site):
     assert causes(found(site)) == ["physic-bad 1.0 (SystemExit: no licence found (physic_bad.py:1))"]
 
 
-def test_what_a_plugin_prints_is_not_what_a_command_answers(site, capsys):
+def test_output_of_a_plugin_goes_to_stderr(site, capsys):
     hook = HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C', api=1)]\n"
     site.install("physic-loud", "print('Welcome!')\n" + hook)
     assert names(found(site)) == ["x"]
@@ -89,7 +89,7 @@ def test_a_forgotten_decorator_is_found(site):
     assert causes(found(site)) == ["physic-bad 1.0 (physic_bad has no function physic_backends marked with @hookimpl)"]
 
 
-def test_an_answer_of_another_kind_is_found(site):
+def test_a_hook_that_returns_another_type_is_reported(site):
     site.install("physic-bad", HOOK + "    return BackendRecord('inpainter', 'x', 'm:C', api=1)\n")
     site.install("physic-mad", HOOK + "    return [('inpainter', 'x', 'm:C')]\n")
     assert causes(found(site)) == [
@@ -136,7 +136,7 @@ def test_a_new_version_of_an_interface_refuses_the_backends_of_that_one_alone(si
     assert {"physic-embedded", "physic-mock", f"third-party-{interface.replace('_', '-')}"} <= owners
 
 
-def test_a_backend_for_an_unknown_interface_is_kept_with_what_is_near(site):
+def test_a_backend_for_an_unknown_interface_suggests_a_close_name(site):
     site.offer("physic-a", "metric-depth", "x")
     site.offer("physic-b", "music", "x")
     assert [c.problem for c in found(site)] == [

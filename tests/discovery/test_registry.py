@@ -91,7 +91,7 @@ def test_a_registry_survives_pickling():
     assert (again.manifests, again.restriction) == (own.manifests, own.restriction)
 
 
-def test_an_unknown_name_says_what_is_installed_what_is_near_and_which_python():
+def test_an_unknown_name_lists_installed_and_close_names_and_the_python():
     got = message(BackendNotFoundError, registry(("mock", A), ("telea", B)).get, "inpainter", "mok")
     assert got == f"no inpainter named 'mok'; installed: mock, telea. Did you mean 'mock'?\nPython: {sys.executable}"
 
@@ -115,7 +115,7 @@ def test_a_misspelt_name_of_a_known_distribution_says_what_to_install():
     )
 
 
-def test_a_name_of_another_interface_says_so():
+def test_a_name_of_another_interface_is_reported():
     own = registry(("mock", A))
     own.register(BackendRecord("segmenter", "outline", "m:C", api=1), B)
     got = message(BackendNotFoundError, own.get, "inpainter", "outline")

@@ -63,7 +63,7 @@ def test_moved_points_are_measured_at_a_persons_pixels():
     assert moved_scene(after, before, ~mask) is None
 
 
-def test_only_what_is_deeper_than_a_dent_counts_as_penetration():
+def test_only_depth_beyond_the_dent_counts_as_penetration():
     result: Any = SimpleNamespace(
         depth_inside=torch.tensor([[0.05, 0.05, 0.2, 0.02]]), surface_share=torch.tensor([[0.4, 0.3, 0.2, 0.1]])
     )

@@ -128,7 +128,7 @@ def test_contact_vertices_may_penetrate_in_the_released_code_alone(make_stage):
     assert (spared.weights["penetration"][~contact] > 0).any()
 
 
-def test_what_only_the_own_body_hides_penetrates_in_the_released_code_alone(make_stage):
+def test_self_occluded_vertices_penetrate_in_the_released_code_only(make_stage):
     crossed = {"left_shoulder": (0.0, -1.3, -0.6), "left_elbow": (0.0, -1.6, 0.0)}
     stage = make_stage([(crossed, (0.0, 0.0, 3.0))], boxes=[((-0.6, -0.4, 3.08), (0.6, 1.3, 3.3))])
     for joint, wanted in ((PAPER, False), (RELEASE, True)):

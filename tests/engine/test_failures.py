@@ -83,7 +83,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize("what", FAULTS)
-def test_the_other_ends_as_alone(start, way, what):
+def test_the_other_person_ends_as_if_alone(start, way, what):
     settings, alone = way
     both = optimize(broken(start, what), settings)
     apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()

@@ -174,7 +174,7 @@ def test_a_floor_of_a_mask_is_never_taken_for_furniture(people):
     assert not floor_cuts_people(None, vertices)
 
 
-def test_a_floor_metres_below_everybody_is_not_what_they_stand_on(people):
+def test_a_floor_metres_below_all_people_is_refused(people):
     vertices, joints, soles = people
     under = -float((vertices[:, soles] @ UP).min())
     deep = 0.8 + 0.15 * float(vertices[..., 2].mean(1).max())

@@ -154,7 +154,7 @@ def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
 
 
 @pytest.mark.parametrize(("high", "pulled"), [(0.07, 1.0), (0.13, 0.0)], ids=["bent floor", "step"])
-def test_what_is_hardly_higher_than_the_floor_is_no_step(make_stage, high, pulled):
+def test_a_surface_hardly_above_the_floor_is_no_step(make_stage, high, pulled):
     stage = make_stage(ALONE, boxes=[((-0.5, 1.3 - high, 3.1), (0.5, 1.3, 4.0))], stands_at=1.3 - high)
     energy = JointEnergy(stage.problem, SETTINGS)
     assert energy.weights["soles"].tolist() == [[pulled, pulled]]

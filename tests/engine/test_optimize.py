@@ -105,7 +105,7 @@ def test_stops_when_a_refreshs_steps_no_longer_help():
     assert energy.refreshes == len(trace.totals) - 2  # between the blocks; the last block changed nothing to look at
 
 
-def test_steps_around_what_is_not_a_number():
+def test_the_optimiser_avoids_nan():
     energy = Bowl(wall=2.5)
     trace = minimise(energy, LBFGS)
     assert torch.isfinite(energy.state.pack()).all()

@@ -116,7 +116,7 @@ def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal: float) -> Non
     torch.testing.assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
 
 
-def test_a_depth_whose_camera_nobody_knows_stays_as_it_is() -> None:
+def test_a_depth_of_unknown_camera_is_unchanged() -> None:
     state = scene(K=camera(200.0), K_metric=None)
     torch.testing.assert_close(state.points[..., 2], DEPTH)
 
@@ -159,7 +159,7 @@ def test_shift_is_found_by_depth_alone_without_a_known_camera() -> None:
     torch.testing.assert_close(state.points[..., 2], DEPTH)
 
 
-def test_what_is_too_far_is_not_valid() -> None:
+def test_pixels_beyond_the_maximum_depth_are_invalid() -> None:
     state = scene(settings=SceneSettings(far_m=5.0))
     assert not state.valid[DEPTH > 5].any()
     assert state.valid[DEPTH < 4.9].double().mean() > 0.98
@@ -237,7 +237,7 @@ def test_the_metric_depth_alone_can_be_the_scene() -> None:
     torch.testing.assert_close(state.points, RAYS * bent[..., None])
 
 
-def test_metric_depth_that_knows_nothing_is_an_error() -> None:
+def test_metric_depth_without_a_finite_value_is_an_error() -> None:
     with pytest.raises(BackendOutputError) as caught:
         build_scene(RAYS, ALL, "scale", torch.full((ROWS, COLUMNS), math.nan), K=K)
     assert str(caught.value) == (

@@ -89,7 +89,7 @@ def test_fused_and_reference_energies_are_alike_with_other_losses(sunk, kind):
     assert_alike(energy)
 
 
-def test_every_term_has_something_to_say_there(sunk):
+def test_every_surface_term_is_above_zero_there(sunk):
     energy = JointEnergy(sunk, DEFAULT)
     somewhere(energy)
     for term, value in energy().items():

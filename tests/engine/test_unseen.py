@@ -62,7 +62,7 @@ def test_points_with_names_of_their_own_show_nothing():
     assert confirmed("left_knee", skeleton=own) == set()
 
 
-def test_likely_parts_count_where_the_prior_says_nothing(standing):
+def test_usual_contact_parts_count_without_a_prior(standing):
     nobody = replace(standing.problem, contact_probability=0 * standing.problem.contact_probability)
     energy = JointEnergy(nobody, adjusted(SETTINGS, contact__static_weight=0.25))
     prior = term_of(energy, SurfaceTerms).parts.contact.prior

@@ -33,7 +33,7 @@ def points(seed: int, count: int = 400) -> Tensor:
 
 @given(st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
-def test_what_is_inside_comes_out_on_the_far_side_of_its_ray_and_the_rest_stays(seed: int) -> None:
+def test_points_inside_a_body_move_behind_it_along_the_ray_and_the_rest_stays(seed: int) -> None:
     centre = torch.tensor([0.1, 0.0, 3.0], dtype=torch.float64)
     before = points(seed)
     after, moved = move_behind_bodies(before, ball(*centre.tolist())[None], FACES, nowhere(before), 1.0)

@@ -113,7 +113,7 @@ def test_an_inpainted_bulge_where_the_people_were_moves_nothing() -> None:
     assert plane.offset == pytest.approx(1.5, abs=0.02)
 
 
-def test_holes_weigh_less_than_what_was_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inpainted_pixels_weigh_less_than_visible_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     normal = up(12)
     ground = meet(normal, 1.5).clamp(max=20)
     sunk = meet(normal, 1.9).clamp(max=20)
@@ -362,7 +362,7 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) ->
 
 @pytest.mark.parametrize("pitch", [10.0, 15.0, 25.0])
 @pytest.mark.parametrize(("amount", "phase"), [(0.02, 0.0), (0.02, 1.5), (0.03, 0.0), (0.03, 1.5)])
-def test_a_small_bent_floor_leans_on_what_the_room_tells(pitch: float, amount: float, phase: float) -> None:
+def test_a_small_bent_floor_takes_up_from_the_room(pitch: float, amount: float, phase: float) -> None:
     normal = up(pitch, 5.0)
     depth, on_floor = walled(normal)
     down = torch.linspace(-1, 1, ROWS, dtype=torch.float64)[:, None]

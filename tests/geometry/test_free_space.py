@@ -17,7 +17,7 @@ K = torch.from_numpy(CAMERA.matrix)
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
-def test_it_is_what_the_measure_of_the_benchmark_does_not_call_hidden(seed: int) -> None:
+def test_free_space_equals_the_visibility_of_the_benchmark(seed: int) -> None:
     draw = np.random.default_rng(seed)
     depth = draw.uniform(1.0, 4.0, (24, 32))
     depth[draw.random((24, 32)) < 0.2] = np.nan

@@ -55,7 +55,7 @@ def parameters() -> BodyParameters:
     )
 
 
-def test_right_answers_have_no_faults() -> None:
+def test_valid_results_have_no_violations() -> None:
     points = np.ones((H, W, 3), np.float32)
     assert violations(Segmenter, people(), height=H, width=W) == []
     assert violations(Segmenter, replace(people(), keypoints=keypoints()), height=H, width=W) == []

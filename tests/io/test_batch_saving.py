@@ -117,7 +117,7 @@ def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction
     ],
     ids=str,
 )  # fmt: skip
-def test_what_is_saved(result: Reconstruction, tmp_path: Path, saving: Saving, files: list[str]):
+def test_save_levels_write_these_files(result: Reconstruction, tmp_path: Path, saving: Saving, files: list[str]):
     save_photo(result, tmp_path / "photo", saving)
     save_photo(result, tmp_path / "photo", saving)
     assert {path.name for path in tmp_path.glob("photo/*")} == set(files)
@@ -157,7 +157,7 @@ def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_p
 
 
 @pytest.mark.parametrize(("level", "glb"), [("everything", False), ("people", True)])
-def test_what_cannot_be_saved(level: str, glb: bool):
+def test_a_save_level_without_arrays_refuses_glb(level: str, glb: bool):
     with pytest.raises(ConfigError):
         Saving(level, glb=glb)
 

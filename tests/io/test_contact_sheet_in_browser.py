@@ -66,7 +66,7 @@ def test_the_order_is_that_of_grade_or_name(page: Any):
         assert titles(page) == list(expected)
 
 
-def test_filters_leave_what_fits_or_say_that_nothing_does(page: Any):
+def test_filters_show_matching_photos_or_a_note(page: Any):
     select(page, "grade", "good")
     assert (titles(page), text(page, "#count")) == (["0", "3"], "2 of 5 photos")
     select(page, "check", "+")

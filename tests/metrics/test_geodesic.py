@@ -149,7 +149,7 @@ def test_empty_sets_have_no_error_unless_the_published_rule_is_asked_for():
     assert (error.false_positive_cm, error.false_negative_cm) == (0, 0)
 
 
-def test_what_no_path_reaches_is_counted_apart():
+def test_unreachable_vertices_are_counted_separately():
     vertices, faces = strip(1)
     graph = surface_graph(np.concatenate([vertices, vertices + 9]), np.concatenate([faces, faces + 4]))
     error = geodesic_error(graph, marks(8, 1, 6), marks(8, 0))

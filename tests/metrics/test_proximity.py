@@ -50,7 +50,7 @@ def test_a_body_that_is_moved_up_is_farther_by_as_much(height, step):
     np.testing.assert_allclose(high - low, step, atol=1e-9)
 
 
-def test_what_is_out_of_reach_is_infinitely_far():
+def test_distance_beyond_the_search_radius_is_infinite():
     found = scene_distance(np.array([[0.0, 1.5 - SEARCH_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA)
     assert found.distance == np.inf
     np.testing.assert_array_equal(found.normal, 0)
@@ -76,7 +76,7 @@ def test_past_the_rim_of_a_surface_the_way_to_the_rim_counts():
     assert found.distance == pytest.approx(0.1, abs=0.002)
 
 
-def test_what_the_camera_sees_past_is_not_inside():
+def test_points_in_free_space_are_not_inside():
     depth = np.full((HEIGHT, WIDTH), 4.0)
     depth[60:] = 2.0  # a low wall: over its top the camera sees the one behind
     points, normals, valid = wall_view(depth)

@@ -277,7 +277,7 @@ def test_the_config_bounds_what_is_kept(warm: Path, counts: Counts, photo: Path)
     assert min(path.stat().st_mtime for path in left) > 9
 
 
-def test_a_damaged_answer_is_computed_again_with_a_note(first, warm: Path, counts: Counts, photo: Path) -> None:
+def test_a_damaged_cache_entry_is_computed_again_with_a_note(first, warm: Path, counts: Counts, photo: Path) -> None:
     (file,) = warm.glob("metric_depth-*")
     file.write_bytes(file.read_bytes()[:-99])
     result = reconstruct(read_photo(photo).image, "mock")

@@ -237,7 +237,7 @@ def test_a_backend_that_does_not_say_what_is_seen_is_believed() -> None:
     assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
 
 
-def test_an_engine_that_looks_for_no_floor_misses_none() -> None:
+def test_without_floor_search_no_check_of_the_floor_fails() -> None:
     assert failing(floor="switched_off") == []
 
 
@@ -304,7 +304,7 @@ def test_warnings(changes: dict[str, Any], warning: str) -> None:
     assert warning_messages(run_checks(*case(**changes))) == (warning,)
 
 
-def test_the_doubts_about_a_body_are_no_warnings_of_the_result() -> None:
+def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
     found = run_checks(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
     assert warning_messages(found) == ()
     told = {d.name: d.message for d in found if d.failed}
@@ -358,7 +358,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({}, "person_depth", "too few visible vertices have a depth"),
     ],
 )
-def test_what_is_not_measured_is_unknown_for_a_reason(changes: dict[str, Any], name: str, reason: str) -> None:
+def test_an_unmeasured_check_is_unknown_with_its_reason(changes: dict[str, Any], name: str, reason: str) -> None:
     (check,) = [d for d in run_checks(*case(**changes)) if d.name == name]
     assert (check.state, check.value, check.message) == (CheckState.UNKNOWN, None, f"not measured: {reason}")
 
@@ -501,7 +501,7 @@ def test_checks_are_written_and_read_back() -> None:
     assert parse_checks(records, 2) == RECORDS
 
 
-def test_version_1_called_what_was_not_measured_ok() -> None:
+def test_unmeasured_checks_of_version_1_are_unknown() -> None:
     records = [
         {"name": r.name, "person": r.person, "ok": r.state != "failed", "value": r.value}
         | {"threshold": r.threshold, "unit": r.unit, "message": r.message}

@@ -37,7 +37,7 @@ def test_both_men_are_found(result: Reconstruction) -> None:
     assert result.people[whole].joints[0, 2] > result.people[cut].joints[0, 2] > 0
 
 
-def test_the_whole_man_stands_on_the_floor(result: Reconstruction) -> None:
+def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) -> None:
     whole, _ = whole_and_cut(result)
     told = consistency(result, load_body())[whole]
     print(told)

@@ -251,7 +251,7 @@ def test_contact_of_some_is_put_among_all() -> None:
     assert lost.tolist() == [False, False, True]
 
 
-def test_rows_of_an_answer_are_those_of_all_its_arrays(world: World) -> None:
+def test_all_arrays_of_a_result_have_the_same_rows(world: World) -> None:
     people = backends.MockSegmenter().infer(world.image)
     rows = np.array([False, True])
     some = select_people(people, rows)

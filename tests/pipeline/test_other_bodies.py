@@ -67,7 +67,7 @@ def contact() -> ContactProbability:
     return ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
 
 
-def test_right_answers_have_no_faults() -> None:
+def test_valid_results_have_no_violations() -> None:
     assert violations(BodyEstimator, bodies(), people=2) == []
     assert violations(BodyEstimator, bodies(0), people=0) == []
     assert violations(HandEstimator, hands(), people=2) == []
@@ -199,7 +199,7 @@ def test_some_of_the_people_share_floor_and_surfaces() -> None:
 
 
 @pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)
-def test_answers_with_the_new_fields_are_kept(answer: Bodies | Hands | ContactProbability, tmp_path: Path) -> None:
+def test_results_with_the_new_fields_are_cached(answer: Bodies | Hands | ContactProbability, tmp_path: Path) -> None:
     arrays, document = pack(answer)
     write_archive(tmp_path / "one.npz", arrays, document)
     found = unpack(*read_archive(tmp_path / "one.npz"), CLASSES)
@@ -211,7 +211,7 @@ def test_answers_with_the_new_fields_are_kept(answer: Bodies | Hands | ContactPr
     assert type(canonicalize(answer)) is type(answer)
 
 
-def test_answers_that_were_kept_before_these_fields_are_read() -> None:
+def test_cache_entries_without_the_new_fields_are_read() -> None:
     """A field that an old document does not name is None, which is what it was."""
     for answer, fields in (
         (Bodies(parameters(), "embedded"), ("joints", "mesh")),

@@ -51,7 +51,7 @@ def run(world: World, kind: type, interface: str) -> Reconstruction:
     return reconstruct(world.image, config, registry=with_backend(kind, interface))
 
 
-def test_a_wrong_answer_names_backend_stage_and_fault(world: World) -> None:
+def test_an_invalid_result_names_backend_stage_and_violation(world: World) -> None:
     class Transposed(backends.MockMetricDepth):
         def infer(self, image, hints):
             answer = super().infer(image, hints)
@@ -227,7 +227,7 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()
 
 
-def test_wide_and_read_only_answers_are_as_good(world: World) -> None:
+def test_float64_and_read_only_results_are_valid(world: World) -> None:
     class Wide(backends.MockRelativePointmap):
         def infer(self, image, hints):
             answer = super().infer(image, hints)

@@ -202,7 +202,7 @@ def test_an_invalid_result_is_an_error_with_every_violation(answer: object, faul
     assert str(error.value) == f"{TITLE} returned what the interface does not allow:\n  {fault}"
 
 
-def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer(monkeypatch: pytest.MonkeyPatch):
+def test_a_result_that_raises_while_it_is_checked_is_invalid(monkeypatch: pytest.MonkeyPatch):
     def check(result: DepthMap, request: MetricDepthRequest) -> list[str]:
         raise AttributeError("'list' object has no attribute 'ndim'")
 
@@ -215,7 +215,7 @@ def test_an_answer_that_cannot_even_be_looked_at_is_a_wrong_answer(monkeypatch: 
     )
 
 
-def test_a_run_goes_on_without_what_it_can_do_without():
+def test_a_run_continues_without_an_optional_backend():
     stages = StageRunner("cpu", 2)
     assert if_it_can(stages, Counting(fails_in="load", error=FileNotFoundError("w.pt"))) is None
     wrong = Counting()
@@ -272,7 +272,7 @@ def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner])
     assert not stages.records[0].cached
 
 
-def test_a_kept_answer_must_pass_the_check_too(
+def test_a_cached_result_must_pass_the_check(
     events: list[str], run: Callable[[], StageRunner], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     ask(run(), Counting())

@@ -76,7 +76,7 @@ def test_every_row_passes_the_kit() -> None:
         assert re.fullmatch(r"passes(, \d+ runs)?", kit), f"{interface} {name}: {kit}"
 
 
-def test_weights_that_forbid_commerce_say_so(tool: ModuleType) -> None:
+def test_non_commercial_weights_are_marked(tool: ModuleType) -> None:
     """Words and mark of a licence do not contradict each other, in any list of weights."""
     for package, folder in tool.PLUGINS.items():
         for name, group in read_manifest(folder / package / "weights").items():

@@ -46,7 +46,7 @@ WEIGHTS = {
     ),
     "A file from a zip archive": "tests/weights/test_fetch.py::test_names_inside_a_zip_decide_no_place",
     "A weight set with a restricted licence": (
-        "tests/weights/test_fetch.py::test_what_is_not_free_is_fetched_only_with_the_users_word"
+        "tests/weights/test_fetch.py::test_restricted_weights_are_fetched_only_with_accept_licence"
     ),
 }
 WRITTEN = {

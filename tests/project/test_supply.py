@@ -45,7 +45,7 @@ def test_every_component_states_a_licence(bill: dict[str, Any]):
     assert len(names) == len(set(names))
 
 
-def test_what_is_referred_to_is_listed(bill: dict[str, Any]):
+def test_every_dependency_is_a_listed_component(bill: dict[str, Any]):
     references = {component["bom-ref"] for component in bill["components"]}
     for entry in bill["dependencies"]:
         assert {entry["ref"], *entry["dependsOn"]} <= references

@@ -59,7 +59,7 @@ def result(people: int, found: Scene, **further: object) -> Reconstruction:
     return Reconstruction(image(3, dtype="uint8"), CAMERA, found, everybody, faces, "embedded", "coco17", **further)  # type: ignore[arg-type]
 
 
-def test_a_reconstruction_says_in_a_line_what_it_holds():
+def test_the_repr_of_a_reconstruction_is_one_line():
     floor = Plane(np.array([0, -1.0, 0]), 1.5)
     unsure = CheckResult("floor", "failed", 0.0, 0.15, "at least", "share", "no floor was found")
     assert repr(result(2, scene(floor, 0.08), warnings=("no scale",))) == (
@@ -113,7 +113,7 @@ def test_every_dataclass_of_arrays_that_plugins_meet_is_short():
             assert "Array" not in hints or issubclass(kind, ShortRepr), name
 
 
-def test_a_registry_says_how_much_it_offers():
+def test_the_repr_of_a_registry_counts_backends():
     registry = Registry(installed=False)
     assert repr(registry) == "Registry(0 backends of 0 distributions)"
     registry.register(BackendRecord("inpainter", "mine", "m:C", api=1))

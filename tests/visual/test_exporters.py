@@ -169,7 +169,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
 # --- frames -----------------------------------------------------------------------------------------------------------
 
 
-def test_y_up_without_a_floor_is_the_camera_and_says_so(result: Reconstruction, tmp_path: Path):
+def test_y_up_without_a_floor_is_the_cameras_with_a_note(result: Reconstruction, tmp_path: Path):
     scene = replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
     done = replace(result, scene=scene).export(str(tmp_path / "a.glb"))
     assert done.notes == ("the result has no floor: y is the camera's up axis, and the origin is the camera",)

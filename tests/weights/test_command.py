@@ -139,7 +139,7 @@ def test_nothing_to_list(site: Any, monkeypatch):
     assert physic("list", "--missing").stdout == "nothing is missing\n"
 
 
-def test_show_what_is_missing(plugin: Any, own_cache: Path):
+def test_show_lists_a_set_that_is_missing(plugin: Any, own_cache: Path):
     assert physic("show", "gated").stdout == (
         "weights 'gated'\n"
         "  A gated network\n"
@@ -157,7 +157,7 @@ def test_show_what_is_missing(plugin: Any, own_cache: Path):
     )
 
 
-def test_show_what_is_here(plugin: Any, own_cache: Path, server: Any):
+def test_show_lists_a_set_that_is_present(plugin: Any, own_cache: Path, server: Any):
     there = put(own_cache / "free" / "free.onnx")
     assert physic("show", "free").stdout == (
         "weights 'free'\n"
@@ -231,7 +231,7 @@ def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monke
     assert physic("fetch", "physic-nets:free").exit_code == 0
 
 
-def test_where_of_what_is_missing(plugin: Any, own_cache: Path):
+def test_where_fails_for_missing_weights(plugin: Any, own_cache: Path):
     done = physic("where", "free")
     assert (done.exit_code, done.stdout) == (4, "")
     assert done.stderr == (
@@ -260,7 +260,9 @@ def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, o
     )
 
 
-def test_ctrl_c_ends_it_in_words_and_keeps_what_has_come(plugin: Any, server: Any, own_cache: Path, tmp_path: Path):
+def test_ctrl_c_ends_with_a_message_and_keeps_the_partial_download(
+    plugin: Any, server: Any, own_cache: Path, tmp_path: Path
+):
     """The whole way: a process of its own, a server that falls silent halfway, and SIGINT."""
     page = server.pages["/free.onnx"]
     page.stall = 524_288

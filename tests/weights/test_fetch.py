@@ -70,7 +70,7 @@ def test_only_missing_files_of_a_set_are_fetched(server: Any, own_cache: Path):
     assert (own_cache / "net" / "deep" / "b.onnx").read_bytes() == b"b"
 
 
-def test_a_folder_of_choice_gets_the_whole_set_without_a_second_download(server: Any, tmp_path: Path, monkeypatch):
+def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(server: Any, tmp_path: Path, monkeypatch):
     chosen = one(server.add("/model.onnx", CONTENT))
     fetch(chosen)
     assert fetch(chosen, to=tmp_path / "stick") == ("model.onnx",)
@@ -107,7 +107,7 @@ def test_the_next_fetch_goes_on_where_the_last_one_stopped(server: Any, own_cach
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_ctrl_c_keeps_what_has_come(server: Any, own_cache: Path):
+def test_ctrl_c_keeps_the_partial_download(server: Any, own_cache: Path):
     chosen = one(server.add("/model.onnx", CONTENT))
 
     def interrupt(file: str, done: int, total: int | None) -> None:
@@ -124,7 +124,7 @@ def test_ctrl_c_keeps_what_has_come(server: Any, own_cache: Path):
     assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT
 
 
-def test_a_server_that_knows_no_parts_sends_it_all_again(server: Any, own_cache: Path, no_pause: None):
+def test_a_server_without_range_requests_restarts_the_download(server: Any, own_cache: Path, no_pause: None):
     chosen = one(server.add("/model.onnx", CONTENT, cut=[262_144], ranges=False))
     fetch(chosen)
     assert server.ranges("/model.onnx") == ["", "bytes=262144-"]
@@ -157,7 +157,7 @@ def test_a_part_from_another_address_is_dropped(server: Any, own_cache: Path, no
     assert server.ranges("/new") == [""]
 
 
-def test_a_whole_part_needs_no_connection(server: Any, own_cache: Path):
+def test_a_complete_partial_download_needs_no_connection(server: Any, own_cache: Path):
     """The process ended between the last byte and the file's last name."""
     url = server.add("/model.onnx", CONTENT)
     (own_cache / "net").mkdir(parents=True)
@@ -222,7 +222,7 @@ def test_a_wrong_size_is_said_before_the_file_has_come(server: Any, own_cache: P
     assert left(own_cache) == []
 
 
-def test_a_wrong_size_is_said_where_the_server_gave_none(server: Any, own_cache: Path, no_pause: None):
+def test_a_wrong_size_is_reported_without_a_content_length(server: Any, own_cache: Path, no_pause: None):
     url = server.add("/model.onnx", b"too long", length=False)
     assert refusal(weights(WeightFile("model.onnx", 7, None, url))) == (
         f"{url} was downloaded, but it has 8 bytes instead of 7: removed"
@@ -238,7 +238,7 @@ def test_a_wrong_size_is_said_where_the_server_gave_none(server: Any, own_cache:
 
 
 @pytest.mark.parametrize("code", [401, 403])
-def test_what_needs_an_account_says_how_to_get_it(server: Any, own_cache: Path, code: int):
+def test_weights_with_an_account_name_the_way_to_get_them(server: Any, own_cache: Path, code: int):
     url = server.add("/model.onnx", status=code)
     chosen = one(url, account=True, homepage="https://example.org/net", advice="ask there")
     assert refusal(chosen, accept=True) == (
@@ -250,7 +250,7 @@ def test_what_needs_an_account_says_how_to_get_it(server: Any, own_cache: Path, 
     )
 
 
-def test_what_is_not_there_any_more_names_the_homepage(server: Any):
+def test_a_source_that_is_gone_names_the_homepage(server: Any):
     url = f"{server.address}/gone"
     assert refusal(one(url, homepage="https://example.org")) == (
         f"{url} does not exist (HTTP 404): see https://example.org"
@@ -292,7 +292,7 @@ def test_too_little_room_is_said_before_anything_comes(server: Any, own_cache: P
     )
 
 
-def test_a_disk_that_fills_up_keeps_what_has_come(server: Any, own_cache: Path, monkeypatch):
+def test_a_full_disk_keeps_the_partial_download(server: Any, own_cache: Path, monkeypatch):
     real, room = Path.open, 500_000
 
     class Full(io.FileIO):
@@ -357,7 +357,7 @@ NOT_FREE = [
 
 
 @pytest.mark.parametrize(("keys", "use", "account"), NOT_FREE, ids=["non-commercial", "not stated", "gated"])
-def test_what_is_not_free_is_fetched_only_with_the_users_word(server: Any, keys: dict, use: str, account: list[str]):
+def test_restricted_weights_are_fetched_only_with_accept_licence(server: Any, keys: dict, use: str, account: list[str]):
     chosen = one(server.add("/model.onnx", CONTENT), license="Own licence", homepage="https://example.org", **keys)
     assert refusal(chosen).splitlines() == [
         "'net' is not downloaded without --accept-licence:",
@@ -371,13 +371,13 @@ def test_what_is_not_free_is_fetched_only_with_the_users_word(server: Any, keys:
     assert fetch(chosen, accept=True) == ("model.onnx",)
 
 
-def test_what_is_here_needs_no_word(server: Any, own_cache: Path):
+def test_fetching_a_present_set_needs_no_licence_option(server: Any, own_cache: Path):
     (own_cache / "net").mkdir(parents=True)
     (own_cache / "net" / "model.onnx").write_bytes(CONTENT)
     assert fetch(one(server.add("/model.onnx", CONTENT), commercial=False)) == ()
 
 
-def test_what_has_no_source_prints_its_advice(server: Any, own_cache: Path):
+def test_fetching_a_set_without_a_source_prints_its_advice(server: Any, own_cache: Path):
     by_hand = weights(WeightFile("model.onnx"), advice="export it with tools/export_net.py")
     assert refusal(by_hand) == (
         "model.onnx of 'net' cannot be downloaded: export it with tools/export_net.py; "
@@ -466,7 +466,7 @@ def test_folders_inside_a_zip_may_be_left_out(server: Any, own_cache: Path):
     assert left(own_cache) == ["net/a", "net/model.onnx"]
 
 
-def test_a_whole_name_goes_before_the_end_of_another(server: Any, own_cache: Path):
+def test_an_exact_name_precedes_a_suffix_match(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(x__a=b"deep", a=b"top"))
     fetch(weights(WeightFile("a", source=f"{url}#a")))
     assert (own_cache / "net" / "a").read_bytes() == b"top"
@@ -500,7 +500,7 @@ def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Pat
     assert left(own_cache) == []
 
 
-def test_what_is_no_zip_is_said_and_removed(server: Any, own_cache: Path):
+def test_a_download_that_is_no_zip_is_reported_and_removed(server: Any, own_cache: Path):
     url = server.add("/all.zip", b"<html>please log in</html>")
     assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == (
         f"{url} is not a readable zip archive (File is not a zip file): removed"

@@ -130,7 +130,7 @@ def test_files_that_are_here_in_several_places_are_brought_together_without_a_ne
     assert locate(folder, "net") == own_cache / "net"
 
 
-def test_a_folder_of_choice_gets_what_the_librarys_cache_has(hub: Hub, tmp_path: Path):
+def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub: Hub, tmp_path: Path):
     chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
     fetch(chosen)
     asked = len(hub.server.asked)
@@ -161,7 +161,7 @@ def test_an_interrupted_file_goes_on_where_it_stopped(hub: Hub, tmp_path: Path, 
     assert (tmp_path / "hub" / "models--owner--net" / "blobs" / HASH).read_bytes() == CONTENT
 
 
-def test_ctrl_c_keeps_what_has_come(hub: Hub, tmp_path: Path):
+def test_ctrl_c_keeps_the_partial_download(hub: Hub, tmp_path: Path):
     chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
 
     def interrupt(file: str, done: int, total: int | None) -> None:
@@ -188,7 +188,7 @@ def test_what_comes_spoilt_never_gets_into_the_cache(hub: Hub, tmp_path: Path, c
     assert left(tmp_path / "hub") == []
 
 
-def test_what_was_replaced_since_the_list_was_written_is_not_fetched(hub: Hub):
+def test_a_file_replaced_since_the_manifest_is_not_fetched(hub: Hub):
     source = hub.add("model.onnx", CONTENT)
     assert refusal(source, {"sha256": "ab" * 32}) == (
         f"{source} has changed, its SHA-256 is {HASH} instead of {'ab' * 32}: not downloaded"
@@ -215,7 +215,7 @@ def access(server: Any) -> str:
     )
 
 
-def test_a_gated_repository_says_how_to_get_in(hub: Hub, server: Any):
+def test_a_gated_repository_names_the_way_to_get_access(hub: Hub, server: Any):
     source = hub.refuse("model.onnx", 403, "GatedRepo", "Access to model owner/net is restricted")
     assert refusal(source) == f"hf://owner/net is gated, and your login has no access to it: {access(server)}"
 
@@ -227,7 +227,7 @@ def test_a_repository_that_is_not_shown_may_be_private_or_gone(hub: Hub, server:
     )
 
 
-def test_a_plain_refusal_is_about_the_login(hub: Hub, server: Any):
+def test_http_403_without_details_is_about_the_login(hub: Hub, server: Any):
     assert refusal(hub.refuse("model.onnx", 403)) == f"hf://owner/net refuses access (HTTP 403): {access(server)}"
 
 
@@ -247,7 +247,7 @@ def test_a_hub_in_trouble(hub: Hub):
     assert refusal(hub.refuse("model.onnx", 500)) == "hf://owner/net is not available now (HTTP 500): try again later"
 
 
-def test_what_is_no_hub(hub: Hub, server: Any):
+def test_a_server_that_is_no_hub_is_reported(hub: Hub, server: Any):
     server.add("/owner/net/resolve/main/model.onnx", CONTENT)
     assert refusal("hf://owner/net/model.onnx") == (
         f"{server.address} does not respond like the hub of Hugging Face: check HF_ENDPOINT"

@@ -104,7 +104,7 @@ def test_where_no_size_is_published_it_counts_if_it_is_called_after_its_set(list
     assert missing(folder, "other") == ("weights 'other' (MIT) are missing: export it",)
 
 
-def test_the_whole_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
+def test_missing_weights_have_this_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
     with pytest.raises(WeightsMissingError) as caught:
@@ -162,7 +162,7 @@ def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
         ("{tmp}", "model.onnx", "no file model.onnx in the folder {tmp}"),
     ],
 )
-def test_what_is_not_there_is_named(lists: Any, tmp_path: Path, value: str, file: str | None, says: str):
+def test_a_missing_weight_path_is_named(lists: Any, tmp_path: Path, value: str, file: str | None, says: str):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
     value = value.replace("{tmp}", str(tmp_path))
     with pytest.raises(WeightsMissingError) as caught:

@@ -55,7 +55,7 @@ def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
     assert (found.bytes, found.is_free) == (None, False)
 
 
-def test_what_is_left_out_is_not_known(tmp_path: Path):
+def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
     (found,) = read_manifest(write(tmp_path, SIMPLE + SOURCE)).values()
     assert (found.commercial, found.account, found.homepage, found.advice, found.is_free) == (
         None,
@@ -163,7 +163,7 @@ def test_one_name_in_two_lists(tmp_path: Path):
     assert faults(tmp_path) == [f"{tmp_path / 'b.toml'}: [net] is in a.toml already"]
 
 
-def test_what_is_no_toml(tmp_path: Path):
+def test_a_file_that_is_not_toml_is_an_error(tmp_path: Path):
     (fault,) = faults(write(tmp_path, "[net]\nsummary = A\n"))
     assert fault == "Invalid value (at line 2, column 11)"
 

@@ -27,7 +27,7 @@ NAMES = (
         ("yolo", []),
     ],
 )
-def test_what_begins_alike_is_nearer_than_what_ends_alike(name: str, expected: list[str]):
+def test_a_common_prefix_is_closer_than_a_common_suffix(name: str, expected: list[str]):
     assert similar_names(name, NAMES) == expected
 
 
@@ -35,7 +35,7 @@ def test_nothing_is_near_where_there_is_nothing():
     assert similar_names("net", ()) == []
 
 
-def test_a_choice_in_words():
+def test_choices_are_joined_by_commas_and_or():
     assert [format_choice(NAMES[:n]) for n in (1, 2, 3)] == [
         "'big-lama'",
         "'big-lama' or 'camerahmr-onnx'",

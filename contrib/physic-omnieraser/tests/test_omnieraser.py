@@ -167,7 +167,7 @@ def test_the_lora_and_the_folder_of_flux_are_handed_over(told):
     assert calls[2] == ("to", "cpu")
 
 
-def test_a_widened_transformer_answers_as_before():
+def test_a_widened_transformer_gives_the_same_output():
     """What the new channels hold does not count until the LoRA is on."""
     small = transformer().eval()
     rows = torch.randn(1, 6, 4)

@@ -49,7 +49,7 @@ def test_focal_length_comes_back_from_edges_of_a_room(focal: float, seed: int) -
     assert frame.support.sum() == pytest.approx(1)
 
 
-def test_a_focal_length_far_from_those_of_cameras_is_not_believed() -> None:
+def test_an_implausible_focal_length_is_ignored() -> None:
     turn = Rotation.from_euler("xyz", [10.0, 35.0, 1.0], degrees=True).as_matrix()
     for long_sides, believed in ((1.4, True), (1.9, False)):
         segments = edges_of_a_room(long_sides * WIDTH, turn, count=90, noise=0.1, clutter=0, seed=1)

@@ -202,7 +202,7 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth() -> None:
     assert np.nanquantile(EmbeddedMetricDepth().infer(IMAGE, known).depth / world.depth, 0.02) < 0.9
 
 
-def test_what_is_not_known_of_the_scene_stays_unknown(world: World) -> None:
+def test_unknown_scene_pixels_stay_unknown(world: World) -> None:
     assert world.hints.scene is not None
     valid = world.hints.scene.valid.copy()
     valid[:20] = False

@@ -141,7 +141,7 @@ def test_damaged_frames_are_left_out_with_their_reason(mini: Miniature, files: F
     assert "3 frames left out" in (tmp_path / "out" / "table.txt").read_text()
 
 
-def test_what_is_missing_is_said_at_once(mini: Miniature, tmp_path: Path):
+def test_missing_files_are_listed_at_once(mini: Miniature, tmp_path: Path):
     (mini.root / "vicon2scene.json").unlink()
     shutil.rmtree(mini.root / "recordings")
     shutil.rmtree(mini.root / "keypoints")

@@ -143,7 +143,7 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction
     )
 
 
-def test_what_is_no_amass_file_is_refused(tmp_path: Path):
+def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):
     path = tmp_path / "a.npz"
     path.write_text("no")
     with pytest.raises(InputError, match=r"^cannot read .*a\.npz: it is no npz file of arrays"):

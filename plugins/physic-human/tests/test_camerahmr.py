@@ -113,7 +113,7 @@ def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) ->
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
 
 
-def test_what_is_outside_of_the_photo_is_black(made: Callable[..., CameraHmr]) -> None:
+def test_pixels_outside_of_the_photo_are_black(made: Callable[..., CameraHmr]) -> None:
     backend = made()
     who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
     backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, NUM_KEYPOINTS, Hints())
@@ -179,7 +179,7 @@ def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
     assert len(bodies.parameters) == 2
 
 
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
     lacking = "\n".join(CameraHmr(CameraHmrOptions(checkout=str(tmp_path))).missing())
     assert "is no checkout of CameraHMR, for it has no core/camerahmr_model.py" in lacking
     assert "register at https://camerahmr.is.tue.mpg.de" in lacking

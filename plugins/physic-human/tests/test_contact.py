@@ -266,7 +266,7 @@ def test_other_forms_of_files_are_read(tmp_path: Path, smpl_file: Path) -> None:
         opened(tmp_path / "c.npy").infer(photo(1), people([[0, 0, 9, 9]]), NOBODY)
 
 
-def test_kept_answers_follow_the_files(tmp_path: Path) -> None:
+def test_the_fingerprint_depends_on_the_result_files(tmp_path: Path) -> None:
     path = result(tmp_path, "chair__a", photo(1), np.ones((1, 6890)))
     backend = InteractVlmResults(InteractVlmOptions(results=str(tmp_path)))
     before = backend.fingerprint()

@@ -163,7 +163,7 @@ def test_moge_puts_points_on_the_rays_of_a_given_camera(moge: Moge1) -> None:
     np.testing.assert_allclose([310 * x / z + 38, 310 * y / z + 31], [50, 40], rtol=1e-5)
 
 
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
     for kind in (UniDepth, Moge1):
         lacking = kind(kind.Options(checkout=str(tmp_path))).missing()
         assert any("is no checkout of" in line for line in lacking)
@@ -251,7 +251,7 @@ def test_moge_conforms(check: Callable[[], None]) -> None:
     check()
 
 
-def test_perfect_answers_are_the_truth() -> None:
+def test_mocks_without_noise_return_the_truth() -> None:
     world = build_world("walk")
     hints: Any = Hints(intrinsics=world.intrinsics)
     depth, points = ToldUniDepth(), ToldMoge()

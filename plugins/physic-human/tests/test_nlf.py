@@ -199,7 +199,7 @@ def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.M
         backend.load()
 
 
-def test_what_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     lacking = Nlf(NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")).missing()
     assert len(lacking) == 3
@@ -221,7 +221,7 @@ def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> Non
         ask(wrong)
 
 
-def test_only_numbers_are_no_answer(nlf: Nlf) -> None:
+def test_nan_bodies_are_an_error(nlf: Nlf) -> None:
     class Broken:
         def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, Any]:
             nan = float("nan")

@@ -31,7 +31,7 @@ def test_a_backend_without_its_files_names_them_and_fails_no_check(record: Backe
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda r: r.name)
-def test_what_is_lacking_names_a_place_to_get_it(record: BackendRecord) -> None:
+def test_missing_files_name_their_source(record: BackendRecord) -> None:
     registry = discover()
     kind = registry.load_class(registry.get(record.interface, record.name))
     lacking = kind().missing()
@@ -47,7 +47,7 @@ def test_modules_of_backends_are_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_what_needs_an_account_or_forbids_commerce_says_so() -> None:
+def test_weights_with_an_account_or_non_commercial_terms_are_marked() -> None:
     sets = read_manifest(physic_human.physic_weights())
     for name in ("camerahmr", "wilor-mini", "hamer", "deco"):
         assert sets[name].account == (name != "deco"), name  # DECO's own script fetches it without one

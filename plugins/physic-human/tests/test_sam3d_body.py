@@ -343,7 +343,7 @@ def test_joints_without_a_keypoint_are_not_numbers() -> None:
 
 
 @pytest.mark.parametrize(("name", "most_mm"), [("stand", 12), ("sit_on_chair", 12), ("walk", 15), ("kneel", 35)])
-def test_feet_are_turned_as_their_toes_say(name: str, most_mm: float) -> None:
+def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
     """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent them."""
     world = build_world(name)
     ankles, feet = world.joints[:, [7, 8]], world.joints[:, [10, 11]]

@@ -90,7 +90,7 @@ def error_after_procrustes(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.linalg.norm(aligned - b, axis=1).mean())
 
 
-def test_every_answer_passes_the_border(world):
+def test_every_result_is_checked(world):
     height, width = world.image.shape[:2]
     people = MockSegmenter().infer(world.image)
     count = len(people)

@@ -222,7 +222,7 @@ def test_contact_has_its_precision_and_recall_on_average_and_patches(world, peop
     assert (own == 3).sum() > 2 * ((own == 1) | (own == 2)).sum()
 
 
-def test_made_up_contact_lies_rather_on_parts_that_often_touch(world, people):
+def test_false_contact_lies_mostly_on_parts_that_often_touch(world, people):
     from physic_core.body import load_body
 
     often = np.concatenate([v.numpy() for v in load_body("embedded").contact_sets.values()])
@@ -300,7 +300,7 @@ def test_people_lose_relief_about_their_median():
     np.testing.assert_allclose(result[mask], (middle + 0.75 * (depth[mask] - middle)) * np.exp(0.01))
 
 
-def test_made_up_depth_is_off_in_the_hole_alone():
+def test_inpainted_depth_is_wrong_inside_the_hole_only():
     depth, hole = np.full((48, 64), 3.0), np.zeros((48, 64), bool)
     hole[10:40, 20:50] = True
     result = add_hole_noise(depth, hole, 0.05, 6.0, rng())

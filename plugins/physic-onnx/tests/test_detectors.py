@@ -214,7 +214,7 @@ def test_a_head_of_another_size_is_refused(answering):
         answering("images", (1, 3, SIDE, SIDE), output=raw(cells=85)).infer(GREY, 0.5, 0.65)
 
 
-def test_another_file_is_refused_with_what_it_has(answering):
+def test_another_file_is_refused_with_its_inputs_and_outputs(answering):
     with pytest.raises(BackendError) as told:
         answering("picture", (1, 3, SIDE, SIDE), answer=np.zeros((1, 4)))
     for text in ("expected of RTMO", "expected of YOLOX", "expected of RT-DETR", "picture float32 (1, 3, 64, 64)"):

@@ -145,7 +145,7 @@ def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("size", [(300, 400), (1400, 900), (97, 131)])
-def test_what_a_perfect_network_paints_lands_where_it_was(lama, size):
+def test_inpainted_pixels_land_at_their_places(lama, size):
     """A network that hands everything through gives the photo back: crops, sizes and mirrors are undone."""
     y, x = np.mgrid[: size[0], : size[1]]
     smooth = np.stack([120 + 100 * np.sin(x / 60), 120 + 100 * np.cos(y / 70), (x + y) / 12 % 255], -1).astype(np.uint8)
@@ -214,7 +214,7 @@ def test_a_mask_of_another_size_is_refused(either, photo):
 
 
 @pytest.mark.parametrize("kind", BACKENDS.values())
-def test_another_file_is_refused_with_what_it_has(kind, graph, node, tmp_path):
+def test_another_file_is_refused_with_its_inputs_and_outputs(kind, graph, node, tmp_path):
     path = graph(
         tmp_path / "x.onnx",
         {"image": ("float32", (1, 4, 512, 512))},

@@ -142,7 +142,7 @@ class TestContract:
         with pytest.raises(BackendError, match="exported for photos of one size"):
             Moge2Depth(MogeOptions(weights=contract_graph(inputs=fixed))).load()
 
-    def test_missing_weights_say_how_to_get_them(self, monkeypatch, tmp_path):
+    def test_missing_weights_name_the_way_to_get_them(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
         backend = Moge2Depth()
         (line,) = backend.missing()
@@ -383,7 +383,7 @@ class TestOddAnswers:
         v, u = np.mgrid[:60, :80]
         return np.stack([(u - 39.5) / 70, (v - 29.5) / 70, np.ones((60, 80))], -1)
 
-    def test_flat_wall_tells_no_focal_length_and_says_so(self, answering, wall):
+    def test_a_flat_wall_gives_no_focal_length_and_a_note(self, answering, wall):
         backend, photo = answering(Moge2Pointmap, wall)
         found = backend.infer(photo, Hints())
         assert found.unknown == "scale_shift"

@@ -48,7 +48,7 @@ class TestFile:
         with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
             find_graph_file(str(tmp_path))
 
-    def test_unknown_name_is_answered_with_a_known_one(self):
+    def test_an_unknown_name_gets_a_known_one_suggested(self):
         with pytest.raises(WeightsMissingError, match="Did you mean 'metric3d-v2-small'"):
             find_graph_file("metric3d-v2-smal")
 
@@ -94,7 +94,7 @@ class TestMaps:
             (np.full((2, 3), 0.9741), r"depth = 0\.9741 for every pixel"),
         ],
     )
-    def test_what_says_nothing_is_refused(self, values, words):
+    def test_a_constant_map_is_refused(self, values, words):
         with pytest.raises(BackendError, match=words):
             squeeze_map(values, "depth", "file")
 

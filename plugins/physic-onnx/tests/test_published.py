@@ -55,7 +55,7 @@ def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
     assert {f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files} == listed
 
 
-def test_a_file_that_is_not_what_it_should_be_is_not_kept(tool, tmp_path):
+def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
     packed = tmp_path / "package.tgz"
     with tarfile.open(packed, "w:gz") as archive:
         held = tarfile.TarInfo("package/network.onnx")

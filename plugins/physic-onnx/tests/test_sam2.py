@@ -327,7 +327,7 @@ def standing(boxes, size=(200, 300), keypoints=None):
     return People(masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9), None, keypoints)
 
 
-def test_feet_are_the_lower_ends_of_whole_people():
+def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
     """Not of those who are cut off by the photo's edge, nor of those who are wider than a standing person."""
     feet = feet_positions(standing([(20, 20, 60, 160)]))
     assert feet == pytest.approx(np.array([[39.5, 159, 20]]))

@@ -79,7 +79,7 @@ class TestRunning:
         with pytest.raises(BackendError, match="has no input 'picture'; it has image, count"):
             network.run({"picture": np.ones(3)}, ["sum"])
 
-    def test_failure_says_what_was_fed(self, doubler):
+    def test_a_failed_run_names_shape_and_dtype_of_the_input(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         with pytest.raises(BackendError, match=r"failed to run double.onnx on CPU with image float32 \(1, 2, 2\)"):
             network.run({**ONE, "image": np.ones((1, 2, 2), np.float32)}, ["sum"])
@@ -135,7 +135,7 @@ class TestProviders:
             ("auto", "cpu:1", "unknown device 'cpu:1': use 'cpu', 'cuda' or 'cuda:N'"),
         ],
     )
-    def test_what_is_not_there_is_refused_with_what_to_install(self, name, device, message):
+    def test_a_missing_provider_is_refused_with_the_package_to_install(self, name, device, message):
         with pytest.raises(DeviceError) as refusal:
             select_provider(name, device, ["AzureExecutionProvider", CPU])
         assert str(refusal.value) == message

@@ -162,7 +162,7 @@ def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> 
     assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
 
 
-def test_what_is_no_vitpose_is_refused(tmp_path: Path, graph: Any, node: Any) -> None:
+def test_a_file_that_is_not_vitpose_is_refused(tmp_path: Path, graph: Any, node: Any) -> None:
     path = graph(
         tmp_path / "net.onnx",
         {"images": ("float32", (1, 3, 640, 640))},
@@ -186,7 +186,7 @@ def test_a_folder_with_one_graph_and_its_tensors_is_a_file(vitpose: Any, tmp_pat
     assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco17"
 
 
-def test_missing_weights_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_weights_name_the_way_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("HF_HOME", str(tmp_path))
@@ -197,7 +197,7 @@ def test_missing_weights_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch, tm
         backend.load()
 
 
-def test_nothing_is_answered_before_loading() -> None:
+def test_infer_before_load_is_an_error() -> None:
     with pytest.raises(PhysicError, match="is not loaded"):
         VitPose().infer(np.zeros((64, 64, 3), np.uint8), people(BOX, size=(64, 64)))
 

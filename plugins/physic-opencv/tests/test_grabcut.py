@@ -96,7 +96,7 @@ def test_the_answer_is_the_same_each_time():
     np.testing.assert_array_equal(one.scores, two.scores)
 
 
-def test_without_a_box_it_says_that_it_needs_one():
+def test_a_missing_box_is_an_error():
     with pytest.raises(ConfigError) as caught:
         GrabCut().infer(scene())
     assert str(caught.value) == (

@@ -61,7 +61,7 @@ def test_a_connection_without_a_complete_head_is_closed(listen: Listen, begun: b
         assert ended(client)
 
 
-def test_a_connection_is_closed_some_time_after_its_answer(listen: Listen):
+def test_a_connection_is_closed_some_time_after_its_response(listen: Listen):
     with connect(listen(head_s=0.2)) as client:
         client.sendall(REQUEST)
         assert client.recv(1000).startswith(b"HTTP/1.1 200 OK")

@@ -146,7 +146,7 @@ class TestDepthAnything:
         assert seen[0].shape == theirs.shape == (1, 3, *input_size_least_scaling(height, width, 518))
         np.testing.assert_allclose(seen[0], theirs, atol=2e-6)
 
-    def test_the_whole_way_is_that_of_the_library(self, saved: Callable[..., Path]) -> None:
+    def test_the_complete_pipeline_equals_the_library(self, saved: Callable[..., Path]) -> None:
         from transformers import DepthAnythingForDepthEstimation, DPTImageProcessorPil
         from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
 
@@ -242,7 +242,7 @@ class TestEomt:
 
 class TestVitPose:
     @pytest.mark.parametrize("experts", [1, 6])
-    def test_the_whole_way_is_that_of_the_library(self, saved: Callable[..., Path], experts: int) -> None:
+    def test_the_complete_pipeline_equals_the_library(self, saved: Callable[..., Path], experts: int) -> None:
         from transformers import VitPoseForPoseEstimation, VitPoseImageProcessorPil
 
         # All crops lie inside this photo: past its edge SciPy, which the library cuts with, leaves out half a pixel

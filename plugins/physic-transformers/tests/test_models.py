@@ -109,7 +109,7 @@ def test_every_missing_network_of_a_backend_is_named() -> None:
     assert [text.split("'")[1] for text in told] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
 
 
-def test_a_gated_model_says_so() -> None:
+def test_a_gated_model_is_reported_as_gated() -> None:
     (told,) = Sam3().missing()
     assert "`physic weights fetch sam3-hf --accept-licence` (an account with access" in told
 
@@ -143,7 +143,9 @@ def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
     )
 
 
-def test_weights_that_are_not_whole_are_refused_and_never_made_up(saved: Callable[..., Path], tmp_path: Path) -> None:
+def test_incomplete_weights_are_refused_and_never_initialised_randomly(
+    saved: Callable[..., Path], tmp_path: Path
+) -> None:
     from safetensors.numpy import load_file, save_file
 
     folder = Path(shutil.copytree(saved("depth_anything"), tmp_path / "torn"))
@@ -200,7 +202,7 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_read() -> None:
         DepthPro().load("cuda:99")
 
 
-def test_a_backend_that_is_not_loaded_says_so() -> None:
+def test_a_backend_that_is_not_loaded_is_an_error() -> None:
     with pytest.raises(BackendError) as error:
         DepthPro().infer(GREY, Hints())
     assert str(error.value) == "DepthPro is not loaded: call load() before infer()"

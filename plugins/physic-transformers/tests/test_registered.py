@@ -45,7 +45,7 @@ def test_modules_of_backends_are_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_every_set_can_be_fetched_and_what_forbids_commerce_says_so() -> None:
+def test_every_set_can_be_fetched_and_states_non_commercial_terms() -> None:
     for name, group in SETS.items():
         assert name.endswith("-hf"), "names of other plugins' sets have no such end"
         assert all(file.source.startswith("hf://") for file in group.files), name

@@ -81,7 +81,7 @@ class TestWithoutTorchvision:
 
     @pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
     @pytest.mark.parametrize("name", ["grounded", "sam3", "eomt", "pro", "metric", "relative", "zoe", "vitpose"])
-    def test_the_real_classes_load_and_answer(self, saved: Callable[..., Path], name: str, dtype: Any) -> None:
+    def test_the_real_classes_load_and_infer(self, saved: Callable[..., Path], name: str, dtype: Any) -> None:
         backend = self.made(saved, name, dtype)
         assert backend.missing() == ()
         backend.load()
@@ -131,7 +131,7 @@ class TestDepthPro:
         backend = given(DepthPro(DepthProOptions(**options)), weights=Recorded(self.CONFIG, out))
         return backend.infer(WIDE, hints)
 
-    def test_what_it_answers_is_inverse_depth(self) -> None:
+    def test_the_output_is_inverse_depth(self) -> None:
         # 53.13 degrees see as much as they are far: the focal length is the width.
         assert np.unique(self.asked(0.25, 2 * np.degrees(np.arctan(0.5))).depth.round(4)).tolist() == [4.0]
 
@@ -208,7 +208,7 @@ class TestDepthAnything:
         assert answer.intrinsics is None
         assert answer.depth[30, 0] < 2.1 < 5.9 < answer.depth[30, -1]
 
-    def test_the_end_of_what_it_can_say_is_not_known(self) -> None:
+    def test_depth_at_the_networks_maximum_is_unknown(self) -> None:
         config = SimpleNamespace(patch_size=14, max_depth=20)
         network = Recorded(config, tensors(predicted_depth=np.full((1, 14, 14), 19.9, np.float32)))
         assert np.isnan(given(DepthAnythingMetric(), weights=network).infer(WIDE, Hints()).depth).all()
@@ -329,7 +329,7 @@ class TestGroundedSam2:
         assert not answer.floor.any()
         assert sam.asked == []
 
-    def test_without_a_word_for_it_the_floor_is_not_looked_for(self) -> None:
+    def test_without_floor_words_no_floor_is_searched(self) -> None:
         answer, detector, _ = self.run(self.NOTHING, self.NOTHING, [], floor_words="")
         assert answer.floor is None
         assert len(detector.asked) == 1

@@ -255,7 +255,7 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
         (["--set", "metric_depth.options.fog=1"], "fog"),
     ],
 )
-def test_what_cannot_be_is_said_before_anything_runs(arguments, message, tmp_path):
+def test_invalid_options_are_reported_before_anything_runs(arguments, message, tmp_path):
     told = bench("accuracy", "-o", str(tmp_path / "out"), *arguments)
     assert told.exit_code == 2
     assert message in told.output

@@ -108,7 +108,7 @@ def report():
     return measure_speed(1, sections=("nearest", "size", "cuda"), sizes=("240p",), size=SMALL)
 
 
-def test_a_report_holds_what_was_asked_for(report):
+def test_a_speed_report_has_the_requested_sections(report):
     assert {row.section for row in report.rows} <= {"nearest", "size", "cuda"}
     names = [row.name for row in report.rows if row.section == "nearest"]
     assert names == [
@@ -177,7 +177,7 @@ def test_a_report_as_text():
         ({"preset": "best"}, f"no engine preset named 'best': there are {', '.join(sorted(PRESETS))}"),
     ],
 )
-def test_what_cannot_be_measured_is_refused(asked, message):
+def test_invalid_speed_arguments_are_refused(asked, message):
     with pytest.raises(ConfigError) as caught:
         measure_speed(**asked)
     assert str(caught.value) == message

@@ -53,7 +53,7 @@ def test_a_new_package_passes_its_own_tests(interface: str, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_what_a_new_package_begins_with_passes_the_kit(interface: str):
+def test_a_scaffolded_plugin_passes_the_kit(interface: str):
     kind = importlib.import_module(f"physic_testing.scaffold.{interface}").Template
     registry = Registry(installed=False)
     registry.register(BackendRecord(interface, "begun", kind, api=1))

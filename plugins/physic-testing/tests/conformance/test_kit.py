@@ -152,7 +152,7 @@ def test_a_backend_that_cannot_be_asked_is_no_success():
         report.raise_if_failed()
 
 
-def test_a_backend_that_needs_options_says_so():
+def test_a_backend_that_needs_options_names_them():
     report = check_backend(Pointed, size=SIZE)
     assert report.failures == ()
     assert report.not_run_reason == "not ready: give options.boxes"

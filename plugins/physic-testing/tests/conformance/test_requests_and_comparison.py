@@ -95,7 +95,7 @@ def test_memory_that_is_held_is_seen():
     ("unknown", "relative"),
     [("scale", DEPTH / 3), ("scale_shift", (DEPTH - 0.5) / 3), ("inverse_scale_shift", 3 / (1 / DEPTH + 0.2))],
 )
-def test_what_is_unknown_can_be_fitted_though_some_pixels_are_wrong(unknown, relative):
+def test_alignment_ignores_some_wrong_pixels(unknown, relative):
     spoilt = relative.copy()
     spoilt[:3] *= 1.7
     assert aligned_depth_error(spoilt, DEPTH, unknown) < 0.01

@@ -62,7 +62,7 @@ def test_the_table_shows_one_cross_a_row():
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_every_check_says_what_it_asks_and_where_to_read_more(interface: str):
+def test_every_conformance_check_has_a_question_and_a_reference(interface: str):
     for check in checks_for(interface):
         assert check.summary.endswith((".", ":")), check.name
         assert pydoc.locate(check.read) is not None, f"{check.name}: there is no {check.read}"

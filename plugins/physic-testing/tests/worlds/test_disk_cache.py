@@ -47,7 +47,7 @@ def test_unpacking_undoes_packing():
     assert_same(unpack(*pack(thing()), (Outer, Inner)), thing())
 
 
-def test_what_has_no_archive_form_is_refused():
+def test_objects_without_an_archive_form_are_refused():
     with pytest.raises(TypeError) as caught:
         pack(Inner(np.zeros(1), {1, 2}))
     assert str(caught.value) == "Inner.number is a set, which cannot be stored."

@@ -21,7 +21,7 @@ def picture(size: tuple[int, int], seed: int = 0) -> np.ndarray:
 
 
 @given(names, seeds, sizes)
-def test_what_was_stamped_is_read(name, seed, size):
+def test_a_label_is_read_back_from_the_image(name, seed, size):
     image = picture(size)
     stamped = embed_label(image, name, seed)
     assert read_label(stamped) == (name, seed)
