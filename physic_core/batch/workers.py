@@ -1,13 +1,14 @@
 """Worker processes for a batch: each is opened once, gets one task at a time, and is replaced if it dies or hangs.
 
-One process supervises the others and talks to each over a pipe of its own, so that a worker that is killed cannot leave
-a lock that the others wait for. Workers end with the supervisor, even if it is killed.
+A thread supervises each process and talks to it over a pipe of its own, so that a worker that is killed cannot leave a
+lock that the others wait for. Workers end with the process that started them, even if it is killed.
 """
 
 from __future__ import annotations
 
 import faulthandler
 import gc
+import math
 import multiprocessing
 import os
 import signal
@@ -16,10 +17,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from itertools import count
 from multiprocessing import connection
-from operator import length_hint
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
@@ -45,7 +47,8 @@ LOAD_LIMIT_S = 1800.0
 
 _MAX_ATTEMPTS = 2  # a worker that is killed for want of memory need not be the one whose photo needs it
 _MAX_FAILED_REPLACEMENTS = 3
-_UNKNOWN = 1 << 40  # tasks of an iterator
+_MAX_WORKERS = 1024
+_STARTING = threading.Lock()  # the environment of a process that starts is that of all
 _END_S = 5.0  # for a process that has closed its pipe
 _SINGLE_THREAD = {
     "MKL_NUM_THREADS": "1",
@@ -115,10 +118,170 @@ def run_in_workers(
             :mod:`physic_core.errors`.
         OutputError: a task raised OutputError.
     """
-    yield from _Supervisor(tasks, open_worker, settings).run()
+    left, again = ((task, 1) for task in tasks), deque[tuple[Task, int]]()
+    logs, workers, idle = count(), list[_Worker[Task]](), deque[_Worker[Task]]()
+
+    def add_worker() -> _Worker[Task]:
+        workers.append(_Worker(open_worker, settings, logs))
+        return workers[-1]
+
+    def attempt(task: Task, number: int) -> Outcome[Task]:
+        try:
+            worker = idle.popleft()
+        except IndexError:
+            worker = add_worker()
+        outcome = worker.try_once(task)
+        idle.append(worker)
+        return replace(outcome, attempts=number)
+
+    if (following := next(left, None)) is None:
+        return
+    running: set[Future[Outcome[Task]]] = set()
+    with ThreadPoolExecutor(_MAX_WORKERS) as threads:  # one thread waits for each process
+        try:
+            add_worker().open(tries=1)
+            idle.append(workers[0])
+            limit = 1 if callable(settings.count) else max(1, settings.count)
+            while True:
+                while len(running) < limit and (following is not None or again):
+                    running.add(threads.submit(attempt, *(following or again.popleft())))
+                    following = next(left, None) if following is not None else None
+                if not running:
+                    return
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for outcome in (future.result() for future in done):
+                    if callable(settings.count) and limit == 1 and not outcome.failure:
+                        limit = max(1, settings.count(outcome.peak_mb))
+                    if outcome.failure == "WorkerDied" and outcome.attempts < settings.attempts:
+                        again.append((outcome.task, outcome.attempts + 1))
+                    else:
+                        yield outcome
+        finally:
+            for worker in workers:
+                worker.close()
 
 
-class SupervisedWorker(Generic[Task]):
+class _ProcessEndedError(Exception):
+    """The process of a worker ended; the message says how."""
+
+
+class _TimeLimitError(Exception):
+    """The process of a worker exceeded a time limit and was ended; the message names the limit, if a call has one."""
+
+
+class _Worker(Generic[Task]):
+    """One worker process, which is opened when it is needed, and again after it has died or was ended."""
+
+    def __init__(
+        self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings, logs: Iterator[int]
+    ) -> None:
+        self._open_worker, self._settings, self._logs = open_worker, settings, logs
+        self._process: Any = None
+        self._is_closed = False
+
+    def open(self, tries: int = _MAX_FAILED_REPLACEMENTS) -> None:
+        """Start the process, and wait until it is ready.
+
+        Raises:
+            PhysicError: it cannot be opened.
+        """
+        try:
+            self._start()
+            self._receive(time.monotonic() + LOAD_LIMIT_S)
+        except _TimeLimitError as error:
+            raise BackendError(str(error) or f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s") from error
+        except _ProcessEndedError as error:
+            if tries == 1:
+                raise BackendError(f"a worker ended while it loaded the backends: {error}") from error
+            self.open(tries - 1)
+
+    def try_once(self, task: Task) -> Outcome[Task]:
+        """Run a task in the process, which is opened if there is none.
+
+        Raises:
+            PhysicError: the process cannot be opened.
+            OutputError: the task raised OutputError.
+        """
+        if self._process is None:
+            self.open()
+        start, timeout = time.monotonic(), self._settings.timeout
+        with suppress(OSError):  # it has just died, which the next line finds
+            self._pipe.send(task)
+        try:
+            value, peak_mb = self._receive(None if timeout is None else start + timeout)
+        except _ProcessEndedError as error:
+            return Outcome(task, None, "WorkerDied", str(error), time.monotonic() - start)
+        except _TimeLimitError as error:
+            seconds = time.monotonic() - start
+            message = str(error) or f"no result after {seconds:.0f} s; --timeout sets the limit"
+            return Outcome(task, None, "Timeout", message, seconds)
+        return Outcome(task, value, seconds=time.monotonic() - start, peak_mb=peak_mb)
+
+    def close(self) -> None:
+        """End the process; none is started any more."""
+        with _STARTING:
+            self._is_closed = True
+            process = self._process
+        if process is not None:
+            process.kill()
+            process.join()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        with _STARTING, _environment(_SINGLE_THREAD if self._settings.single_thread else {}):
+            if self._is_closed:
+                raise BackendError("the workers are closed")
+            self._pipe, theirs = context.Pipe()
+            folder = self._settings.logs
+            self._log = None if folder is None else folder / f"worker-{next(self._logs)}.txt"
+            self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
+            self._process.start()
+            theirs.close()
+
+    def _receive(self, deadline: float | None) -> list[Any]:
+        """Wait for an answer of the process, and return its content.
+
+        Raises:
+            _ProcessEndedError: it died.
+            _TimeLimitError: the deadline passed, or the limit of a call of a backend.
+            PhysicError: it cannot be opened, or its task raised OutputError.
+        """
+        title, call_limit, call_end = "", 0.0, math.inf
+        while True:
+            limit = min(math.inf if deadline is None else deadline, call_end)
+            left = None if limit == math.inf else max(0.0, limit - time.monotonic())
+            found = connection.wait([self._pipe, self._process.sentinel], left)
+            if not found:
+                self._end()
+                late = time.monotonic() >= call_end
+                raise _TimeLimitError(
+                    f"{title}: not finished after {call_limit:g} s; timeout_s of [run] sets the limit" if late else ""
+                )
+            try:
+                kind, *content = self._pipe.recv() if self._pipe.poll() else ("died",)
+            except (EOFError, OSError):
+                kind, content = "died", []
+            if kind == "call":
+                title, call_limit = content
+                call_end = time.monotonic() + call_limit if title else math.inf
+            elif kind == "refused":
+                raise known_error(*content)
+            elif kind == "died":
+                self._process.join(_END_S)
+                how = _describe_end(self._process.exitcode, self._log)
+                self._end()
+                raise _ProcessEndedError(f"{title}: {how}" if title else how)
+            else:
+                return content
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        process.kill()
+        process.join()
+        self._pipe.close()
+
+
+class SupervisedWorker(_Worker[Task]):
     """One worker process that stays open between tasks, for executors that hand out tasks themselves.
 
     A worker that dies or hangs costs its task alone, as in :func:`run_in_workers`, and is replaced.
@@ -132,8 +295,8 @@ class SupervisedWorker(Generic[Task]):
     """
 
     def __init__(self, open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings) -> None:
-        self._supervisor = _Supervisor((), open_worker, replace(settings, count=1))
-        self._supervisor.start_and_wait()
+        super().__init__(open_worker, settings, count())
+        self.open(tries=1)
 
     def __call__(self, task: Task) -> Outcome[Task]:
         """Run a task; a second time if its worker dies.
@@ -142,215 +305,11 @@ class SupervisedWorker(Generic[Task]):
             PhysicError: a new worker cannot be opened.
             OutputError: the task raised OutputError.
         """
-        return self._supervisor.run_one(task)
-
-    def close(self) -> None:
-        """End the process."""
-        self._supervisor.kill()
-
-
-@dataclass
-class _Attempt(Generic[Task]):
-    task: Task
-    number: int = 1
-
-
-@dataclass
-class _Call:
-    """A call of a backend with a time limit."""
-
-    title: str
-    seconds: float
-    start: float = field(default_factory=time.monotonic)
-
-    @property
-    def deadline(self) -> float:
-        return self.start + self.seconds
-
-
-@dataclass
-class _Worker(Generic[Task]):
-    process: Any
-    pipe: connection.Connection
-    log: Path | None
-    since: float = field(default_factory=time.monotonic)
-    ready: bool = False
-    attempt: _Attempt[Task] | None = None
-    call: _Call | None = None
-
-    def deadline(self, timeout: float | None) -> float | None:
-        if not self.ready:
-            of_task: float | None = self.since + LOAD_LIMIT_S
-        else:
-            of_task = None if self.attempt is None or timeout is None else self.since + timeout
-        if self.call is None:
-            return of_task
-        return self.call.deadline if of_task is None else min(of_task, self.call.deadline)
-
-    def exceeded(self) -> str:
-        """Return which limit of the configuration a call exceeds; empty for none."""
-        if self.call is None or time.monotonic() < self.call.deadline:
-            return ""
-        return f"{self.call.title}: not finished after {self.call.seconds:g} s; timeout_s of [run] sets the limit"
-
-    def kill(self) -> None:
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-
-
-class _Supervisor(Generic[Task]):
-    def __init__(
-        self, tasks: Iterable[Task], open_worker: Callable[[], Callable[[Task], Any]], settings: WorkerSettings
-    ) -> None:
-        self._tasks, self._left = iter(tasks), length_hint(tasks, _UNKNOWN)
-        self._open, self._settings = open_worker, settings
-        self._again: deque[_Attempt[Task]] = deque()
-        self._workers: list[_Worker[Task]] = []
-        self._context = multiprocessing.get_context("spawn")
-        self._next = self._take()
-        self._started = self._failed_replacements = 0
-        self._limit = 1
-
-    def run(self) -> Iterator[Outcome[Task]]:
-        try:
-            if self._has_work():
-                self._start()
-            while self._workers and (self._has_work() or any(w.attempt for w in self._workers)):
-                self._fill()
-                yield from self._wait()
-        finally:
-            self.kill()
-
-    def start_and_wait(self) -> None:
-        self._start()
-        while not self._workers[0].ready:
-            for _ in self._wait():
-                pass
-
-    def run_one(self, task: Task) -> Outcome[Task]:
-        self._again.append(_Attempt(task))
-        self._start_if_none_left()
-        while True:
-            self._fill()
-            for outcome in self._wait():
-                return outcome
-
-    def kill(self) -> None:
-        while self._workers:
-            self._workers.pop().kill()
-
-    def _take(self) -> _Attempt[Task] | None:
-        for task in self._tasks:
-            self._left -= 1
-            return _Attempt(task)
-        self._left = 0
-        return None
-
-    def _has_work(self) -> bool:
-        return self._next is not None or bool(self._again)
-
-    def _start(self) -> None:
-        ours, theirs = self._context.Pipe()
-        log = None if self._settings.logs is None else self._settings.logs / f"worker-{self._started}.txt"
-        process = self._context.Process(target=_work, args=(theirs, self._open, log))
-        with _environment(_SINGLE_THREAD if self._settings.single_thread else {}):
-            process.start()
-        theirs.close()
-        self._workers.append(_Worker(process, ours, log))
-        self._started += 1
-
-    def _fill(self) -> None:
-        """Give a task to each idle worker, and start workers up to the limit while there are tasks for them."""
-        for worker in list(self._workers):
-            if worker.ready and worker.attempt is None and self._has_work():
-                attempt = self._next
-                if attempt is not None:
-                    self._next = self._take()
-                else:
-                    attempt = self._again.popleft()
-                worker.attempt, worker.since = attempt, time.monotonic()
-                with suppress(OSError):  # it has just died, which _wait finds
-                    worker.pipe.send(attempt.task)
-        starting = sum(not worker.ready for worker in self._workers)
-        waiting = len(self._again) + (self._next is not None) + self._left
-        for _ in range(min(self._limit - len(self._workers), waiting - starting)):
-            self._start()
-
-    def _wait(self) -> Iterator[Outcome[Task]]:
-        by_handle: dict[Any, _Worker[Task]] = {}
-        for worker in self._workers:
-            by_handle |= {worker.pipe: worker, worker.process.sentinel: worker}
-        limits = [d for worker in self._workers if (d := worker.deadline(self._settings.timeout)) is not None]
-        left = max(0.0, min(limits) - time.monotonic()) if limits else None
-        found = connection.wait(list(by_handle), left)
-        for worker in {id(w): w for w in map(by_handle.__getitem__, found)}.values():
-            yield from self._receive(worker)
-        for worker in list(self._workers):
-            limit = worker.deadline(self._settings.timeout)
-            if limit is not None and time.monotonic() >= limit and not worker.pipe.poll():
-                yield from self._end_hanging(worker)
-
-    def _receive(self, worker: _Worker[Task]) -> Iterator[Outcome[Task]]:
-        try:
-            kind, *content = worker.pipe.recv() if worker.pipe.poll() or worker.process.is_alive() else ("died",)
-        except (EOFError, OSError):
-            kind, content = "died", []
-        if kind == "ready":
-            worker.ready, self._failed_replacements = True, 0
-            if not callable(self._settings.count):
-                self._limit = max(1, self._settings.count)
-        elif kind == "done":
-            value, peak_mb = content
-            attempt, worker.attempt = worker.attempt, None
-            assert attempt is not None
-            if callable(self._settings.count) and self._limit == 1:
-                self._limit = max(1, self._settings.count(peak_mb))
-            seconds = time.monotonic() - worker.since
-            yield Outcome(attempt.task, value, seconds=seconds, attempts=attempt.number, peak_mb=peak_mb)
-        elif kind == "call":
-            title, limit = content
-            worker.call = _Call(title, limit) if title else None
-        elif kind == "refused":
-            raise known_error(*content)
-        else:
-            yield from self._replace_dead(worker)
-
-    def _replace_dead(self, worker: _Worker[Task]) -> Iterator[Outcome[Task]]:
-        worker.process.join(_END_S)
-        how = _describe_end(worker)
-        if worker.call is not None:
-            how = f"{worker.call.title}: {how}"
-        self._remove(worker)
-        if not worker.ready:
-            self._failed_replacements += 1
-            first = self._limit == 1 and self._started == 1
-            if first or self._failed_replacements >= _MAX_FAILED_REPLACEMENTS:
-                raise BackendError(f"a worker ended while it loaded the backends: {how}")
-        attempt = worker.attempt
-        if attempt is not None and attempt.number < self._settings.attempts:
-            self._again.append(_Attempt(attempt.task, attempt.number + 1))
-        elif attempt is not None:
-            seconds = time.monotonic() - worker.since
-            yield Outcome(attempt.task, None, "WorkerDied", how, seconds, attempt.number)
-        self._start_if_none_left()
-
-    def _end_hanging(self, worker: _Worker[Task]) -> Iterator[Outcome[Task]]:
-        attempt, seconds, exceeded = worker.attempt, time.monotonic() - worker.since, worker.exceeded()
-        self._remove(worker)
-        if attempt is None:
-            raise BackendError(exceeded or f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
-        message = exceeded or f"no result after {seconds:.0f} s; --timeout sets the limit"
-        yield Outcome(attempt.task, None, "Timeout", message, seconds, attempt.number)
-        self._start_if_none_left()
-
-    def _remove(self, worker: _Worker[Task]) -> None:
-        worker.kill()
-        self._workers.remove(worker)
-
-    def _start_if_none_left(self) -> None:
-        if not self._workers and self._has_work():
-            self._start()
+        for number in range(1, self._settings.attempts):
+            outcome = self.try_once(task)
+            if outcome.failure != "WorkerDied":
+                return replace(outcome, attempts=number)
+        return replace(self.try_once(task), attempts=self._settings.attempts)
 
 
 def _work(pipe: connection.Connection, open_worker: Callable[[], Callable[[Any], Any]], log: Path | None) -> None:
@@ -413,21 +372,13 @@ def known_error(name: str, message: str) -> PhysicError:
     return BackendError(f"a worker cannot load the backends: {name}: {message}")
 
 
-def _describe_end(worker: _Worker[Any]) -> str:
-    code = worker.process.exitcode
+def _describe_end(code: int | None, log: Path | None) -> str:
+    seen = f"; see {log}" if log is not None else ""
     if code is not None and code < 0:
         with suppress(ValueError):
-            text = f"it was ended by {signal.Signals(-code).name}"
-            return (
-                text
-                + ("; often the memory is too small" if -code == getattr(signal, "SIGKILL", 9) else "")
-                + _log(worker)
-            )
-    return f"it exited with code {code}{_log(worker)}"
-
-
-def _log(worker: _Worker[Any]) -> str:
-    return f"; see {worker.log}" if worker.log is not None else ""
+            memory = "; often the memory is too small" if -code == getattr(signal, "SIGKILL", 9) else ""
+            return f"it was ended by {signal.Signals(-code).name}{memory}{seen}"
+    return f"it exited with code {code}{seen}"
 
 
 class _environment:
