@@ -134,7 +134,7 @@ def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> N
             side.load()
 
 
-def test_another_version_is_told_by_what_it_lacks(tmp_path: Path) -> None:
+def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path: Path) -> None:
     side = checkout(tmp_path, {"core/net.py": ""})
     with pytest.raises(BackendError, match=r"core.net of Thing in .* has no 'Net': it may be another version"):
         side.attribute("Net")

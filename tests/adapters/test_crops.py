@@ -85,7 +85,7 @@ def test_a_mirrored_crop_is_the_crop_of_the_mirrored_photo(grid: PixelAlignment)
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_cutting_equals_its_slow_twin(grid: PixelAlignment, mirrored: bool) -> None:
+def test_cutting_equals_its_slow_reference(grid: PixelAlignment, mirrored: bool) -> None:
     image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), np.uint8)
     crop = crop_around_box(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
     ours = resample_crop(image, crop, fill=7).astype(float)

@@ -56,7 +56,7 @@ def test_peaks_within_noise_stay_within_half_a_cell() -> None:
     assert np.linalg.norm(found - true, axis=-1).max() < 0.5
 
 
-def test_refining_equals_its_slow_twin() -> None:
+def test_refining_equals_its_slow_reference() -> None:
     rng = np.random.default_rng(2)
     maps = gaussian_filter(rng.random((2, 8, 24, 18)), (0, 0, 1, 1))
     maps[0, 0] = 0  # flat

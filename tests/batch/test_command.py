@@ -86,7 +86,7 @@ def test_what_ends_a_batch_before_its_first_photo(
     assert not Path("out").exists()
 
 
-def test_without_pyarrow_the_command_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_without_pyarrow_the_command_names_the_package_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     done = physic(".", "-o", "out", "--table", "parquet")

@@ -140,7 +140,7 @@ def test_the_fingerprint_of_the_backend_is_part_of_the_key(cache: ResultCache, m
     assert ask(cache).name != before
 
 
-def test_a_backend_that_opts_out_and_one_that_nobody_can_name_are_not_kept(
+def test_backends_that_are_not_cacheable_or_have_no_name_are_not_cached(
     cache: ResultCache, monkeypatch: pytest.MonkeyPatch
 ):
     class Local(Depth): ...

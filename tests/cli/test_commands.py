@@ -343,7 +343,7 @@ def offers() -> Registry:
     return Registry(claims, [BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")], installed=False)
 
 
-def test_the_listing_tells_ready_refused_slow_and_broken_apart_and_names_that_two_have():
+def test_the_listing_marks_ready_refused_slow_broken_and_ambiguous_backends():
     assert plugins_table(offers()).splitlines() == [
         "interface  backend  plugin    version  weights          needs                     status",
         "inpainter  x        physic-a  1.0      MIT, Apache-2.0  -                         "

@@ -308,7 +308,7 @@ def test_a_weights_missing_error_counts_as_a_missing_file():
     assert missing_requirements(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
 
 
-def test_a_backend_without_the_method_lacks_nothing():
+def test_a_backend_without_the_method_missing_is_complete():
     assert (
         missing_requirements(type("Own", (interfaces.MetricDepth,), {"infer": lambda self, image, hints: None})()) == ()
     )
@@ -330,7 +330,7 @@ def test_a_wrong_missing_method_is_named_by_every_command():
     assert [(f.check, f.got) for f in report.failures] == [("loads_or_reports_what_is_missing", says)]
 
 
-def test_a_backend_that_asks_the_network_what_it_lacks_fails_the_kit():
+def test_a_backend_whose_missing_method_uses_the_network_fails_the_kit():
     import socket
 
     def look(self):

@@ -135,7 +135,7 @@ def listed(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("preset", LACKING)
-def test_all_that_a_preset_lacks_is_listed_with_how_to_get_it(
+def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
     preset: str, bare: dict[str, str], tmp_path: Path
 ) -> None:
     done = physic(bare, tmp_path, "config", "check", "--preset", preset)
@@ -181,7 +181,7 @@ def test_a_run_refuses_at_once_with_the_same_list(
     assert list(tmp_path.iterdir()) == [], "nothing is computed, kept or made"
 
 
-def test_without_omnieraser_the_paper_says_what_to_install(bare: dict[str, str], tmp_path: Path) -> None:
+def test_without_omnieraser_the_paper_names_the_package_to_install(bare: dict[str, str], tmp_path: Path) -> None:
     only = bare | {"PHYSIC_PLUGINS": "physic-transformers,physic-human,physic-onnx"}
     done = physic(only, tmp_path, "config", "check", "--preset", "paper")
     assert (done.returncode, done.stdout) == (2, "")

@@ -178,7 +178,7 @@ def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
 
 
 @pytest.mark.parametrize("preset", ["embedded", "mock"])
-def test_a_third_party_that_takes_the_names_of_a_preset_breaks_nobody_who_uses_the_preset(site, preset: str):
+def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset: str):
     for interface in INTERFACES:
         site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
     both = discover(environment={})

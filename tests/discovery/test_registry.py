@@ -96,7 +96,7 @@ def test_an_unknown_name_lists_installed_and_close_names_and_the_python():
     assert got == f"no inpainter named 'mok'; installed: mock, telea. Did you mean 'mock'?\nPython: {sys.executable}"
 
 
-def test_an_unknown_name_of_a_known_distribution_says_what_to_install():
+def test_an_unknown_name_of_a_known_distribution_names_the_package_to_install():
     got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telea")
     assert got == (
         "no inpainter named 'telea'; installed: mock. 'telea' comes with physic-opencv: "
@@ -105,7 +105,7 @@ def test_an_unknown_name_of_a_known_distribution_says_what_to_install():
     )
 
 
-def test_a_misspelt_name_of_a_known_distribution_says_what_to_install():
+def test_a_misspelt_name_of_a_known_distribution_names_the_package_to_install():
     got = message(BackendNotFoundError, registry(("mock", A)).get, "inpainter", "telae")
     assert got == (
         "no inpainter named 'telae'; installed: mock. "
@@ -177,12 +177,12 @@ def test_distribution_and_name_choose_among_rivals(written: str):
     assert registry(("x", A), ("x", B)).get("inpainter", written).origin == B
 
 
-def test_a_name_asked_of_the_wrong_distribution_says_whose_it_is():
+def test_a_name_of_another_distribution_names_its_distribution():
     got = message(BackendNotFoundError, registry(("x", A), ("y", B)).get, "inpainter", "physic-b:x")
     assert got == f"no inpainter named 'physic-b:x'; installed: x, y. 'x' comes from physic-a\nPython: {sys.executable}"
 
 
-def test_a_name_of_a_distribution_that_is_not_installed_says_what_to_install():
+def test_a_name_of_a_distribution_that_is_not_installed_names_the_package_to_install():
     own = registry(("embedded", A))
     got = message(BackendNotFoundError, own.get, "inpainter", "physic-embedded:embedded")
     assert got == (
@@ -270,7 +270,7 @@ def test_a_target_that_cannot_be_imported_keeps_its_cause(target: str, expected:
         ),
     ],
 )
-def test_a_target_whose_module_fails_says_whose_it_is(tmp_path, monkeypatch, source: str, expected: str):
+def test_a_target_whose_module_fails_names_its_distribution(tmp_path, monkeypatch, source: str, expected: str):
     (tmp_path / "my_failing_module.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)
     target, own = "my_failing_module:C", Registry(installed=False)

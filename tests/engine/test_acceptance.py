@@ -83,7 +83,7 @@ def test_a_person_with_nan_energy_is_held_and_the_other_converges():
     torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
 
 
-def test_a_person_without_an_energy_keeps_nobody_at_a_worse_end():
+def test_a_person_without_an_energy_does_not_change_the_acceptance_of_others():
     """The first person's energy is no number at either state; the second one's end is worse than their start."""
     energy = Two(wall=-1.0)
     start = energy.state.pack()

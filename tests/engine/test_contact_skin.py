@@ -44,7 +44,7 @@ def test_somebody_alone_has_no_distance_to_people():
     assert torch.isinf(people_distances(points[None], normals[None], outer, RADIUS_M).distance).all()
 
 
-def test_people_whose_vertices_are_not_finite_touch_nobody():
+def test_people_whose_vertices_are_not_finite_touch_no_other_person():
     points, normals = sheet(0.0, FRONT)
     bodies = torch.stack([points, torch.full_like(points, torch.nan)])
     outer = torch.ones(len(points), dtype=torch.bool)

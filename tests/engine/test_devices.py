@@ -136,7 +136,7 @@ def test_cuda_repeats_itself_bit_for_bit(two):
 
 
 @needs_cuda
-def test_cuda_places_and_tells_contact_as_the_cpu_does(two):
+def test_cuda_gives_the_places_and_contacts_of_the_cpu(two):
     answers = []
     for device in ("cpu", "cuda"):
         problem = as_double(two.problem, device)

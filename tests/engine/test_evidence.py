@@ -141,7 +141,7 @@ def test_a_person_who_leans_on_a_wall_is_not_balanced(make_stage, standing):
     assert balanced(0.0, observed=torch.zeros(1, 55, dtype=torch.bool)) == [0.0]
 
 
-def test_chamfer_equals_its_plain_twin_under_a_scale(standing):
+def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     problem = standing.problem
     cloud = HumanPoints.from_problem(problem, most=0)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])

@@ -40,7 +40,7 @@ def behind(make_stage):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 10_000), st.integers(0, 9))
-def test_near_mask_equals_its_slow_twin(seed, reach):
+def test_near_mask_equals_its_slow_reference(seed, reach):
     rng = np.random.default_rng(seed)
     mask = rng.random((17, 23)) < 0.02
     uv = rng.uniform(-30, 50, (12, 2))

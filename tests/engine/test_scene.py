@@ -147,7 +147,7 @@ def test_the_metric_depths_camera_comes_before_the_point_maps() -> None:
     assert scene(K_metric=wide, settings=PAPER).K[0, 0] == pytest.approx(140.0)
 
 
-def test_without_any_camera_the_point_map_tells_it() -> None:
+def test_without_any_camera_the_point_map_gives_the_focal_length() -> None:
     state = scene(K_metric=None)
     assert state.K[0, 0] == pytest.approx(140.0)
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]

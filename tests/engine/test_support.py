@@ -244,7 +244,7 @@ def test_a_back_alone_carries_no_person(posed):
     assert found.state == SupportState.UNBALANCED
 
 
-def test_an_upright_surface_and_a_few_vertices_that_face_down_carry_nobody(posed):
+def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(posed):
     model, body = posed(HANGS)
     seen = evidence(model, prior=("left_hand", "right_hand"), lifted=(True, True))
     facing_down = (body.normals @ UP < -0.5) & (model.part_of_vertex == model.part_names.index("left_upper_leg"))

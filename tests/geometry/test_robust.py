@@ -62,7 +62,7 @@ def test_hand_worked_values():
     assert pseudo_huber(nine, 3.0).item() == pytest.approx(18 * (math.sqrt(2) - 1))
 
 
-def test_the_family_holds_its_named_members():
+def test_barrons_loss_includes_the_named_robust_losses():
     squared = torch.linspace(0, 50, 40, dtype=torch.float64)
     torch.testing.assert_close(barron(squared, 1.0, 2.0), pseudo_huber(squared, 2.0))
     torch.testing.assert_close(barron(squared, 0.0, 2.0), cauchy(squared, 2.0 * math.sqrt(2)))

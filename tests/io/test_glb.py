@@ -276,7 +276,7 @@ def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_
     )
 
 
-def test_a_scene_without_a_valid_pixel_and_nobody_in_it_still_writes_files(make):
+def test_a_scene_without_people_and_valid_pixels_still_writes_files(make):
     before = make(people=0)
     scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
     files = dict(glb_files(replace(before, scene=scene)))

@@ -127,7 +127,7 @@ def test_a_jpeg_without_its_end_marker_is_read_with_a_note(tmp_path, options, mi
     assert expected.notes == ()
 
 
-def test_a_large_jpeg_that_lacks_its_end_mark_is_reduced_all_the_same(tmp_path, monkeypatch):
+def test_a_large_jpeg_without_its_end_marker_is_reduced(tmp_path, monkeypatch):
     monkeypatch.setattr("physic_core.io.photo._KEEP_PIXELS", 10_000)
     path = tmp_path / "photo.jpg"
     whole = jpeg(path)

@@ -50,7 +50,7 @@ def test_a_saved_result_is_valid(tmp_path: Path, make: Any, people: int):
     assert faults(saved(tmp_path)) == []
 
 
-def test_a_result_of_the_pipeline_is_valid_and_has_no_key_that_the_schema_lacks(tmp_path: Path):
+def test_a_result_of_the_pipeline_fulfils_the_schema_without_further_keys(tmp_path: Path):
     from physic_core import reconstruct
     from physic_testing import build_world
 

@@ -50,7 +50,7 @@ def test_the_three_averages_of_two_people_by_hand():
 
 
 @given(MAPS)
-def test_the_rates_equal_the_slow_twin(maps):
+def test_the_rates_equal_the_slow_reference(maps):
     predicted, truth = maps
     expected = np.array([twin(*row) for row in zip(predicted, truth, strict=True)])
     np.testing.assert_allclose(np.stack(precision_recall_f1(contact_counts(predicted, truth)), 1), expected)

@@ -87,7 +87,7 @@ def test_of_several_ways_between_two_vertices_the_shortest_counts():
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6))
-def test_distances_equal_the_slow_twin(seed, sources):
+def test_distances_equal_the_slow_reference(seed, sources):
     rng = np.random.default_rng(seed)
     ball = trimesh.creation.icosphere(subdivisions=1)
     vertices = ball.vertices * rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
@@ -134,7 +134,7 @@ def test_on_a_sphere_the_distance_is_too_long_by_a_bounded_share(across, mean, w
     assert excess.max() < worst
 
 
-def test_empty_sets_have_no_error_unless_the_published_rule_is_asked_for():
+def test_empty_sets_have_an_error_by_the_published_rule_only():
     graph = surface_graph(*strip(2))  # x = 0, 1, 2
     none, some = marks(6), marks(6, 0)
     for guess, fact in ((none, some), (some, none), (none, none)):

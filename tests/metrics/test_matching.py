@@ -59,7 +59,7 @@ def test_the_largest_overlap_is_not_always_the_match():
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(0, 4), st.floats(0.05, 0.8))
-def test_matches_equal_the_slow_twin(seed, guesses, people, gate):
+def test_matches_equal_the_slow_reference(seed, guesses, people, gate):
     rng = np.random.default_rng(seed)
     predicted, truth = (columns(*np.sort(rng.integers(0, 20, (count, 2)))) for count in (guesses, people))
     overlap = mask_iou(predicted, truth)

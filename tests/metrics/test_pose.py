@@ -56,7 +56,7 @@ def test_the_alignment_of_a_square_to_an_oblong_is_known():
 
 
 @given(SEEDS, st.floats(0, 0.3))
-def test_the_alignment_equals_the_slow_twin(seed, noise):
+def test_the_alignment_equals_the_slow_reference(seed, noise):
     rng = np.random.default_rng(seed)
     truth = np.stack([person(seed), person(seed + 1)])
     predicted = truth @ Rotation.random(random_state=seed % 2**31).as_matrix() + noise * rng.normal(size=truth.shape)

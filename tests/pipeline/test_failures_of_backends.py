@@ -273,7 +273,7 @@ def one_nan(array: np.ndarray) -> np.ndarray:
     ],
     ids=str,
 )  # fmt: skip
-def test_the_border_tells_what_came_instead(answer: Any, changes: dict[str, Any], faults: list[str]) -> None:
+def test_a_violation_states_what_came(answer: Any, changes: dict[str, Any], faults: list[str]) -> None:
     told = {
         People: lambda a: violations(Segmenter, a, height=H, width=W),
         Keypoints: lambda a: violations(KeypointDetector, a, people=2),

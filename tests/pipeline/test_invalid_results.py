@@ -201,7 +201,7 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
-def test_an_absurd_body_does_not_spoil_the_other(world: World, sound: Reconstruction, alone: Person) -> None:
+def test_an_absurd_body_does_not_change_the_other(world: World, sound: Reconstruction, alone: Person) -> None:
     result = run(world, Behind, "body_estimator")
     assert result.people[LOST].failed_checks
     check_unspoilt(result.people[KEPT], sound, alone, world)

@@ -133,7 +133,7 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     )
 
 
-def test_nothing_to_list(site: Any, monkeypatch):
+def test_listing_without_weights_prints_a_note(site: Any, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     assert physic("list").stdout == "no plugin lists weights\n"
     assert physic("list", "--missing").stdout == "nothing is missing\n"

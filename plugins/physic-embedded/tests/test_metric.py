@@ -221,7 +221,7 @@ def test_missing_hints_are_named(world: World) -> None:
         )
 
 
-def test_nobody_and_nothing_to_measure_by_is_said(world: World) -> None:
+def test_metric_depth_without_people_or_evidence_of_scale_is_an_error(world: World) -> None:
     nobody = Bodies(world.bodies.parameters[0:0], "embedded")
     with pytest.raises(NoPersonError) as error:
         EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=nobody))

@@ -268,7 +268,7 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     assert max(iou) > 0.96
 
 
-def test_masks_are_told_apart_and_a_stray_piece_is_given_back() -> None:
+def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> None:
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
     left, right = np.full((256, 256), -5.0), np.full((256, 256), -5.0)
     left[50:200, 20:140] = 2.0

@@ -102,7 +102,7 @@ def test_older_decos_are_built_as_they_want(deco: Callable[..., Deco]) -> None:
     np.testing.assert_allclose(found.probability[0, 0], 0.75)
 
 
-def test_deco_is_asked_in_batches_and_not_about_nobody(deco: Callable[..., Deco]) -> None:
+def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., Deco]) -> None:
     backend = deco(batch=2)
     backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
     assert [len(seen) for seen in backend._checkout_network.network.seen] == [2, 1]
@@ -230,7 +230,7 @@ def test_its_threshold_becomes_one_half(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.probability[0, :5], [0.5, 1.0, 0.25, 0.75, 0.0], atol=1e-6)
 
 
-def test_it_tells_of_whom_the_photo_shows_largest(tmp_path: Path) -> None:
+def test_the_contact_is_that_of_the_largest_person(tmp_path: Path) -> None:
     path = result(tmp_path, "chair__a", photo(1), np.ones((1, 6890)))
     found = opened(path).infer(photo(1), people([[0, 0, 10, 10], [0, 0, 90, 90], [0, 0, 20, 20]]), NOBODY)
     np.testing.assert_allclose(found.probability.mean(axis=1), [0, 1, 0])

@@ -99,7 +99,7 @@ def test_unidepths_own_camera_comes_back_in_the_centres_of_pixels(unidepth: UniD
     assert found.intrinsics.source == "UniDepth V2"
 
 
-def test_a_camera_that_is_only_a_default_is_not_told(unidepth: UniDepth) -> None:
+def test_a_default_camera_is_not_passed_to_backends(unidepth: UniDepth) -> None:
     camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48, "60 degrees", CameraTrust.GUESSED)
     found = unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
     assert found.intrinsics is not None

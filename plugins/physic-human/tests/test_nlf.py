@@ -374,7 +374,7 @@ def test_the_users_file_gives_the_exact_place_and_the_surface(
     assert bodies.mesh.rest is not None
 
 
-def test_another_file_than_nlfs_is_told_by_the_vertices(
+def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(
     smplx_file: Path, tmp_path: Path, torchvision: ModuleType
 ) -> None:
     backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))

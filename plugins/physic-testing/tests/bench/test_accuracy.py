@@ -279,7 +279,7 @@ def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkey
     assert (document["complete"], document["worlds_done"]) == (False, 1)
 
 
-def test_without_the_mock_plugin_the_command_says_what_to_install(tmp_path, monkeypatch):
+def test_without_the_mock_plugin_the_command_names_the_package_to_install(tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-testing")
     told = bench("accuracy", "-o", str(tmp_path / "out"))
     assert told.exit_code == 2

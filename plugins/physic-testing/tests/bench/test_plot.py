@@ -33,7 +33,7 @@ def test_a_picture_is_drawn(tmp_path, suffix):
     assert path.stat().st_size > 5_000
 
 
-def test_without_matplotlib_it_says_what_to_install(tmp_path, monkeypatch):
+def test_without_matplotlib_it_names_the_package_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib.figure", None)
     with pytest.raises(
         PhysicError,

@@ -58,7 +58,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     ]
 
 
-def test_the_doctor_is_content_with_what_only_lacks_a_file(site, monkeypatch):
+def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
     site.install("physic-sick", SICK)
     done = physic("plugins", "doctor", "lacking", "--json")

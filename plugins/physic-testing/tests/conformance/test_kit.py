@@ -87,7 +87,7 @@ def test_a_name_of_several_interfaces_needs_the_interface():
 # ---- what comes of it ------------------------------------------------------------------------------------------------
 
 
-def test_a_failure_says_what_was_expected_what_came_in_which_unit_and_where_to_read_more():
+def test_a_failure_states_expected_and_found_value_unit_and_reference():
     (failure,) = check_backend(CENTIMETRES, size=SIZE).failures
     assert failure.message == (
         "depth_is_in_metres\n"

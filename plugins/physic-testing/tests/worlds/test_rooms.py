@@ -54,7 +54,7 @@ def test_distance_in_the_air_is_that_to_the_nearest_point_of_the_surface(point):
 
 
 @pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "move_plan", "slope"])
-def test_faces_look_into_the_air(room):
+def test_normals_of_faces_point_into_free_space(room):
     vertices, faces, surface = room.mesh()
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)

@@ -36,7 +36,7 @@ def _plain(point: FloatArray, blocks: tuple[Block, ...], ground: Ground) -> floa
     return best
 
 
-def test_the_distance_is_that_of_a_plain_twin() -> None:
+def test_the_distance_is_that_of_a_slow_reference() -> None:
     ground = Ground((0.1, float(np.sqrt(1 - 0.01 - 0.04)), 0.2))
     points = _points(300)
     wanted = [_plain(point, _BLOCKS, ground) for point in points]
@@ -44,7 +44,7 @@ def test_the_distance_is_that_of_a_plain_twin() -> None:
     assert signed_distance(points, (), ground) == pytest.approx(points @ np.array(ground.normal), abs=1e-12)
 
 
-def test_the_distance_in_the_air_is_that_to_the_mesh() -> None:
+def test_the_signed_distance_outside_equals_the_distance_to_the_mesh() -> None:
     points = _points(200, seed=1)
     points[:, 1] += 5  # far from the ground, with the blocks lifted too
     lifted = tuple(Block((b.centre[0], b.centre[1] + 5, b.centre[2]), b.half, b.yaw, pitch=b.pitch) for b in _BLOCKS)
