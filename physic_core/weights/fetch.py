@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
@@ -17,7 +17,7 @@ from physic_core.weights.manifest import HubSource, WebSource, WeightFile, Weigh
 from physic_core.weights.transfer import ResumableDownload, require_room, wrap_write_errors
 from physic_core.weights.verify import describe_mismatch
 
-__all__ = ["Progress", "fetch", "format_licence"]
+__all__ = ["Progress", "download_libraries", "fetch", "format_licence"]
 
 Progress = Callable[[str, int, int | None], None]
 """Callback with the path of a file in its set, the bytes downloaded so far, and the total if known."""
@@ -136,9 +136,14 @@ def _names(files: list[WeightFile]) -> str:
     return ", ".join(file.path for file in files)
 
 
+def download_libraries(files: Iterable[WeightFile]) -> list[str]:
+    """Return the import names of the libraries that download these files."""
+    sources = {type(file.origin) for file in files if file.source}
+    return [*(["huggingface_hub"] if HubSource in sources else []), *(["requests"] if sources else [])]
+
+
 def _require_libraries(files: list[WeightFile]) -> None:
-    wanted = {"requests"} | {"huggingface_hub" for f in files if isinstance(f.origin, HubSource)}
-    uninstalled = sorted(name for name in wanted if find_spec(name) is None)
+    uninstalled = [name for name in download_libraries(files) if find_spec(name) is None]
     if uninstalled:
         raise DownloadError(f"downloading weights needs {' and '.join(uninstalled)}: {INSTALL}")
 

@@ -207,7 +207,7 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     )
     assert (
         refusal("run", "photo.jpg", "--preset", "no")
-        == "no preset named 'no'; there are: best, embedded, light-cpu, mock, paper"
+        == "no preset named 'no'; there are: best, embedded, light-cpu, mock, open, paper"
     )
     Path("taken").write_text("")
     assert refusal(*run("-o", "taken")) == (

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from physic_core import load_config
 from physic_core.adapters.checkouts import checkout_commit
 from physic_core.cli import main
 
@@ -180,3 +181,17 @@ def test_a_plugin_that_is_not_installed_is_the_first_step(monkeypatch: pytest.Mo
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-transformers,physic-human,physic-onnx,physic-embedded")
     lines = physic("setup", "paper").output.splitlines()
     assert any(line.startswith("python -m pip install") and "physic-omnieraser" in line for line in lines)
+
+
+def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> None:
+    from physic_core.configuration.resolve import named_weights, resolve
+    from physic_core.discovery.plugins import discover
+
+    registry = discover()
+    plan = resolve(load_config(preset="open"), registry)
+    sets = named_weights(plan, registry)
+    assert {weights.name for weights in sets} == {
+        "sam2.1-hiera-large", "big-lama", "moge-2-vitl-normal", "rtmw-l-384x288",
+    }  # fmt: skip
+    assert all(weights.is_free and all(file.source and file.sha256 for file in weights.files) for weights in sets)
+    assert all(resolved.backend.requirements() == () for resolved in plan.backends.values())

@@ -48,7 +48,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 
 
 def test_the_presets_are_those_of_the_package():
-    assert preset_names() == ("best", "embedded", "light-cpu", "mock", "paper")
+    assert preset_names() == ("best", "embedded", "light-cpu", "mock", "open", "paper")
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -356,13 +356,13 @@ def test_a_value_that_does_not_hold_says_what_it_should_be(override: str, expect
 
 def test_a_preset_that_does_not_exist_says_which_do():
     assert refusal(preset="embeded") == (
-        "no preset named 'embeded'; there are: best, embedded, light-cpu, mock, paper. Did you mean 'embedded'?"
+        "no preset named 'embeded'; there are: best, embedded, light-cpu, mock, open, paper. Did you mean 'embedded'?"
     )
 
 
 def test_an_extends_without_a_file_names_the_config_that_states_it(write):
     assert refusal(write('extends = "splendid"\n')) == (
-        "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, paper"
+        "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, open, paper"
     )
     assert (
         refusal(write('extends = "other.toml"\n'))

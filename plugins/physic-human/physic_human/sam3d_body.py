@@ -6,6 +6,7 @@ of the option ``dinov3_checkout``, and tensors only. The ViT-H weights need no D
 
 from __future__ import annotations
 
+import logging
 import pickle
 import re
 from collections.abc import Mapping
@@ -48,6 +49,9 @@ _DINOV3 = "facebookresearch/dinov3"
 _DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
 _MADE_OTHERWISE = re.compile(r"\.mhr\.|\.hand_pose_comps_ori$|\.mask_token$")
 """Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and an unused one."""
+_ESSENTIAL = re.compile(r"(backbone|decoder|decoder_hand)\.")
+"""Parameters without which the checkpoint is of another network."""
+_LOG = logging.getLogger(__name__)
 _OF_THE_HUB = ("source", "trust_repo", "force_reload", "verbose", "skip_validation")
 """Options of ``torch.hub.load`` itself."""
 _BODY = {"shoulder": 5, "elbow": 7, "hip": 9, "knee": 11, "ankle": 13}
@@ -277,10 +281,13 @@ def uses_principal_point(config: Any) -> bool:
 
 
 def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> None:
-    """Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other parameters.
+    """Compare the parameters of a network with what was read from ``path``.
+
+    Its code leaves random numbers where a checkpoint, or another version of DINOv3, has other parameters. Other missing
+    parameters than those of backbone and decoders are a warning: they may be ones that its code does not use.
 
     Raises:
-        BackendError: a parameter of the network is not in what was read from ``path``, or has another shape.
+        BackendError: a parameter of the backbone or a decoder is not there, or has another shape.
     """
     state = {name: value for held in read for name, value in held.get("state_dict", held).items()}
     own = dict(network.named_parameters())
@@ -289,12 +296,16 @@ def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> 
         for name, value in own.items()
         if not _MADE_OTHERWISE.search(name) and getattr(state.get(name), "shape", None) != value.shape
     ]
-    if absent:
+    if not absent:
+        return
+    essential = [name for name in absent if _ESSENTIAL.match(name)]
+    shown = essential or absent
+    text = f"{path} is missing {len(shown)} of {len(own)} parameters of the network, {', '.join(shown[:3])}"
+    if essential:
         raise BackendError(
-            f"{path} is missing {len(absent)} of {len(own)} parameters of the network, "
-            f"{', '.join(absent[:3])}, ...: "
-            "it is the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
+            f"{text}, ...: it is the checkpoint of another network, or of another version of SAM 3D Body or of DINOv3"
         )
+    _LOG.warning("%s: these keep random numbers, so look at the bodies", text)
 
 
 def _principal_point_shift(image: UInt8Array, intrinsics: Intrinsics) -> FloatArray:

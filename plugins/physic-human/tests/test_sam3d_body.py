@@ -49,7 +49,8 @@ def load_sam_3d_body(checkpoint_path="", device="cuda", mhr_path=""):
     decoder = {name: value == "true" for name, value in re.findall("(USE_INTRIN_CENTER): (.*)", text)}
     config = {"MODEL": {"BACKBONE": {"TYPE": backbone}, "DECODER": decoder}}
     if backbone.startswith("dinov3"):
-        network.encoder = torch.hub.load(
+        network.backbone = torch.nn.Module()
+        network.backbone.encoder = torch.hub.load(
             "facebookresearch/dinov3", backbone, source="github", pretrained=False, drop_path=0.1
         )
     network.held = torch.load(checkpoint_path, map_location="cpu", weights_only=False)
@@ -212,12 +213,12 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
 ) -> None:
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
-    held = {"state_dict": {"gain": torch.ones(1), "encoder.cls_token": torch.full((1, 1, 2), 0.5)}}
+    held = {"state_dict": {"gain": torch.ones(1), "backbone.encoder.cls_token": torch.full((1, 1, 2), 0.5)}}
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
     sam._build("cpu")
-    assert sam._checkout_network.network.model.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
-    assert sam._checkout_network.network.model.encoder.drop_path == 0.1
+    assert sam._checkout_network.network.model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
+    assert sam._checkout_network.network.model.backbone.encoder.drop_path == 0.1
     assert (torch.hub.load, torch.load) == before
     assert "dinov3" not in sys.modules
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
@@ -256,9 +257,8 @@ def test_missing_names_the_dinov3_checkout_for_the_weights_that_need_it(
 @pytest.mark.parametrize(
     ("state", "absent"),
     [
-        ({"gain": torch.ones(1)}, "encoder.cls_token"),
-        ({"gain": torch.ones(1), "encoder.cls_token": torch.zeros(1, 1, 3)}, "encoder.cls_token"),
-        ({"encoder.cls_token": torch.zeros(1, 1, 2)}, "gain"),
+        ({"gain": torch.ones(1)}, "backbone.encoder.cls_token"),
+        ({"gain": torch.ones(1), "backbone.encoder.cls_token": torch.zeros(1, 1, 3)}, "backbone.encoder.cls_token"),
     ],
 )
 def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
@@ -268,6 +268,16 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
     sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
     with pytest.raises(BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."):
         sam._build("cpu")
+
+
+def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
+    make_sam: Callable[..., Sam3dBody], caplog: pytest.LogCaptureFixture
+) -> None:
+    make_sam(held={"state_dict": {}})._build("cpu")
+    (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert said.endswith(
+        "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at the bodies"
+    )
 
 
 def test_other_code_is_not_fetched_either(
