@@ -362,7 +362,8 @@ def test_a_preset_that_does_not_exist_says_which_do():
 
 def test_an_extends_without_a_file_names_the_config_that_states_it(write):
     assert refusal(write('extends = "splendid"\n')) == (
-        "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, open, paper"
+        "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, open, "
+        "paper"
     )
     assert (
         refusal(write('extends = "other.toml"\n'))
