@@ -7,8 +7,6 @@ import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from physic_core.files.av1_frame import frame_pixels, picture_streams
-
 if TYPE_CHECKING:
     from PIL import Image
 
@@ -54,6 +52,8 @@ def decoding_bytes(image: Image.Image, file: BinaryIO) -> int:
         case "WEBP":
             return 17 * pixels
         case "AVIF":  # with 12 bits a channel; a frame larger than the image is scaled before it is converted
+            from physic_core.files.av1_frame import frame_pixels
+
             return max(22 * pixels, 9 * frame_pixels(file))
         case "HEIF":
             return 12 * pixels
@@ -165,6 +165,8 @@ def _check_webp(file: BinaryIO) -> None:
 
 def _check_items(file: BinaryIO) -> None:
     """Find a lost sector in the pictures, for which decoders invent pixels without a word."""
+    from physic_core.files.av1_frame import picture_streams
+
     if any(bytes(_LOST_SECTOR) in stream for stream in picture_streams(file)):
         raise ValueError(f"{_LOST_SECTOR} bytes of zeros in the picture")
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from physic_core.geometry.triangle_tree import TriangleTree
+if TYPE_CHECKING:
+    from physic_core.geometry.triangle_tree import TriangleTree
 
 __all__ = ["RayCaster", "RayHits", "RayLibrary"]
 
@@ -58,7 +59,11 @@ class RayCaster:
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the face."""
         self._embree = _embree_scene(points, triangles) if (library or _installed()) == "embree" else None
-        self._tree = TriangleTree(corners) if self._embree is None else None
+        self._tree: TriangleTree | None = None
+        if self._embree is None:
+            from physic_core.geometry.triangle_tree import TriangleTree
+
+            self._tree = TriangleTree(corners)
 
     def first(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
         """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any length."""

@@ -81,6 +81,8 @@ def transfer_contact(
 
 def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
     """Add joints to bodies for other backends, unless all backends can load the body model ("embedded")."""
+    if model.name == "embedded":
+        return bodies
     from physic_core.body.conversion import replace_mesh_with_joints
 
-    return bodies if model.name == "embedded" else replace_mesh_with_joints(bodies, model)
+    return replace_mesh_with_joints(bodies, model)

@@ -380,12 +380,15 @@ def _prompt(
         file_size: width and height of the upright file, px.
         size: width and height of the image to reconstruct, px.
     """
+    is_set = settings.person or settings.box or settings.masks
+    if people is None and not is_set:
+        return None
     from physic_core.io.people_prompt import check_prompt, read_masks, resize_prompt
 
-    if people is None and (settings.person or settings.box or settings.masks):
+    if people is None:
         masks = None if settings.masks is None else read_masks(settings.masks)
         people = PeoplePrompt(settings.person, settings.box, masks)
-    return None if people is None else resize_prompt(check_prompt(people, *file_size), file_size, size)
+    return resize_prompt(check_prompt(people, *file_size), file_size, size)
 
 
 def _result(

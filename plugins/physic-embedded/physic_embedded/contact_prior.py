@@ -90,7 +90,6 @@ class StaticContact(ContactPrior):
             BackendError: it is not loaded, or the bodies are of another model and without joints.
         """
         from physic_core.body import JOINT_INDEX
-        from physic_core.body.conversion import rest_mesh_of_model
 
         if self._model is None:
             raise BackendError("the static contact prior is not loaded: call load() before infer()")
@@ -117,7 +116,11 @@ class StaticContact(ContactPrior):
             ids = self._model.contact_sets[f"{SIDES[k]}_hand"].cpu().numpy()
             given = np.where(held, np.float32(options.held), np.float32(0))[:, None]
             probability[:, ids] = np.maximum(probability[:, ids], given)
-        rest = None if bodies.body_model == self._model.name else rest_mesh_of_model(self._model)
+        rest = None
+        if bodies.body_model != self._model.name:
+            from physic_core.body.conversion import rest_mesh_of_model
+
+            rest = rest_mesh_of_model(self._model)
         return ContactProbability(probability, self._model.topology, rest)
 
     def _joints(self, bodies: Bodies) -> FloatArray:

@@ -118,13 +118,14 @@ class EmbeddedMetricDepth(MetricDepth):
         import torch
 
         from physic_core.body import load_body
-        from physic_core.body.conversion import convert_bodies
         from physic_core.body.parameters import rotations_from_parameters
         from physic_core.geometry.tensors import tensor
 
         if self._model is None:
             self._model = load_body("embedded")
         if bodies.body_model != "embedded":
+            from physic_core.body.conversion import convert_bodies
+
             if bodies.joints is None:
                 raise BackendError(
                     "the embedded metric depth needs bodies of the embedded model or joints, got "
