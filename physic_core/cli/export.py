@@ -47,6 +47,11 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 @click.option("--up", type=click.Choice(["y", "z", "camera"]), help="Up axis.  [default: the format's convention]")
 @click.option("--no-scene", is_flag=True, help="Leave out scene and floor.")
 @click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
+@click.option("--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones.")
+@click.option("--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies.")
+@click.option("--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels along a side.")
+@click.option("--contact-texture", is_flag=True, help="Write contact as a UV texture, too.")
+@click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @click.option(
     "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_formats, help="List the formats."
@@ -60,6 +65,7 @@ def export(
     no_scene: bool,
     body_model: Path | None,
     overwrite: bool,
+    **options: str | bool | None,
 ) -> None:
     """Export the result in folder OUT to a format of another program."""
     from physic_core.discovery.exporters import find_exporter
@@ -84,6 +90,7 @@ def export(
         scene=not no_scene,
         body_model=body_model,
         overwrite=overwrite,
+        **{option: value for option, value in options.items() if value},
     )
     for note in done.notes:
         echo(f"note: {note}")

@@ -85,6 +85,7 @@ EXPORTERS: dict[str, dict[str, tuple[str, ...]]] = {
         "amass": (".npz",),
         "bvh": (".bvh",),
         "coco": (".json",),
+        "glb": (".glb",),
         "hot": (".json",),
         "mjcf": (".xml", ".mjcf"),
         "obj": (".obj",),

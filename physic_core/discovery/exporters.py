@@ -33,9 +33,14 @@ _ELSEWHERE = {
 
 
 def find_exporters() -> tuple[Installed[ExporterRecord], ...]:
-    """Return the exporters of the core and of all installed plugins, sorted by name; nothing of them is imported."""
-    own = Installed(_GLB, EntryPoint("physic-core", "physic_core", ""))
-    return tuple(sorted((own, *find_installed(ExporterRecord)), key=lambda exporter: exporter.record.name))
+    """Return the exporters of all installed plugins, sorted by name, and the core's GLB if no plugin writes one.
+
+    Nothing of them is imported.
+    """
+    found = find_installed(ExporterRecord)
+    if not any(exporter.record.name == _GLB.name for exporter in found):
+        found = (Installed(_GLB, EntryPoint("physic-core", "physic_core", "")), *found)
+    return tuple(sorted(found, key=lambda exporter: exporter.record.name))
 
 
 def find_exporter(name: str | None, suffix: str = "") -> Installed[ExporterRecord]:

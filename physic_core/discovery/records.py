@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from physic_core.interfaces import Backend
 
 __all__ = ["RECORD_HOOKS", "BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord", "ReportRecord"]
@@ -103,6 +105,7 @@ class ExporterRecord:
         needs: what the user must have, or empty.
         packages: import names of required packages, such as those of an extra.
         extra: extra of the distribution that installs ``packages``, or empty.
+        options: name of an option -> its values, the default first. A flag has False and True.
     """
 
     name: str
@@ -117,6 +120,7 @@ class ExporterRecord:
     needs: str = ""
     packages: tuple[str, ...] = ()
     extra: str = ""
+    options: Mapping[str, tuple[str | bool, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.suffixes or isinstance(self.suffixes, str) or not all(s.startswith(".") for s in self.suffixes):

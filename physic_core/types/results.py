@@ -249,7 +249,7 @@ class Reconstruction(ShortRepr):
             path: of the file, or a folder, which then needs ``format``.
             format: "glb", "amass", ...; None for that of the suffix.
             options: ``person`` (index or indices), ``up`` ("y", "z", "camera"), ``scene``, ``body_model`` (SMPL-X file
-                of yours) and ``overwrite``, as in :func:`physic_core.export_reconstruction`.
+                of yours) and ``overwrite``, as in :func:`physic_core.export_reconstruction`, and options of the format.
 
         Returns:
             ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was left out.

@@ -1,15 +1,15 @@
 """GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
-The scene is textured with the photo without people, and unlit, since a photo contains its own light. People are matte;
-vertices in contact have the colour of what they touch.
+The scene is textured with the photo without people, and unlit, since a photo contains its own light. People are matte
+and of one colour; contact is an attribute of their vertices.
 """
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,32 +19,32 @@ import torch
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types.exports import ExportedFiles
+from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import ExportRequest, camera_pose, export_frame
 from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
-from physic_core.visual.palette import FLOOR_RGB, contact_colors, contact_legend, linear_from_srgb
+from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import Rig, rigs
-from physic_core.visual.surface import SceneMesh, depth_limit, floor_square, mesh_scene, unit_normals
+from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics, Reconstruction, UInt8Array
 
-__all__ = ["export_glb", "glb_files", "influences"]
+__all__ = [
+    "Look",
+    "background_of",
+    "body_material",
+    "build_glb",
+    "export_glb",
+    "glb_files",
+    "glb_notes",
+    "influences",
+]
 
 _WEIGHT_LOSS = 1e-3
 """Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""
 
-_PHOTO: dict[str, Any] = {
-    "name": "photo",
-    "doubleSided": True,
-    "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0, "roughnessFactor": 1.0},
-    "extensions": {"KHR_materials_unlit": {}},
-}
-_BODY: dict[str, Any] = {
-    "name": "mannequin",
-    "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
-}
 _FLOOR: dict[str, Any] = {
     "name": "floor",
     "doubleSided": True,
@@ -58,7 +58,26 @@ _FLOOR: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class _Background:
+class Look:
+    """Material of a mesh, and the vertices of a body that differ from its own.
+
+    Attributes:
+        material: its entry in the file.
+        primitive: further properties of the primitive.
+        vertex: (U,) index of the body's vertex; None for the body's own vertices.
+        faces: (F, 3) indices of these vertices; None for the body's own faces.
+        attributes: name -> (U, ...) further values of the vertices.
+    """
+
+    material: dict[str, Any]
+    primitive: Mapping[str, Any] = field(default_factory=dict)
+    vertex: NDArray[np.int64] | None = None
+    faces: NDArray[np.int64] | None = None
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Background:
     """Mesh of the scene and its texture.
 
     Attributes:
@@ -82,12 +101,12 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
     """
     posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
-    background = _background(result)
+    background = background_of(result)
     if parts:
-        yield "scene.glb", _content(replace(request, people=()), background, {})
+        yield "scene.glb", build_glb(replace(request, people=()), background, {}).content()
         for index in range(len(result.people)):
             people = (index,) if index in posed else ()
-            yield f"person_{index}.glb", _content(replace(request, people=people, scene=False), None, {})
+            yield f"person_{index}.glb", build_glb(replace(request, people=people, scene=False), None, {}).content()
     skins, reason = dict[int, Rig](), ""
     if result.body_model == "embedded":
         try:
@@ -96,7 +115,7 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
             reason = str(error)
     else:
         reason = "it is in a file of yours; `physic export --to glb` writes it"
-    yield "combined.glb", _content(request, background, skins, reason)
+    yield "combined.glb", build_glb(request, background, skins, reason).content()
 
 
 def export_glb(request: ExportRequest) -> ExportedFiles:
@@ -105,7 +124,15 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     Raises:
         InputError: the skeleton of the bodies is not known.
     """
-    skins, notes = dict(rigs(request)), []
+    skins = dict(rigs(request))
+    background = background_of(request.result) if request.scene else None
+    content = build_glb(request, background, skins).content()
+    return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
+
+
+def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ...]:
+    """Return sentences about what a GLB file of a request cannot state."""
+    notes = []
     for index, rig in skins.items():
         lost = float(1 - influences(rig.weights)[1].sum(1).min())
         if lost > _WEIGHT_LOSS:
@@ -117,26 +144,54 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
             f"the principal point is {offset:.0f} px from the image centre, which a glTF camera cannot state: "
             "a render of the camera is shifted by that"
         )
-    background = _background(request.result) if request.scene else None
-    return ExportedFiles({f"{request.stem}{request.suffix}": _content(request, background, skins)}, tuple(notes))
+    return tuple(notes)
 
 
-def _content(request: ExportRequest, background: _Background | None, skins: dict[int, Rig], reason: str = "") -> bytes:
-    """Return a GLB file of the people of a request, with a skeleton where there is one in ``skins``."""
+def body_material(name: str, rgb: tuple[int, int, int] | None = None, texture: int | None = None) -> dict[str, Any]:
+    """Return a matte material with an sRGB colour or the index of a texture."""
+    surface: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
+    if rgb is not None:
+        surface["baseColorFactor"] = [*linear_from_srgb(np.array(rgb, np.uint8)).round(4).tolist(), 1.0]
+    if texture is not None:
+        surface["baseColorTexture"] = {"index": texture}
+    return {"name": name, "pbrMetallicRoughness": surface}
+
+
+def _mannequin(*_: object) -> Look:
+    """Return a body of one colour."""
+    return Look(body_material("mannequin", BODY_RGB))
+
+
+def build_glb(
+    request: ExportRequest,
+    background: Background | None,
+    skins: Mapping[int, Rig],
+    reason: str = "",
+    look: Callable[[GlbBuffer, int, ExportRequest], Look] = _mannequin,
+) -> GlbBuffer:
+    """Return a GLB file of the people of a request.
+
+    Args:
+        request: of any up axis.
+        background: the scene, or None to leave it and the floor out.
+        skins: person -> rig, of those that get a skeleton.
+        reason: why others get none.
+        look: called with the file, to which it can add textures, and the person.
+    """
     glb, result, frame = GlbBuffer(generator="PhySIC"), request.result, request.frame
     nodes: list[int] = []
     if background is not None:
         nodes += _add_scene(glb, background, request)
-        nodes += _add_floor(glb, request)
+        nodes += _add_floor(glb, background, request)
     for index in request.people:
-        nodes += _add_person(glb, index, request, skins.get(index))
+        nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
         "units": "metres",
         "axes": frame.axes,
         "gltf_from_camera": frame.from_camera.tolist(),
         "body_model": result.body_model,
-        "contact": "vertex attribute _CONTACT: 1 in contact, 0 not; the vertex colour is that of what is touched",
+        "contact": "vertex attribute _CONTACT: 1 in contact, 0 not",
         "contact_colors": contact_legend(result),
     }
     if skins:
@@ -145,7 +200,7 @@ def _content(request: ExportRequest, background: _Background | None, skins: dict
         extras["no_skeleton"] = reason
     glb.tree["scenes"] = [{"name": "physic", "nodes": nodes, "extras": extras}]
     glb.tree["scene"] = 0
-    return glb.content()
+    return glb
 
 
 def influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -161,18 +216,17 @@ def influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], N
     return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None) -> list[int]:
+def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None, look: Look) -> list[int]:
     """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
     name, person, result = f"person_{index}", request.result.people[index], request.result
     faces = np.asarray(result.faces, np.int64)
     vertices = transform_points(request.frame.from_camera, person.vertices) if rig is None else rig.vertices
-    colors = np.full((len(vertices), 4), 255, np.uint8)
-    colors[:, :3] = np.round(255 * linear_from_srgb(contact_colors(person, result.contact_partners)))
+    own = slice(None) if look.vertex is None else look.vertex
     attributes = {
-        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
-        "NORMAL": glb.accessor(unit_normals(vertices, faces), ARRAY),
-        "COLOR_0": glb.accessor(colors, ARRAY, normalized=True),
-        "_CONTACT": glb.accessor(person.contact.astype(np.float32), ARRAY),
+        "POSITION": glb.accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
+        "NORMAL": glb.accessor(unit_normals(vertices, faces)[own], ARRAY),
+        "_CONTACT": glb.accessor(person.contact.astype(np.float32)[own], ARRAY),
+        **{key: glb.accessor(values, ARRAY) for key, values in look.attributes.items()},
     }
     tops, skin = list[int](), dict[str, int]()
     if rig is not None:
@@ -181,9 +235,9 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
         indices, weights = influences(rig.weights)
         for group in range(indices.shape[1] // 4):
             columns = slice(4 * group, 4 * group + 4)
-            attributes[f"JOINTS_{group}"] = glb.accessor(indices[:, columns], ARRAY)
-            attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[:, columns], ARRAY)
-    return [*tops, _add_mesh(glb, name, attributes, faces, _BODY, **skin)]
+            attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)
+            attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[own, columns], ARRAY)
+    return [*tops, _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)]
 
 
 def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, int]]:
@@ -213,53 +267,53 @@ def _add_mesh(
     name: str,
     attributes: dict[str, int],
     faces: NDArray[np.integer[Any]],
-    material: dict[str, Any],
+    look: Look,
     **node: int,
 ) -> int:
-    """Add a mesh of faces (F, 3), and its material if the file has none like it; return the index of its node."""
-    materials = glb.tree.get("materials", [])
-    number = materials.index(material) if material in materials else glb.add("materials", material)
+    """Add a mesh of faces (F, 3) with the material of a look, and return the index of its node."""
     indices = glb.accessor(faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES)
-    primitive = {"attributes": attributes, "indices": indices, "material": number}
+    number = glb.material(look.material)
+    primitive = {"attributes": attributes, "indices": indices, "material": number, **look.primitive}
     mesh = glb.add("meshes", {"name": name, "primitives": [primitive]})
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
-def _background(result: Reconstruction) -> _Background:
+def background_of(result: Reconstruction) -> Background:
     """Return mesh and texture of the scene."""
     surface = mesh_scene(result.scene, depth_limit(result))
     texture, (width, height) = _power_of_two(result.scene.colors)
-    return _Background(surface, ((surface.pixels + 0.5) / [width, height]).astype(np.float32), texture)
+    return Background(surface, ((surface.pixels + 0.5) / [width, height]).astype(np.float32), texture)
 
 
-def _add_scene(glb: GlbBuffer, background: _Background, request: ExportRequest) -> list[int]:
+def _add_scene(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
     """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
     if not len(background.surface.faces):
         return []
     glb.tree["extensionsUsed"] = ["KHR_materials_unlit"]
-    glb.tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]
-    glb.tree["images"] = [{"bufferView": glb.view(background.jpeg), "mimeType": "image/jpeg", "name": "photo"}]
-    glb.tree["textures"] = [{"source": 0, "sampler": 0}]
+    photo = body_material("photo", texture=glb.texture(background.jpeg, "image/jpeg", "photo"))
+    photo |= {"doubleSided": True, "extensions": {"KHR_materials_unlit": {}}}
     vertices = transform_points(request.frame.from_camera, background.surface.vertices)
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "TEXCOORD_0": glb.accessor(background.uv, ARRAY),
     }
-    return [_add_mesh(glb, "scene", attributes, background.surface.faces, _PHOTO)]
+    return [_add_mesh(glb, "scene", attributes, background.surface.faces, Look(photo))]
 
 
-def _add_floor(glb: GlbBuffer, request: ExportRequest) -> list[int]:
-    """Add the floor as a square, if there is one, and return the index of its node."""
-    square = floor_square(request.result, request.frame)
-    if square is None:
+def _add_floor(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
+    """Add what is drawn of the floor, if there is one, and return the index of its node."""
+    drawn = drawn_floor(request.result, request.frame, background.surface)
+    if drawn is None:
         return []
-    vertices, faces = square
+    vertices, faces = drawn
+    if not len(faces):
+        return [glb.add("nodes", {"name": "floor"})]
     normals = np.broadcast_to(request.frame.up_vector, vertices.shape)
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
     }
-    return [_add_mesh(glb, "floor", attributes, faces, _FLOOR)]
+    return [_add_mesh(glb, "floor", attributes, faces, Look(_FLOOR))]
 
 
 def _add_camera(glb: GlbBuffer, camera: Intrinsics, pose: NDArray[np.float64]) -> int:

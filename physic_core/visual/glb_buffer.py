@@ -49,6 +49,18 @@ class GlbBuffer:
         self._size += len(padded)
         return self.add("bufferViews", entry)
 
+    def material(self, entry: dict[str, Any]) -> int:
+        """Return the index of a material, which is added unless the file has one like it."""
+        materials: list[dict[str, Any]] = self.tree.get("materials", [])
+        return materials.index(entry) if entry in materials else self.add("materials", entry)
+
+    def texture(self, content: bytes, mime: str, name: str) -> int:
+        """Append a picture that is not repeated at its edges, and return the index of its texture."""
+        source = self.add("images", {"bufferView": self.view(content), "mimeType": mime, "name": name})
+        if "samplers" not in self.tree:
+            self.add("samplers", {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071})
+        return self.add("textures", {"source": source, "sampler": 0})
+
     def accessor(
         self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
     ) -> int:
@@ -71,7 +83,7 @@ class GlbBuffer:
         if normalized:
             entry["normalized"] = True
         if bounds:
-            entry |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
+            entry |= {"min": np.atleast_1d(values.min(0)).tolist(), "max": np.atleast_1d(values.max(0)).tolist()}
         key = f"{entry}{target}", values.tobytes()
         if key not in self._accessors:
             entry["bufferView"] = self.view(key[1], target)

@@ -1,4 +1,4 @@
-"""Triangle meshes of a result: the scene from its point map, and the floor; normals of vertices."""
+"""Triangle mesh of a result: the scene from its point map; normals of vertices."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.upright import transform_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, Scene
-    from physic_core.visual.export.request import Frame
 
-__all__ = ["SceneMesh", "depth_limit", "floor_square", "mesh_scene", "unit_normals"]
+__all__ = ["SceneMesh", "depth_limit", "mesh_scene", "unit_normals"]
 
 MAX_VERTICES = 130_000
 """Maximum number of vertices; a scene.glb then stays under 7 MB, at 44 bytes a vertex with two triangles."""
@@ -30,9 +28,6 @@ MAX_SLANTED_DEPTH_RATIO = 1.2
 
 MIN_COMPONENT_SHARE = 0.002
 """Minimum size of a connected component, as a share of all vertices."""
-
-FLOOR_MARGIN_M = 0.5
-"""Distance of the edges of the drawn floor from what is on it."""
 
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
@@ -132,22 +127,3 @@ def unit_normals(vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[
     normals = vertex_normals(vertices, faces)
     normals[~normals.any(1)] = 0.0, 0.0, 1.0
     return normals.astype(np.float32)
-
-
-def floor_square(result: Reconstruction, frame: Frame) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
-    """Return vertices (4, 3) and faces (2, 3) of the floor under people, floor points and camera; None without one."""
-    floor = result.scene.floor
-    if floor is None:
-        return None
-    camera = np.zeros((1, 3))
-    bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
-    points = transform_points(frame.from_camera, np.concatenate([camera, result.scene.floor_points, *bodies]))
-    up = int(np.argmax(np.abs(frame.up_vector)))
-    first, second = [axis for axis in range(3) if axis != up]
-    low, high = points.min(0) - FLOOR_MARGIN_M, points.max(0) + FLOOR_MARGIN_M
-    vertices = np.zeros((4, 3))
-    vertices[:, first] = [low[first], high[first], high[first], low[first]]
-    vertices[:, second] = [low[second], low[second], high[second], high[second]]
-    faces = np.array([[0, 1, 2], [0, 2, 3]])
-    normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
-    return vertices, faces if normal @ frame.up_vector > 0 else faces[:, ::-1]

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
 from physic_core.visual.glb import glb_files
-from physic_core.visual.palette import BODY_RGB, contact_color
+from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.surface import depth_limit, mesh_scene
 
 
@@ -203,27 +203,6 @@ def test_the_outside_of_a_person_is_outside(files):
     assert mesh.vertex_normals[top] @ (mesh.vertices[top] - inner) > 0
 
 
-def test_contact_has_the_colour_of_what_is_touched(files, reconstruction):
-    mesh = opened(files["person_0.glb"]).geometry["person_0"]
-    colors = np.asarray(
-        mesh.visual.vertex_attributes["color"] if mesh.visual.kind == "texture" else mesh.visual.vertex_colors
-    )
-
-    def linear(rgb):
-        share = np.array(rgb) / 255
-        return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) * 255
-
-    contact = reconstruction.people[0].contact
-    assert 0 < contact.sum() < len(contact)
-    # glTF's vertex colours are linear.
-    np.testing.assert_allclose(
-        colors[contact][:, :3],
-        np.tile(linear(contact_color(reconstruction.contact_partners[0])), (contact.sum(), 1)),
-        atol=0.51,
-    )
-    np.testing.assert_allclose(colors[~contact][:, :3], np.tile(linear(BODY_RGB), ((~contact).sum(), 1)), atol=0.51)
-
-
 def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
     tree = tree_of(files["combined.glb"])
     photo, floor, mannequin = tree["materials"]
@@ -231,7 +210,12 @@ def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
     assert photo["extensions"] == {"KHR_materials_unlit": {}}
     assert photo["doubleSided"] is True
     assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
-    assert mannequin["pbrMetallicRoughness"] == {"metallicFactor": 0.0, "roughnessFactor": 0.9}
+    grey = [round(((value / 255 + 0.055) / 1.055) ** 2.4, 4) for value in BODY_RGB]
+    assert mannequin["pbrMetallicRoughness"] == {
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.9,
+        "baseColorFactor": [*grey, 1.0],
+    }
     used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
     assert {name: primitive["material"] for name, primitive in used.items()} == {
         "scene": 0,
@@ -240,7 +224,7 @@ def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
         "person_1": 2,
     }
     assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
-    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "COLOR_0", "_CONTACT"}
+    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT"}
 
 
 def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(files, reconstruction):

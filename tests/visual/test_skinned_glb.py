@@ -1,4 +1,4 @@
-"""GLB with skinned bodies: read by pygltflib, trimesh and Blender, and checked by Khronos' validator."""
+"""GLB with skinned bodies: read by pygltflib and trimesh, and checked by Khronos' validator."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import pytest
 import roma
 import torch
 import trimesh
+from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.glb import influences
-from physic_core.visual.palette import contact_colors, contact_legend, linear_from_srgb
+from physic_core.visual.palette import contact_legend
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -79,29 +80,27 @@ def test_vertices_skinned_from_the_file_are_the_posed_vertices(tree, result: Rec
     posed = np.einsum("vk,vkij,vj->vi", weights, bones[joints], points)[:, :3]
     frame = export_frame(result.scene.floor, "y")
     wanted = transform_points(frame.from_camera, result.people[person].vertices)
-    np.testing.assert_allclose(posed, wanted, atol=1e-5)
+    split = len(posed) - len(wanted)  # vertices on the seams of the texture are in the file twice
+    assert 1000 < split < 1200
+    np.testing.assert_allclose(posed[: len(wanted)], wanted, atol=1e-5)
+    assert cKDTree(wanted).query(posed[len(wanted) :])[0].max() < 1e-5
     np.testing.assert_allclose(weights.sum(1), 1.0, atol=1e-6)
     wanted = transform_points(frame.from_camera, result.people[person].joints)
     np.testing.assert_allclose(np.stack([poses[j][:3, 3] for j in skin.joints]), wanted, atol=1e-5)
     assert [tree.nodes[joint].name for joint in skin.joints] == list(JOINT_NAMES)
 
 
-def test_contact_is_an_attribute_and_a_colour(tree, result: Reconstruction):
+def test_contact_is_an_attribute_and_no_colour(tree, result: Reconstruction):
     for index, person in enumerate(result.people):
         attributes = tree.meshes[named(tree, f"person_{index}")[1].mesh].primitives[0].attributes
-        contact = array(tree, attributes._CONTACT)[:, 0]
+        contact = array(tree, attributes._CONTACT)[: len(person.contact), 0]
         assert 0 < person.contact.sum() < len(person.contact)
         np.testing.assert_array_equal(contact, person.contact)
-        wanted = 255 * linear_from_srgb(contact_colors(person, result.contact_partners))
-        np.testing.assert_allclose(array(tree, attributes.COLOR_0)[:, :3], wanted, atol=0.51)
+        assert attributes.COLOR_0 is None
     legend = {label: list(rgb) for label, rgb in contact_legend(result).items()}
     assert legend
     assert tree.scenes[0].extras["contact_colors"] == legend
     assert "no_skeleton" not in tree.scenes[0].extras
-
-
-def test_the_combined_file_of_a_saved_result_is_the_exported_one(file: Path, saved_pair: Path):
-    assert (saved_pair / "combined.glb").read_bytes() == file.read_bytes()
 
 
 def test_the_parts_of_a_saved_result_hold_the_posed_bodies(saved_pair: Path, result: Reconstruction):
@@ -132,9 +131,24 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstr
 def test_trimesh_opens_it(file: Path, result: Reconstruction):
     scene = trimesh.load_scene(file)
     assert set(scene.geometry) == {"scene", "floor", "person_0", "person_1"}
-    assert scene.geometry["floor"].bounds[:, 1].tolist() == [0, 0]
-    np.testing.assert_allclose(scene.geometry["floor"].face_normals, [[0, 1, 0]] * 2)
-    assert len(scene.geometry["person_0"].vertices) == len(result.people[0].vertices)
+    floor = scene.geometry["floor"]
+    assert floor.bounds[:, 1].tolist() == [0, 0]
+    np.testing.assert_allclose(floor.face_normals, np.tile([0.0, 1.0, 0.0], (len(floor.faces), 1)))
+    assert len(scene.geometry["person_0"].faces) == len(result.faces)
+
+
+def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(file: Path, result: Reconstruction):
+    scene = trimesh.load_scene(file)
+    floor, surface = scene.geometry["floor"], scene.geometry["scene"]
+    bodies = np.concatenate([scene.geometry[f"person_{index}"].bounds for index in (0, 1)])
+    low, high = np.min([surface.bounds[0], bodies.min(0) - 0.6], 0), np.max([surface.bounds[1], bodies.max(0) + 0.6], 0)
+    assert (floor.bounds[0] >= low - 0.11)[[0, 2]].all()
+    assert (floor.bounds[1] <= high + 0.11)[[0, 2]].all()
+    triangles = surface.triangles_center[(np.abs(surface.triangles[..., 1]) < 0.02).all(1)]
+    down = trimesh.ray.ray_pyembree.RayMeshIntersector(floor)
+    hit = down.intersects_any(triangles + np.array([0, 1, 0]), np.tile([0.0, -1.0, 0.0], (len(triangles), 1)))
+    assert len(triangles) > 500
+    assert not hit.any()
 
 
 def test_without_the_scene_only_people_and_the_camera_are_left(result: Reconstruction, tmp_path: Path):

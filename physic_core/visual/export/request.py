@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,6 +57,7 @@ class ExportRequest:
         suffix: of the file, with its dot.
         scene: whether to write the scene too.
         body_file: SMPL-X file of the user, or None.
+        options: name -> value of the ``options`` of the record; their defaults where the user gave none.
     """
 
     result: Reconstruction
@@ -65,6 +67,7 @@ class ExportRequest:
     suffix: str
     scene: bool = True
     body_file: Path | None = None
+    options: Mapping[str, str | bool] = field(default_factory=dict)
 
     def chosen(self) -> list[tuple[int, Person]]:
         """Return index and person of the people to write."""

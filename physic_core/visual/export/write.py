@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,7 @@ def export_reconstruction(
     scene: bool = True,
     body_model: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
+    **options: str | bool,
 ) -> Exported:
     """Write a reconstruction to a file of another program's format.
 
@@ -46,9 +47,10 @@ def export_reconstruction(
         scene: whether to write the scene too, where the format has one.
         body_model: SMPL-X file of the user, which some exports need.
         overwrite: whether to replace files.
+        options: of the format, such as ``names="mixamo"``; docs/exports.md lists them.
 
     Raises:
-        InputError: the format is unknown, the result does not have what it needs, or a library is missing.
+        InputError: the format or an option is unknown, the result does not have what it needs, or a library is missing.
         OutputError: a file exists already, or cannot be written.
         BodyModelError: the body model file cannot be used.
         PluginError: the exporter of a plugin cannot be imported, or fails.
@@ -57,9 +59,8 @@ def export_reconstruction(
     kind = exporter.record
     people, notes = _people(result, person, kind)
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
-    request = ExportRequest(
-        result, people, frame, stem, suffix, scene, None if body_model is None else Path(os.path.expanduser(body_model))
-    )
+    file = None if body_model is None else Path(os.path.expanduser(body_model))
+    request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
     made = _call(exporter, request)
     return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
 
@@ -164,6 +165,22 @@ def _up_axis(kind: ExporterRecord, up: str | None) -> str:
     if up is not None and up not in kind.ups:
         raise InputError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
     return up or kind.ups[0]
+
+
+def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str, str | bool]:
+    """Return the options of a format, with defaults.
+
+    Raises:
+        InputError: the format has no such option, or not this value.
+    """
+    for name, value in given.items():
+        if name not in kind.options:
+            there = f"its options are {', '.join(kind.options)}" if kind.options else "it has none"
+            raise InputError(f"the format {kind.name} has no option '{name}': {there}")
+        if value not in kind.options[name]:
+            allowed = ", ".join(map(str, kind.options[name]))
+            raise InputError(f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'")
+    return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
 def _write(folder: Path, made: ExportedFiles, overwrite: bool) -> tuple[Path, ...]:

@@ -1,10 +1,17 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, HOT, MJCF, OBJ, PLY and USD."""
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, HOT, MJCF, OBJ, PLY and USD."""
 
 from __future__ import annotations
 
 from physic_core import ExporterRecord, hookimpl
 
 __all__: list[str] = []
+
+_NAMES = {"names": ("smplx", "mixamo", "unreal", "unity")}
+_SKIN = {"skin": ("photo", "neutral", "contact")}
+_TEXTURES: dict[str, tuple[str | bool, ...]] = {
+    "texture_size": ("1024", "512", "2048", "4096"),
+    "contact_texture": (False, True),
+}
 
 
 @hookimpl
@@ -27,11 +34,12 @@ def physic_exporters() -> list[ExporterRecord]:
             (".bvh",),
             "physic_export.bvh:export_bvh",
             "Blender, Maya, MotionBuilder",
-            "skeleton and one pose, one file per person",
+            "skeleton, T-pose and pose, one file per person",
             ups=("y", "z"),
             stem="skeleton",
             bodies="required",
             per_person=True,
+            options={"names": ("mixamo", "smplx", "unreal", "unity")},
         ),
         ExporterRecord(
             "coco",
@@ -41,6 +49,15 @@ def physic_exporters() -> list[ExporterRecord]:
             "boxes, masks, 17 keypoints, and the image",
             ups=("camera",),
             bodies="any",
+        ),
+        ExporterRecord(
+            "glb",
+            (".glb",),
+            "physic_export.glb:export_glb",
+            "Blender, Unity, Unreal, three.js",
+            "textured bodies, skeletons, T-pose and pose, contact, scene, floor, camera",
+            stem="skinned",
+            options=_NAMES | _SKIN | _TEXTURES,
         ),
         ExporterRecord(
             "hot",
@@ -67,9 +84,10 @@ def physic_exporters() -> list[ExporterRecord]:
             (".obj",),
             "physic_export.obj:export_obj",
             "MeshLab, Blender, 3ds Max",
-            "meshes of scene and people with colours and normals",
+            "meshes of scene and people with textures and normals",
             ups=("y", "z", "camera"),
             stem="meshes",
+            options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
         ExporterRecord(
             "ply",
@@ -79,17 +97,19 @@ def physic_exporters() -> list[ExporterRecord]:
             "all scene points, meshes, colours, normals, contact",
             ups=("y", "z", "camera"),
             stem="points",
+            options=_SKIN,
         ),
         ExporterRecord(
             "usd",
             (".usdc", ".usda", ".usd", ".usdz"),
             "physic_export.usd:export_usd",
             "Omniverse, Isaac Sim, Houdini",
-            "meshes, colliders, contact, camera",
+            "textured meshes, skeletons, colliders, contact, camera",
             ups=("z", "y"),
             stem="stage",
             needs="a floor in the result, for z up",
             packages=("pxr",),
             extra="usd",
+            options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]

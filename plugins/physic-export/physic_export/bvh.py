@@ -1,7 +1,8 @@
-"""BVH: skeleton and one pose of each person, in metres."""
+"""BVH: skeleton, T-pose and pose of each person, in metres."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,61 +11,42 @@ import torch
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.rig import Rig, rigs
+from physic_export.bone_names import bone_names
+from physic_export.t_pose import t_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["bvh_name", "export_bvh"]
+__all__ = ["export_bvh"]
 
-_BODY = {
-    "pelvis": "Hips",
-    "spine1": "Spine",
-    "spine2": "Spine1",
-    "spine3": "Spine2",
-    "neck": "Neck",
-    "head": "Head",
-    "jaw": "Jaw",
-}
-_LIMBS = {
-    "hip": "UpLeg",
-    "knee": "Leg",
-    "ankle": "Foot",
-    "foot": "ToeBase",
-    "collar": "Shoulder",
-    "shoulder": "Arm",
-    "elbow": "ForeArm",
-    "wrist": "Hand",
-    "eye": "Eye",
-}
 _END_M = 0.02
 """Length of a bone without children, metres: BVH demands one."""
 
 
-def bvh_name(joint: str) -> str:
-    """Return the Mixamo name, without prefix, of an SMPL-X joint: "LeftUpLeg" for "left_hip"."""
-    if joint in _BODY:
-        return _BODY[joint]
-    side, _, rest = joint.partition("_")
-    return side.capitalize() + (_LIMBS.get(rest) or f"Hand{rest.capitalize()}")
-
-
 def export_bvh(request: ExportRequest) -> ExportedFiles:
-    """Return one BVH file per person: T-pose offsets in metres, one frame, rotations z, x, y in degrees."""
-    files = {request.file_of(index): _document(rig).encode("ascii") for index, rig in rigs(request)}
+    """Return one BVH file per person: T-pose offsets in metres, rotations z, x, y in degrees.
+
+    Frame 0 is a T-pose, frame 1 the pose. The option ``names`` selects the names of the joints.
+    """
+    names, up = bone_names(str(request.options["names"])), request.frame.up_vector
+    files = {
+        request.file_of(index): _document(replace(rig, names=names), up).encode("ascii") for index, rig in rigs(request)
+    }
     return ExportedFiles(
         files, ("lengths are metres: a program that counts in centimetres imports them with scale 100",)
     )
 
 
-def _document(rig: Rig) -> str:
+def _document(rig: Rig, up: NDArray[np.float64]) -> str:
     lines = ["HIERARCHY"]
     order: list[int] = []
     _write_joint(rig, 0, 0, lines, order)
-    # roma returns the angles of R = Rz Rx Ry, the order in which BVH applies its channels.
-    angles = roma.rotmat_to_euler("ZXY", torch.from_numpy(rig.rotations[order]), degrees=True).numpy()
-    numbers = [*rig.offsets[0], *angles.reshape(-1)]
-    lines += ["MOTION", "Frames: 1", "Frame Time: 0.0333333", " ".join(_number(n) for n in numbers), ""]
-    return "\n".join(lines)
+    lines += ["MOTION", "Frames: 2", "Frame Time: 0.0333333"]
+    for posed in (t_pose(rig, up), rig):
+        # roma returns the angles of R = Rz Rx Ry, the order in which BVH applies its channels.
+        angles = roma.rotmat_to_euler("ZXY", torch.from_numpy(posed.rotations[order]), degrees=True).numpy()
+        lines.append(" ".join(_number(n) for n in [*posed.offsets[0], *angles.reshape(-1)]))
+    return "\n".join([*lines, ""])
 
 
 def _write_joint(rig: Rig, joint: int, depth: int, lines: list[str], order: list[int]) -> None:
@@ -74,7 +56,7 @@ def _write_joint(rig: Rig, joint: int, depth: int, lines: list[str], order: list
     offset: NDArray[np.float64] = rig.offsets[joint] if depth else np.zeros(3)
     position = "Xposition Yposition Zposition " if not depth else ""
     lines += [
-        f"{indent}{'JOINT' if depth else 'ROOT'} {bvh_name(rig.names[joint])}",
+        f"{indent}{'JOINT' if depth else 'ROOT'} {rig.names[joint]}",
         f"{indent}{{",
         f"{indent}\tOFFSET {' '.join(map(_number, offset))}",
         f"{indent}\tCHANNELS {6 if not depth else 3} {position}Zrotation Xrotation Yrotation",

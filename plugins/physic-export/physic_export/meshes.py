@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.palette import contact_colors, contact_legend
+from physic_core.visual.palette import contact_legend
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, Reconstruction, UInt8Array
     from physic_core.visual.export.request import ExportRequest
+    from physic_export.skins import Skins
 
 __all__ = ["ColoredMesh", "contact_lines", "person_meshes", "scene_mesh"]
 
@@ -31,6 +32,7 @@ class ColoredMesh:
         normals: (V, 3) float32 unit.
         colors: (V, 3) uint8 sRGB.
         contact: (V,) bool; all False for the scene.
+        uv: (V, 2) texture coordinates of the scene, v up; None for other meshes.
     """
 
     name: str
@@ -39,22 +41,25 @@ class ColoredMesh:
     normals: NDArray[np.float32]
     colors: UInt8Array
     contact: BoolArray
+    uv: NDArray[np.float64] | None = None
 
 
-def person_meshes(request: ExportRequest) -> list[ColoredMesh]:
+def person_meshes(request: ExportRequest, skins: Skins) -> list[ColoredMesh]:
     """Return the posed bodies of a request."""
     made = []
     for index, person in request.chosen():
         vertices = transform_points(request.frame.from_camera, person.vertices)
         faces = np.asarray(request.result.faces, np.int64)
         normals = unit_normals(vertices, faces)
-        colors = contact_colors(person, request.result.contact_partners)
+        colors = skins.vertex_colors(index)
         made.append(ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact))
     return made
 
 
-def contact_lines(result: Reconstruction) -> list[str]:
-    """Return the legend of contact, such as "floor is sRGB 24 140 130", for the comments of a file."""
+def contact_lines(result: Reconstruction, skins: Skins) -> list[str]:
+    """Return the legend of contact, such as "floor is sRGB 24 140 130", for the comments of a file that shows it."""
+    if skins.kind != "contact":
+        return []
     return [f"{label} is sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for label, rgb in contact_legend(result).items()]
 
 
@@ -73,4 +78,5 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
         unit_normals(vertices, surface.faces),
         scene.colors[rows, columns],
         np.zeros(len(surface.vertices), bool),
+        np.stack([(columns + 0.5) / scene.valid.shape[1], 1 - (rows + 0.5) / scene.valid.shape[0]], 1),
     )

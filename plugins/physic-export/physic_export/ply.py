@@ -10,6 +10,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_export.meshes import ColoredMesh, contact_lines, person_meshes
+from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
     from physic_core.types import Plane
@@ -30,8 +31,9 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 def export_ply(request: ExportRequest) -> ExportedFiles:
     """Return one binary PLY file; its vertices have ``object``: -1 is the scene, 0, 1, ... are people."""
+    skins = skins_of(request)
     parts = [(-1, _scene_points(request))] if request.scene else []
-    parts += list(zip(request.people, person_meshes(request), strict=True))
+    parts += list(zip(request.people, person_meshes(request, skins), strict=True))
     vertices, faces, start = [], [], 0
     for number, mesh in parts:
         rows = np.zeros(len(mesh.vertices), _VERTEX)
@@ -46,8 +48,10 @@ def export_ply(request: ExportRequest) -> ExportedFiles:
         start += len(rows)
     points = np.concatenate(vertices) if vertices else np.zeros(0, _VERTEX)
     triangles = np.concatenate(faces) if faces else np.zeros(0, _FACE)
-    header = _header(request, len(points), len(triangles))
-    return ExportedFiles({f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()})
+    header = _header(request, skins, len(points), len(triangles))
+    return ExportedFiles(
+        {f"{request.stem}{request.suffix}": header + points.tobytes() + triangles.tobytes()}, skins.notes
+    )
 
 
 def _scene_points(request: ExportRequest) -> ColoredMesh:
@@ -70,7 +74,7 @@ def _scene_points(request: ExportRequest) -> ColoredMesh:
     )
 
 
-def _header(request: ExportRequest, vertices: int, faces: int) -> bytes:
+def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame, floor = request.frame, request.result.scene.floor
     plane = "none" if floor is None else _plane(frame, floor)
     lines = [
@@ -80,7 +84,7 @@ def _header(request: ExportRequest, vertices: int, faces: int) -> bytes:
         f"comment axes: {frame.axes}",
         f"comment floor: {plane}",
         "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are 0 where unknown",
-        *(f"comment contact: {line}" for line in contact_lines(request.result)),
+        *(f"comment contact: {line}" for line in contact_lines(request.result, skins)),
         f"element vertex {vertices}",
         *(f"property {_PROPERTY[dtype.str[1:]]} {name}" for name, (dtype, *_) in _VERTEX.fields.items()),  # type: ignore[union-attr]
         f"element face {faces}",

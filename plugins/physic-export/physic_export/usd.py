@@ -1,23 +1,32 @@
-"""USD: meshes with colours and contact, colliders for physics, and the camera; metres, z up."""
+"""USD: textured bodies with skeletons, colliders for physics, and the camera; metres, z up."""
 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.errors import PhysicError
+from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import camera_pose
-from physic_core.visual.palette import FLOOR_RGB, contact_legend, linear_from_srgb
-from physic_core.visual.surface import floor_square
+from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
+from physic_core.visual.rig import rigs
+from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
+from physic_export.bone_names import bone_names
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
+from physic_export.skins import Skins, skins_of
+from physic_export.textures import encode_jpeg
+from physic_export.usd_skeleton import add_skeleton
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics
+    from physic_core.visual.rig import Rig
 
 __all__ = ["export_usd"]
 
@@ -26,62 +35,144 @@ _APERTURE = 36.0
 
 
 def export_usd(request: ExportRequest) -> ExportedFiles:
-    """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``.
+    """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``, and its pictures.
 
-    ``/physic/scene``, ``/physic/floor`` and ``/physic/person_0``, ... are meshes with normals and displayColor; people
-    have the primvar ``contact``, 1 or 0 per vertex, and the colour of what they touch, which ``contact_colors`` of the
-    layer's custom data names. Scene, floor and people are static colliders, exact or, for people,
-    by their convex decomposition. ``/physic/camera`` has the photo's field of view and principal point.
+    - ``/physic/person_0``, ...: a SkelRoot with ``mesh``, ``skeleton`` and ``animation`` (T-pose at time 0, the pose at
+      time 1, where the stage starts), and the posed mesh ``collider``, which is not drawn. The variant set ``skin`` has
+      "photo", "neutral" and "contact". The primvars ``contact`` and ``filled`` are in 0-1 per vertex.
+    - ``/physic/scene``: a mesh. ``/physic/floor``: the plane, which is not drawn; ``/physic/drawn_floor``: a mesh of
+      the floor where the scene does not show it.
+    - ``/physic/camera``: the photo's field of view and principal point.
+
+    Scene, floor and people are static colliders, exact or, for people, by their convex decomposition.
     """
     from pxr import Usd, UsdGeom, UsdUtils
 
-    frame = request.frame
+    frame, skins = request.frame, skins_of(request)
+    pictures = skins.pictures()
+    notes = list(skins.notes)
+    try:
+        names = bone_names(str(request.options["names"]))
+        rigged = {index: replace(rig, names=names) for index, rig in rigs(request)}
+    except PhysicError as error:
+        rigged = {}
+        notes.append(f"the bodies have no skeleton: {error}")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{request.stem}{'.usdc' if request.suffix == '.usdz' else request.suffix}"
         stage = Usd.Stage.CreateNew(str(path))
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if frame.up == "z" else UsdGeom.Tokens.y)
+        stage.SetTimeCodesPerSecond(24)
+        stage.SetStartTimeCode(1)
+        stage.SetEndTimeCode(1)
         stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
         legend = {name: f"sRGB {rgb[0]} {rgb[1]} {rgb[2]}" for name, rgb in contact_legend(request.result).items()}
         stage.SetMetadata("customLayerData", {"contact_colors": legend})
         root = UsdGeom.Xform.Define(stage, "/physic")
         stage.SetDefaultPrim(root.GetPrim())
-        for mesh in _meshes(request):
-            _add_mesh(stage, mesh)
+        for index, mesh in zip(request.people, person_meshes(request, skins), strict=True):
+            _add_person(stage, mesh, skins, index, rigged.get(index))
+        if request.scene:
+            pictures |= _add_scene(stage, request)
+            _add_floor(stage, request)
         _add_camera(stage, request.result.intrinsics, camera_pose(frame))
         _add_gravity(stage, frame.up_vector)
+        for name, content in pictures.items():
+            (Path(folder) / name).write_bytes(content)
         stage.Save()
         if request.suffix == ".usdz":
             packed = path.with_suffix(".usdz")
             UsdUtils.CreateNewUsdzPackage(str(path), str(packed))
-            path = packed
+            path, pictures = packed, {}
         content = path.read_bytes()
-    return ExportedFiles({f"{request.stem}{request.suffix}": content})
+    return ExportedFiles({f"{request.stem}{request.suffix}": content, **pictures}, tuple(notes))
 
 
-def _meshes(request: ExportRequest) -> list[ColoredMesh]:
-    meshes = person_meshes(request)
-    if not request.scene:
-        return meshes
-    scene, square = scene_mesh(request), floor_square(request.result, request.frame)
-    if scene is not None:
-        meshes.append(scene)
-    if square is not None:
-        vertices, faces = square
-        normals = np.tile(request.frame.up_vector, (4, 1)).astype(np.float32)
-        colors = np.tile(np.array(FLOOR_RGB, np.uint8), (4, 1))
-        meshes.append(ColoredMesh("floor", vertices, faces, normals, colors, np.zeros(4, bool)))
-    return meshes
+def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Rig | None) -> None:
+    """Add a person: a mesh in the bind pose with a skeleton, or posed without one, and its collider."""
+    from pxr import Sdf, UsdGeom, UsdPhysics, UsdShade, UsdSkel, Vt
+
+    path, stem = f"/physic/{mesh.name}", skins.request.stem
+    top = UsdSkel.Root.Define(stage, path) if rig is not None else UsdGeom.Xform.Define(stage, path)
+    made = _add_mesh(stage, f"{path}/mesh", mesh if rig is None else _bind_pose(mesh, rig))
+    made.CreateDoubleSidedAttr(False)
+    primvars = UsdGeom.PrimvarsAPI(made)
+    values = {"contact": mesh.contact.astype(np.float32)}
+    if skins.textured is not None:
+        values["filled"] = skins.textured.textures[index].vertex_filled
+        _add_uv(made, skins.textured.mesh.uv, skins.textured.mesh.faces)
+    for name, numbers in values.items():
+        primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
+        primvar.Set(Vt.FloatArray.FromNumpy(numbers))
+    if rig is not None:
+        add_skeleton(stage, path, made, rig, skins.request.frame.up_vector)
+    looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
+    if skins.textured is not None:
+        looks["photo"] = _add_material(stage, f"{path}/looks/photo", picture=f"{stem}_{mesh.name}.jpg")
+        looks["contact"] = _add_material(stage, f"{path}/looks/contact", picture=f"{stem}_{mesh.name}_contact.png")
+    variants = top.GetPrim().GetVariantSets().AddVariantSet("skin")
+    UsdShade.MaterialBindingAPI.Apply(made.GetPrim())
+    for name, material in looks.items():
+        variants.AddVariant(name)
+        variants.SetVariantSelection(name)
+        with variants.GetVariantEditContext():
+            UsdShade.MaterialBindingAPI(made.GetPrim()).Bind(material)
+    variants.SetVariantSelection(skins.kind if skins.kind in looks else "neutral")
+    collider = _add_mesh(stage, f"{path}/collider", mesh)
+    collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    _collide(collider, UsdPhysics.Tokens.convexDecomposition)
 
 
-def _add_mesh(stage: Any, mesh: ColoredMesh) -> None:
-    """Add a mesh as a static collider."""
-    from pxr import Gf, Sdf, UsdGeom, UsdPhysics, Vt
+def _bind_pose(mesh: ColoredMesh, rig: Rig) -> ColoredMesh:
+    return replace(mesh, vertices=rig.vertices, normals=unit_normals(rig.vertices, mesh.faces))
+
+
+def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
+    """Add the scene, and return its picture."""
+    from pxr import UsdPhysics, UsdShade
+
+    scene = scene_mesh(request)
+    if scene is None or scene.uv is None:
+        return {}
+    made, name = _add_mesh(stage, "/physic/scene", scene), f"{request.stem}_scene.jpg"
+    _add_uv(made, scene.uv, scene.faces)
+    UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(_add_material(stage, "/physic/looks/scene", picture=name))
+    _collide(made, UsdPhysics.Tokens.none)
+    return {name: encode_jpeg(request.result.scene.colors)}
+
+
+def _add_floor(stage: Any, request: ExportRequest) -> None:
+    """Add the floor: a square under everything that collides, and what is drawn of it."""
+    from pxr import UsdGeom, UsdPhysics
+
+    surface = mesh_scene(request.result.scene, depth_limit(request.result))
+    drawn = drawn_floor(request.result, request.frame, surface)
+    if drawn is None:
+        return
+    up = request.frame.up_vector
+    plane = UsdGeom.Plane.Define(stage, "/physic/floor")
+    plane.CreateAxisAttr(UsdGeom.Tokens.z if up[2] else UsdGeom.Tokens.y)
+    plane.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    UsdPhysics.CollisionAPI.Apply(plane.GetPrim())
+    vertices, faces = drawn
+    if len(faces):
+        normals = np.tile(up, (len(vertices), 1)).astype(np.float32)
+        colors = np.tile(np.array(FLOOR_RGB, np.uint8), (len(vertices), 1))
+        _add_mesh(
+            stage,
+            "/physic/drawn_floor",
+            ColoredMesh("floor", vertices, faces, normals, colors, np.zeros(len(vertices), bool)),
+        )
+
+
+def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
+    """Add a mesh with normals and displayColor, and return it."""
+    from pxr import Gf, Sdf, UsdGeom, Vt
 
     def vectors(values: NDArray[Any]) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
-    made = UsdGeom.Mesh.Define(stage, f"/physic/{mesh.name}")
+    made = UsdGeom.Mesh.Define(stage, path)
     made.CreatePointsAttr(vectors(mesh.vertices))
     made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
     made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.reshape(-1).astype(np.int32)))
@@ -90,17 +181,56 @@ def _add_mesh(stage: Any, mesh: ColoredMesh) -> None:
     made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     low, high = (Gf.Vec3f(*map(float, edge)) for edge in (mesh.vertices.min(0), mesh.vertices.max(0)))
     made.CreateExtentAttr([low, high])
-    person = mesh.name.startswith("person")
-    made.CreateDoubleSidedAttr(not person)
+    made.CreateDoubleSidedAttr(True)
     primvars = UsdGeom.PrimvarsAPI(made)
     color = primvars.CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
     color.Set(vectors(linear_from_srgb(mesh.colors)))
-    if person:
-        contact = primvars.CreatePrimvar("contact", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
-        contact.Set(Vt.FloatArray.FromNumpy(mesh.contact.astype(np.float32)))
-    UsdPhysics.CollisionAPI.Apply(made.GetPrim())
-    shape = UsdPhysics.Tokens.convexDecomposition if person else UsdPhysics.Tokens.none
-    UsdPhysics.MeshCollisionAPI.Apply(made.GetPrim()).CreateApproximationAttr(shape)
+    return made
+
+
+def _collide(mesh: Any, shape: str) -> None:
+    """Make a mesh a static collider."""
+    from pxr import UsdPhysics
+
+    UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
+    UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(shape)
+
+
+def _add_uv(mesh: Any, uv: NDArray[Any], corners: NDArray[np.int64]) -> None:
+    """Add texture coordinates (U, 2) and the indices (F, 3) of the corners."""
+    from pxr import Sdf, UsdGeom, Vt
+
+    kind = Sdf.ValueTypeNames.TexCoord2fArray
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.faceVarying)
+    primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv, np.float32)))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(corners.reshape(-1).astype(np.int32)))
+
+
+def _add_material(stage: Any, path: str, picture: str = "", color: tuple[int, int, int] = (255, 255, 255)) -> Any:
+    """Add a matte material with a picture, or with an sRGB colour."""
+    from pxr import Gf, Sdf, UsdShade
+
+    kinds = Sdf.ValueTypeNames
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", kinds.Float).Set(0.9)
+    diffuse = surface.CreateInput("diffuseColor", kinds.Color3f)
+    diffuse.Set(Gf.Vec3f(*linear_from_srgb(np.array(color, np.uint8)).tolist()))
+    if picture:
+        reader = UsdShade.Shader.Define(stage, f"{path}/uv")
+        reader.CreateIdAttr("UsdPrimvarReader_float2")
+        reader.CreateInput("varname", kinds.String).Set("st")
+        texture = UsdShade.Shader.Define(stage, f"{path}/picture")
+        texture.CreateIdAttr("UsdUVTexture")
+        texture.CreateInput("file", kinds.Asset).Set(Sdf.AssetPath(f"./{picture}"))
+        texture.CreateInput("sourceColorSpace", kinds.Token).Set("sRGB")
+        for side in ("wrapS", "wrapT"):
+            texture.CreateInput(side, kinds.Token).Set("clamp")
+        texture.CreateInput("st", kinds.Float2).ConnectToSource(reader.CreateOutput("result", kinds.Float2))
+        diffuse.ConnectToSource(texture.CreateOutput("rgb", kinds.Float3))
+    material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", kinds.Token))
+    return material
 
 
 def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> None:

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction
-from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_export.bvh import bvh_name
+from physic_export.bone_names import bone_names
 
 
-def read_bvh(path: Path) -> dict[str, np.ndarray]:
-    """Positions of the joints in the one frame, by the rules of the format alone."""
+def read_bvh(path: Path, frame: int) -> dict[str, np.ndarray]:
+    """Positions of the joints in a frame, by the rules of the format alone."""
     words = iter(path.read_text().split())
     stack: list[str] = []
     joints: list[tuple[str, str | None, np.ndarray, int]] = []
@@ -37,7 +36,8 @@ def read_bvh(path: Path) -> dict[str, np.ndarray]:
         elif word == "Time:":
             next(words)
             break
-    numbers = iter(zip(channels, map(float, words), strict=True))
+    values = np.array(list(map(float, words))).reshape(-1, len(channels))[frame]
+    numbers = iter(zip(channels, values, strict=True))
     poses: dict[str, np.ndarray] = {}
     for name, parent, place, count in joints:
         pose = np.eye(4)
@@ -61,16 +61,23 @@ def test_joints_are_where_the_result_has_them(export, result: Reconstruction, up
     files = export("a.bvh", up=up).files
     matrix = export_frame(result.scene.floor, up).from_camera
     for path, person in zip(files, result.people, strict=True):
-        found = read_bvh(path)
+        found = read_bvh(path, 1)
         wanted = transform_points(matrix, person.joints)
-        np.testing.assert_allclose([found[bvh_name(name)] for name in JOINT_NAMES], wanted, atol=1e-4)
+        np.testing.assert_allclose([found[name] for name in bone_names("mixamo")], wanted, atol=1e-4)
 
 
-def test_names_are_those_of_mixamo():
-    names = [bvh_name(name) for name in JOINT_NAMES]
-    assert len(set(names)) == 55
-    assert names[:6] == ["Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg"]
-    assert {"LeftToeBase", "RightForeArm", "LeftHandThumb1", "RightHandPinky3", "Spine2", "Head"} <= set(names)
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, result: Reconstruction, up: str, axis: int):
+    path = export("a.bvh", up=up, person=0, names="smplx").files[0]
+    stands, posed = read_bvh(path, 0), read_bvh(path, 1)
+    arms = [stands[f"left_{name}"] - stands[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")]
+    assert np.linalg.norm(arms[2]) > 1.1
+    for arm in arms:
+        assert abs(arm[axis]) < 0.02
+        assert arm @ arms[2] == pytest.approx(np.linalg.norm(arm) * np.linalg.norm(arms[2]), rel=1e-3)
+    assert 0.05 < stands["left_ankle"][axis] < 0.12
+    flat = [a for a in range(3) if a != axis]
+    np.testing.assert_allclose(stands["pelvis"][flat], posed["pelvis"][flat], atol=1e-5)
 
 
 def test_a_bone_without_children_has_an_end(export):
@@ -78,4 +85,4 @@ def test_a_bone_without_children_has_an_end(export):
     # Toes, jaw, eyes and the last joint of each finger.
     assert text.count("End Site") == 2 + 3 + 10
     assert text.count("{") == text.count("}")
-    assert "Frames: 1\n" in text
+    assert "Frames: 2\n" in text

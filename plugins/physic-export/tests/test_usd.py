@@ -13,7 +13,7 @@ from physic_core.visual.export.request import export_frame
 
 pytest.importorskip("pxr")
 
-from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdUtils
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
 
 
 @pytest.fixture(scope="module")
@@ -25,21 +25,59 @@ def test_it_is_metric_and_z_is_up(stage):
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert stage.GetDefaultPrim().GetPath() == "/physic"
-    assert [str(prim.GetPath()) for prim in stage.Traverse()] == [
-        *("/physic", "/physic/person_0", "/physic/person_1", "/physic/scene", "/physic/floor"),
-        *("/physic/camera", "/physic/physics"),
+    tops = [str(prim.GetPath()) for prim in stage.GetDefaultPrim().GetChildren()]
+    assert tops == [
+        *("/physic/person_0", "/physic/person_1", "/physic/scene", "/physic/looks", "/physic/floor"),
+        *("/physic/drawn_floor", "/physic/camera", "/physic/physics"),
     ]
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
 
 
-def test_bodies_and_their_contact_are_those_of_the_result(stage, result: Reconstruction):
+def skinned_points(stage, index: int, time: float) -> np.ndarray:
+    """Points of a body as UsdSkel poses them."""
+    root = UsdSkel.Root.Get(stage, f"/physic/person_{index}")
+    mesh = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/mesh")
+    cache = UsdSkel.Cache()
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    skeleton = cache.GetSkelQuery(UsdSkel.Skeleton.Get(stage, f"/physic/person_{index}/skeleton"))
+    transforms = skeleton.ComputeSkinningTransforms(time)
+    points = mesh.GetPointsAttr().Get()
+    assert cache.GetSkinningQuery(mesh.GetPrim()).ComputeSkinnedPoints(transforms, points, time)
+    return np.array(points)
+
+
+def test_skinned_bodies_and_their_contact_are_those_of_the_result(stage, result: Reconstruction):
     matrix = export_frame(result.scene.floor, "z").from_camera
     for index, person in enumerate(result.people):
-        mesh = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}")
-        np.testing.assert_allclose(mesh.GetPointsAttr().Get(), transform_points(matrix, person.vertices), atol=1e-5)
+        mesh = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/mesh")
+        wanted = transform_points(matrix, person.vertices)
+        np.testing.assert_allclose(skinned_points(stage, index, 1), wanted, atol=1e-4)
+        collider = UsdGeom.Mesh.Get(stage, f"/physic/person_{index}/collider")
+        np.testing.assert_allclose(collider.GetPointsAttr().Get(), wanted, atol=1e-5)
         np.testing.assert_array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3), result.faces)
         contact = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("contact")
         assert contact.GetInterpolation() == "vertex"
         np.testing.assert_array_equal(contact.Get(), person.contact)
+
+
+def test_time_0_is_a_t_pose_on_the_floor(stage):
+    points = skinned_points(stage, 0, 0)
+    low, high = points.min(0), points.max(0)
+    assert low[2] == pytest.approx(0, abs=1e-4)
+    assert np.linalg.norm((high - low)[:2]) > 1.5
+    assert high[2] > 1.5
+
+
+def test_skins_are_variants_with_materials(stage, export):
+    variants = stage.GetPrimAtPath("/physic/person_0").GetVariantSets().GetVariantSet("skin")
+    assert variants.GetVariantNames() == ["contact", "neutral", "photo"]
+    assert variants.GetVariantSelection() == "photo"
+    opened = Usd.Stage.Open(str(export("a.usda", skin="neutral", names="unreal").files[0]))
+    mesh = opened.GetPrimAtPath("/physic/person_0/mesh")
+    material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
+    assert material.GetPath() == "/physic/person_0/looks/neutral"
+    joints = UsdSkel.Skeleton.Get(opened, "/physic/person_0/skeleton").GetJointsAttr().Get()
+    assert list(joints)[:3] == ["pelvis", "pelvis/thigh_l", "pelvis/thigh_r"]
 
 
 def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstruction):
@@ -57,7 +95,10 @@ def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstructi
 def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
     gravity = UsdPhysics.Scene.Get(stage, "/physic/physics")
     np.testing.assert_allclose(gravity.GetGravityDirectionAttr().Get(), [0, 0, -1])
-    for name, shape in (("scene", "none"), ("floor", "none"), ("person_0", "convexDecomposition")):
+    floor = stage.GetPrimAtPath("/physic/floor")
+    assert floor.HasAPI(UsdPhysics.CollisionAPI)
+    assert UsdGeom.Plane(floor).GetAxisAttr().Get() == "Z"
+    for name, shape in (("scene", "none"), ("person_0/collider", "convexDecomposition")):
         prim = stage.GetPrimAtPath(f"/physic/{name}")
         assert prim.HasAPI(UsdPhysics.CollisionAPI)
         assert UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get() == shape

@@ -1,0 +1,88 @@
+"""Names of the bones in the skeletons of other programs."""
+
+from __future__ import annotations
+
+from physic_core.body.joints import JOINT_NAMES
+
+__all__ = ["BONE_NAMES", "bone_names"]
+
+BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
+"""SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine bones; the
+HumanBodyBones of Unity's humanoid avatar."""
+
+_MIXAMO = {
+    "pelvis": "Hips",
+    "spine1": "Spine",
+    "spine2": "Spine1",
+    "spine3": "Spine2",
+    "neck": "Neck",
+    "head": "Head",
+    "jaw": "Jaw",
+    "hip": "UpLeg",
+    "knee": "Leg",
+    "ankle": "Foot",
+    "foot": "ToeBase",
+    "collar": "Shoulder",
+    "shoulder": "Arm",
+    "elbow": "ForeArm",
+    "wrist": "Hand",
+    "eye": "Eye",
+}
+_UNREAL = {
+    "spine1": "spine_01",
+    "spine2": "spine_02",
+    "spine3": "spine_03",
+    "neck": "neck_01",
+    "hip": "thigh",
+    "knee": "calf",
+    "ankle": "foot",
+    "foot": "ball",
+    "collar": "clavicle",
+    "shoulder": "upperarm",
+    "elbow": "lowerarm",
+    "wrist": "hand",
+}
+_UNITY = {
+    "pelvis": "Hips",
+    "spine1": "Spine",
+    "spine2": "Chest",
+    "spine3": "UpperChest",
+    "neck": "Neck",
+    "head": "Head",
+    "jaw": "Jaw",
+    "hip": "UpperLeg",
+    "knee": "LowerLeg",
+    "ankle": "Foot",
+    "foot": "Toes",
+    "collar": "Shoulder",
+    "shoulder": "UpperArm",
+    "elbow": "LowerArm",
+    "wrist": "Hand",
+    "eye": "Eye",
+}
+_SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
+
+
+def bone_names(style: str) -> tuple[str, ...]:
+    """Return the 55 names of a style of BONE_NAMES, in the order of SMPL-X."""
+    return tuple(_name(joint, style) for joint in JOINT_NAMES)
+
+
+def _name(joint: str, style: str) -> str:
+    side, _, limb = joint.partition("_")
+    finger, number = limb[:-1], limb[-1:]
+    if style == "smplx":
+        return joint
+    if style == "unreal":
+        if not limb:
+            return _UNREAL.get(joint, joint)
+        part = f"{finger}_0{number}" if number.isdigit() else _UNREAL.get(limb, limb)
+        return f"{part}_{side[0]}"
+    table = _MIXAMO if style == "mixamo" else _UNITY
+    if not limb:
+        return table[joint]
+    if not number.isdigit():
+        return side.capitalize() + table[limb]
+    if style == "mixamo":
+        return f"{side.capitalize()}Hand{finger.capitalize()}{number}"
+    return side.capitalize() + finger.replace("pinky", "little").capitalize() + _SEGMENTS[number]

@@ -1,0 +1,103 @@
+"""GLB: textured bodies with skeleton, T-pose and pose, contact as a second material."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import roma
+import torch
+
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.visual.glb import Look, background_of, body_material, build_glb, glb_notes
+from physic_core.visual.palette import BODY_RGB
+from physic_core.visual.rig import rigs
+from physic_export.bone_names import bone_names
+from physic_export.t_pose import t_pose
+from physic_export.textures import encode_jpeg, encode_png, textured_bodies
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.visual.glb_buffer import GlbBuffer
+    from physic_core.visual.rig import Rig
+
+__all__ = ["export_glb"]
+
+_VARIANTS = ("photo", "neutral", "contact")
+
+_FRAME_S = 1 / 24
+"""Time of frame 1, the pose; Blender's frames are 1/24 s."""
+
+
+def export_glb(request: ExportRequest) -> ExportedFiles:
+    """Return a GLB file.
+
+    People are skinned meshes with texture coordinates. Their material is the photo's colours, a plain one, or contact
+    (option ``skin``); the other two are variants of it (KHR_materials_variants). The vertex attribute ``_CONTACT`` is
+    1 or 0, ``_FILLED`` 1 where the photo does not show the body, and 0 where it does. The animation ``pose`` is a
+    T-pose at 0 s and the pose at 1/24 s; without it, the nodes are in the pose. With ``contact_texture``, there is
+    also a PNG of contact per person.
+
+    Raises:
+        InputError: the skeleton of the bodies is not known.
+        BodyModelError: the user's body model file has no texture coordinates.
+    """
+    result, options = request.result, request.options
+    prefix = "mixamorig:" if options["names"] == "mixamo" else ""
+    names = tuple(prefix + name for name in bone_names(str(options["names"])))
+    skins = {index: replace(rig, names=names) for index, rig in rigs(request)}
+    textured = textured_bodies(request, int(options["texture_size"])) if skins else None
+
+    def look(glb: GlbBuffer, index: int, _: ExportRequest) -> Look:
+        assert textured is not None
+        texture, mesh, name = textured.textures[index], textured.mesh, f"person_{index}"
+        photo = body_material(name, texture=glb.texture(encode_jpeg(texture.image), "image/jpeg", name))
+        photo["extensions"] = {"KHR_materials_unlit": {}}
+        photo["extras"] = {"share_from_photo": round(texture.shown, 4)}
+        picture = glb.texture(encode_png(textured.contact_image(result, index)), "image/png", f"{name}_contact")
+        materials = (photo, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
+        mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
+        uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
+        return Look(
+            materials[_VARIANTS.index(str(options["skin"]))],
+            {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
+            mesh.vertex,
+            mesh.faces,
+            {"TEXCOORD_0": uv, "_FILLED": texture.vertex_filled[mesh.vertex]},
+        )
+
+    background = background_of(result) if request.scene else None
+    glb = build_glb(request, background, skins, look=look)
+    if skins:
+        used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
+        glb.tree["extensionsUsed"] = sorted(used)
+        glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": name} for name in _VARIANTS]}}
+        _add_animation(glb, list(skins.values()), request.frame.up_vector)
+    files = {f"{request.stem}{request.suffix}": glb.content()}
+    if options["contact_texture"] and textured is not None:
+        for index in request.people:
+            files[f"{request.stem}_contact_{index}.png"] = encode_png(textured.contact_image(result, index))
+    return ExportedFiles(files, glb_notes(request, skins))
+
+
+def _add_animation(glb: GlbBuffer, rigged: list[Rig], up: NDArray[np.float64]) -> None:
+    """Add an animation of all people: T-pose at 0 s, pose at frame 1."""
+    times = glb.accessor(np.array([0.0, _FRAME_S], np.float32), bounds=True)
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+
+    def add(node: int, path: str, values: NDArray[np.float64]) -> None:
+        output = glb.accessor(values.astype(np.float32))
+        samplers.append({"input": times, "output": output, "interpolation": "STEP"})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+    for skin, rig in zip(glb.tree["skins"], rigged, strict=True):
+        standing = t_pose(rig, up)
+        rotations = torch.from_numpy(np.stack([standing.rotations, rig.rotations]))
+        quaternions = roma.rotmat_to_unitquat(rotations).numpy()
+        add(skin["joints"][0], "translation", np.stack([standing.offsets[0], rig.offsets[0]]))
+        for joint, node in enumerate(skin["joints"]):
+            add(node, "rotation", quaternions[:, joint])
+    glb.add("animations", {"name": "pose", "samplers": samplers, "channels": channels})

@@ -1,0 +1,123 @@
+"""GLB of the plugin: textures, variants, names of the bones, T-pose and pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core import Reconstruction
+from physic_core.errors import InputError
+from physic_export.bone_names import BONE_NAMES, bone_names
+
+pygltflib = pytest.importorskip("pygltflib")
+
+
+@pytest.fixture(scope="module")
+def tree(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
+    path = result.export(str(tmp_path_factory.mktemp("textured") / "a.glb"), names="unity", texture_size="512").files[0]
+    return pygltflib.GLTF2().load(str(path))
+
+
+def test_each_person_has_a_picture_and_three_skins(tree):
+    assert [image.name for image in tree.images] == [
+        *("photo", "person_0", "person_0_contact", "person_1", "person_1_contact")
+    ]
+    variants = [entry["name"] for entry in tree.extensions["KHR_materials_variants"]["variants"]]
+    assert variants == ["photo", "neutral", "contact"]
+    for index in (0, 1):
+        (mesh,) = (mesh for mesh in tree.meshes if mesh.name == f"person_{index}")
+        (primitive,) = mesh.primitives
+        mapped = primitive.extensions["KHR_materials_variants"]["mappings"]
+        names = {variants[entry["variants"][0]]: tree.materials[entry["material"]].name for entry in mapped}
+        assert names == {"photo": f"person_{index}", "neutral": "body", "contact": f"person_{index}_contact"}
+        assert tree.materials[primitive.material].name == f"person_{index}"
+        assert primitive.attributes.TEXCOORD_0 is not None
+        assert primitive.attributes._FILLED is not None
+
+
+def test_the_skin_can_be_neutral(export):
+    tree = pygltflib.GLTF2().load(str(export("a.glb", skin="neutral", scene=False).files[0]))
+    assert {tree.materials[mesh.primitives[0].material].name for mesh in tree.meshes} == {"body"}
+
+
+def test_contact_is_a_picture_on_request(export):
+    done = export("a.glb", contact_texture=True, texture_size="512", person=1)
+    assert [file.name for file in done.files] == ["a.glb", "a_contact_1.png"]
+    with Image.open(done.files[1]) as picture:
+        assert picture.size == (512, 512)
+
+
+def test_the_animation_has_a_t_pose_and_the_pose(tree):
+    (animation,) = tree.animations
+    skin = tree.skins[0]
+    rotated = [c for c in animation.channels if c.target.path == "rotation" and c.target.node in skin.joints]
+    assert len(rotated) == 55
+    for channel in rotated:
+        sampler = animation.samplers[channel.sampler]
+        accessor = tree.accessors[sampler.output]
+        start = tree.bufferViews[accessor.bufferView].byteOffset or 0
+        first, second = np.frombuffer(tree.binary_blob(), np.float32, 8, start).reshape(2, 4)
+        if channel.target.node != skin.joints[0]:
+            np.testing.assert_allclose(np.abs(first), [0, 0, 0, 1], atol=1e-6)
+        np.testing.assert_allclose(second, tree.nodes[channel.target.node].rotation, atol=1e-6)
+
+
+def test_bones_have_the_names_of_the_option(tree, export):
+    assert [tree.nodes[joint].name for joint in tree.skins[0].joints] == list(bone_names("unity"))
+    other = pygltflib.GLTF2().load(str(export("a.glb", names="mixamo", scene=False).files[0]))
+    assert [other.nodes[joint].name for joint in other.skins[0].joints][:2] == ["mixamorig:Hips", "mixamorig:LeftUpLeg"]
+
+
+UNITY = """Hips LeftUpperLeg RightUpperLeg LeftLowerLeg RightLowerLeg LeftFoot RightFoot Spine Chest UpperChest Neck
+Head LeftShoulder RightShoulder LeftUpperArm RightUpperArm LeftLowerArm RightLowerArm LeftHand RightHand LeftToes
+RightToes LeftEye RightEye Jaw LeftThumbProximal LeftThumbIntermediate LeftThumbDistal LeftIndexProximal
+LeftIndexIntermediate LeftIndexDistal LeftMiddleProximal LeftMiddleIntermediate LeftMiddleDistal LeftRingProximal
+LeftRingIntermediate LeftRingDistal LeftLittleProximal LeftLittleIntermediate LeftLittleDistal RightThumbProximal
+RightThumbIntermediate RightThumbDistal RightIndexProximal RightIndexIntermediate RightIndexDistal RightMiddleProximal
+RightMiddleIntermediate RightMiddleDistal RightRingProximal RightRingIntermediate RightRingDistal RightLittleProximal
+RightLittleIntermediate RightLittleDistal"""
+"""HumanBodyBones of Unity 2020.1 to 2023.1, docs.unity3d.com/ScriptReference/HumanBodyBones.html, without LastBone."""
+
+UNREAL = """pelvis spine_01 spine_02 spine_03 clavicle_l upperarm_l lowerarm_l hand_l index_01_l index_02_l index_03_l
+middle_01_l middle_02_l middle_03_l pinky_01_l pinky_02_l pinky_03_l ring_01_l ring_02_l ring_03_l thumb_01_l thumb_02_l
+thumb_03_l neck_01 head thigh_l calf_l foot_l ball_l"""
+"""Bones of Unreal Engine's mannequin, left side, without twist and IK bones."""
+
+
+def test_the_names_are_those_that_unity_publishes():
+    assert set(bone_names("unity")) == set(UNITY.split())
+
+
+def test_the_names_are_those_of_unreals_mannequin():
+    wanted = UNREAL.split()
+    wanted += [f"{name[:-2]}_r" for name in wanted if name.endswith("_l")]
+    # The mannequin has no jaw and no eyes.
+    assert set(bone_names("unreal")) - {"jaw", "eye_l", "eye_r"} == set(wanted)
+
+
+def test_the_names_are_those_of_mixamo():
+    names = bone_names("mixamo")
+    assert names[:6] == ("Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg")
+    assert {"LeftToeBase", "RightForeArm", "LeftHandThumb1", "RightHandPinky3", "Spine2", "Head"} <= set(names)
+
+
+@pytest.mark.parametrize("style", BONE_NAMES)
+def test_every_bone_has_a_name_of_its_own(style: str):
+    assert len(set(bone_names(style))) == 55
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("a.glb", {"names": "rigify"}, "the option 'names' of the format glb is one of smplx, mixamo, unreal, unity, "),
+        ("a.bvh", {"rigid": True}, "the format bvh has no option 'rigid': its options are names"),
+        ("a.json", {"format": "coco", "names": "smplx"}, "the format coco has no option 'names': it has none"),
+    ],
+)
+def test_an_option_that_a_format_does_not_have_is_an_error(export, tmp_path: Path, name: str, options, message: str):
+    with pytest.raises(InputError) as raised:
+        export(name, options.pop("format", None), **options)
+    assert str(raised.value).startswith(message)

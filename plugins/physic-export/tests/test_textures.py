@@ -1,0 +1,104 @@
+"""Textures of bodies: the photo's colours where it shows the body, a marked fill elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core import ExportRequest, Reconstruction
+from physic_core.body import load_body
+from physic_core.body.texture_coordinates import load_texture_coordinates, split_at_seams
+from physic_core.errors import BodyModelError, InputError
+from physic_core.visual.export.request import export_frame
+from physic_export.texture_raster import rasterize
+from physic_export.textures import textured_bodies
+
+
+def request_of(result: Reconstruction) -> ExportRequest:
+    frame = export_frame(result.scene.floor, "y")
+    return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
+
+
+def pixels_of(result: Reconstruction, points: np.ndarray) -> np.ndarray:
+    spots = points @ result.intrinsics.matrix.T
+    return np.round(spots[:, :2] / spots[:, 2:]).astype(int)
+
+
+def test_split_vertices_keep_the_vertex_of_the_body():
+    faces = load_body("embedded").faces.numpy()
+    mesh = load_texture_coordinates("embedded", faces)
+    np.testing.assert_array_equal(mesh.vertex[:13348], np.arange(13348))
+    np.testing.assert_array_equal(mesh.vertex[mesh.faces], faces)
+    assert len(mesh.uv) == len(mesh.vertex) == 14485
+    assert 0 <= mesh.uv.min() < mesh.uv.max() <= 1
+
+
+def test_the_corners_of_faces_keep_their_coordinates():
+    rng = np.random.default_rng(0)
+    faces, corners, uv = np.array([[0, 1, 2], [2, 1, 3]]), np.array([[0, 1, 2], [3, 1, 4]]), rng.random((5, 2))
+    mesh = split_at_seams(faces, corners, uv)
+    np.testing.assert_allclose(mesh.uv[mesh.faces], uv[corners], atol=1e-7)
+    np.testing.assert_array_equal(mesh.vertex, [0, 1, 2, 3, 2])
+
+
+def test_a_smplx_file_without_texture_coordinates_is_refused(tmp_path):
+    np.savez(tmp_path / "SMPLX_NEUTRAL.npz", v_template=np.zeros((1, 3)))
+    with pytest.raises(BodyModelError, match="has no usable texture coordinates"):
+        load_texture_coordinates(tmp_path / "SMPLX_NEUTRAL.npz", np.zeros((1, 3), int))
+
+
+def test_a_smplx_file_brings_its_own(tmp_path):
+    np.savez(tmp_path / "a.npz", vt=np.eye(3, 2), ft=np.array([[2, 1, 0]]))
+    mesh = load_texture_coordinates(tmp_path / "a.npz", np.array([[0, 1, 2]]))
+    np.testing.assert_allclose(mesh.uv[mesh.faces], [np.eye(3, 2)[[2, 1, 0]]])
+
+
+def test_the_texels_of_a_triangle_are_those_inside():
+    mesh = split_at_seams(np.array([[0, 1, 2]]), np.array([[0, 1, 2]]), np.array([[0, 0], [1, 0], [0, 1.0]]))
+    raster = rasterize(mesh, 8)
+    u, v = (raster.columns + 0.5) / 8, 1 - (raster.rows + 0.5) / 8
+    assert len(u) == 8 * 9 / 2
+    np.testing.assert_allclose(raster.interpolate(mesh.faces, mesh.uv), np.stack([u, v], 1), atol=1e-7)
+
+
+def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result: Reconstruction):
+    """Masks in which each person has one colour, apart from a stripe over their middle."""
+    image = result.image.copy()
+    colors = ([200, 30, 30], [20, 40, 220])
+    for person, color in zip(result.people, colors, strict=True):
+        image[person.mask] = color
+    textured = textured_bodies(request_of(replace(result, image=image)), 256)
+    for index, color in enumerate(colors):
+        texture = textured.textures[index]
+        assert 0.15 < texture.shown < 0.5
+        assert (texture.filled < 128).any()
+        assert (texture.filled > 128).any()
+        np.testing.assert_allclose(texture.image[texture.filled == 0], np.tile(color, ((texture.filled == 0).sum(), 1)))
+        # What the photo does not show is filled with colours of the same person.
+        assert np.abs(texture.image.astype(int) - color).max() <= 3
+        assert np.abs(texture.vertex_colors.astype(int) - color).max() <= 3
+
+
+def test_the_side_away_from_the_camera_is_marked_as_filled(result: Reconstruction):
+    textured = textured_bodies(request_of(result), 256)
+    for index, person in enumerate(result.people):
+        mesh = person.mesh()
+        away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
+        filled = textured.textures[index].vertex_filled
+        assert np.quantile(filled[away > 0.3], 0.02) > 0.95
+        assert np.median(filled[away < -0.8]) < 0.5
+
+
+def test_a_person_without_a_mask_is_filled_everywhere(result: Reconstruction):
+    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
+    textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
+    assert textured.textures[0].shown == 0
+    assert textured.textures[0].filled.min() == 255
+
+
+def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
+    person = replace(result.people[0], vertices=result.people[0].vertices[:100])
+    with pytest.raises(InputError, match="do not have the 13348 vertices of its body model"):
+        textured_bodies(request_of(replace(result, people=(person,))), 128)
