@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -11,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.npz_reader import read_array
 from physic_core.errors import BodyModelError
+from physic_core.files.npz import read_arrays
 
 __all__ = ["TextureCoordinates", "load_texture_coordinates", "split_at_seams"]
 
@@ -49,9 +48,9 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
             faces.reshape(-1)[file["corner"]] = file["index"]
             return TextureCoordinates(file["uv"].astype(np.float32) / 65535, vertex, faces)
     try:
-        with zipfile.ZipFile(source) as archive:
-            corners, uv = read_array(archive, "ft"), read_array(archive, "vt")
-        return split_at_seams(faces, corners.astype(np.int64), uv)
+        with Path(source).open("rb") as stream:
+            arrays = read_arrays(stream, ("ft", "vt"))
+        return split_at_seams(faces, arrays["ft"].astype(np.int64), arrays["vt"])
     except Exception as error:  # of zipfile and numpy, which have many
         raise BodyModelError(
             f"{source} has no usable texture coordinates (the arrays vt and ft, which official SMPL-X files have): "
