@@ -41,16 +41,16 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
     Raises:
         BodyModelError: the file has none.
     """
-    faces = np.array(faces, np.int64)
+    triangles: NDArray[np.int64] = np.array(faces, np.int64)
     if source == "embedded":
         with as_file(files("physic_core.body").joinpath("embedded_uv.npz")) as path, np.load(path) as file:
-            vertex = np.r_[np.arange(faces.max() + 1), file["split"]]
-            faces.reshape(-1)[file["corner"]] = file["index"]
-            return TextureCoordinates(file["uv"].astype(np.float32) / 65535, vertex, faces)
+            vertex = np.r_[np.arange(triangles.max() + 1), file["split"]]
+            triangles.reshape(-1)[file["corner"]] = file["index"]
+            return TextureCoordinates(file["uv"].astype(np.float32) / 65535, vertex, triangles)
     try:
         with Path(source).open("rb") as stream:
             arrays = read_arrays(stream, ("ft", "vt"))
-        return split_at_seams(faces, arrays["ft"].astype(np.int64), arrays["vt"])
+        return split_at_seams(triangles, arrays["ft"].astype(np.int64), arrays["vt"])
     except Exception as error:  # of zipfile and numpy, which have many
         raise BodyModelError(
             f"{source} has no usable texture coordinates (the arrays vt and ft, which official SMPL-X files have): "

@@ -67,7 +67,7 @@ def _paths(rig: Rig) -> list[str]:
     return paths
 
 
-def _matrices(matrices: NDArray[np.float64]) -> Any:
+def _matrices(matrices: NDArray[np.floating[Any]]) -> Any:
     """Return (n, 4, 4) matrices as USD has them: it multiplies row vectors from the left."""
     from pxr import Gf, Vt
 
