@@ -33,7 +33,7 @@ from physic_core.engine.contact.features import KINDS, feature_columns, measure_
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
-from physic_core.engine.presets import PRESETS
+from physic_core.engine.presets import DEFAULT
 from physic_core.metrics.matching import match_by_masks
 from physic_core.pipeline import solution
 from physic_core.pipeline.optimise import run_engine
@@ -90,7 +90,7 @@ def collect(cases: Sequence[WorldCase], out: Path) -> None:
             evidence = estimate_evidence(case, world, plan, model, None)
             torch.manual_seed(0)
             with patch.object(solution, "solve_contact", wraps=solution.solve_contact) as solve:
-                run_engine(evidence, PRESETS["default"], model, StageRunner("cpu", len(plan.backends)))
+                run_engine(evidence, DEFAULT, model, StageRunner("cpu", len(plan.backends)))
             found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
             pairs = list(zip(found.predicted.tolist(), found.truth.tolist(), strict=True))
             inputs = solve.call_args.args[0]
@@ -103,7 +103,7 @@ def samples_of(
     given: ContactInput, result: ContactResult, world: World, pairs: Sequence[tuple[int, int]]
 ) -> dict[str, Any]:
     """Return the arrays of one world: for each person and kind of contact columns, truth and listed body parts."""
-    near = measure_distances(given, PRESETS["default"].contact)
+    near = measure_distances(given, DEFAULT.contact)
     outer, finite = given.model.outer.numpy(), given.finite.tolist()
     arrays: dict[str, Any] = {"pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2)}
     for kind, columns in feature_columns(given, near).items():

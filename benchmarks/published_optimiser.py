@@ -16,12 +16,13 @@ from pathlib import Path
 
 import torch
 
-from physic_core.engine.presets import PRESETS
+from physic_core.configuration.energies import check_engine_preset, engine_preset
+from physic_core.errors import ConfigError
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "engine"))
+sys.path.append(str(Path(__file__).parents[1] / "plugins" / "physic-paper" / "tests"))
 from published import Published
 
 
@@ -32,9 +33,11 @@ def main() -> None:
     parser.add_argument("--presets", default="release,paper,default", help="comma-separated")
     given = parser.parse_args()
     names = given.presets.split(",")
-    unknown = [name for name in names if name not in PRESETS]
-    if unknown:
-        parser.error(f"no engine preset named {', '.join(unknown)}; there are: {', '.join(PRESETS)}")
+    try:
+        for name in names:
+            check_engine_preset(name)
+    except ConfigError as error:
+        parser.error(str(error))
     if not given.problem.is_file():
         parser.error(f"there is no file {given.problem}: give the path of the published optimiser's numbers")
     torch.set_num_threads(1)
@@ -57,7 +60,7 @@ def main() -> None:
     evidence, model = published.evidence(), published.body(rotations[0])
     for name in names:
         began = time.perf_counter()
-        solution = run_engine(evidence, PRESETS[name], model, StageRunner("cpu", 4))
+        solution = run_engine(evidence, engine_preset(name), model, StageRunner("cpu", 4))
         seconds = time.perf_counter() - began
         show(f'preset "{name}"', torch.from_numpy(solution.joints), torch.from_numpy(solution.vertices), seconds)
 

@@ -61,7 +61,7 @@ def main() -> int:
     for command in (run, table, eps):
         command.add_argument("--readings", default="", help="names, with commas between them; all by default")
     given = parser.parse_args()
-    from physic_core.engine.presets.ablation import ABLATION
+    from physic_testing.bench.ablation import ABLATION
     from physic_testing.bench.world_evidence import benchmark_cases
 
     names = [name.strip() for name in given.readings.split(",") if name.strip()] or list(READINGS)

@@ -23,6 +23,7 @@ from physic_core.errors import (
 )
 
 if TYPE_CHECKING:
+    from physic_core.configuration.energies import engine_preset, engine_preset_names
     from physic_core.configuration.model import Config, load_config
     from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hookspecs import hookimpl
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import (
         BackendRecord,
         CommandRecord,
+        EnergyRecord,
         ExecutorRecord,
         ExporterRecord,
         ReportRecord,
@@ -64,6 +66,7 @@ __all__ = [
     "Config",
     "ConfigError",
     "DeviceError",
+    "EnergyRecord",
     "ExecutorRecord",
     "ExportRequest",
     "ExportedFiles",
@@ -84,6 +87,8 @@ __all__ = [
     "Scene",
     "WeightsMissingError",
     "discover",
+    "engine_preset",
+    "engine_preset_names",
     "export_reconstruction",
     "find_exporter",
     "find_exporters",
@@ -101,11 +106,14 @@ __all__ = [
 ]
 
 _NAMES = {
+    "physic_core.configuration.energies": "engine_preset engine_preset_names",
     "physic_core.configuration.model": "Config load_config",
     "physic_core.discovery.exporters": "find_exporter find_exporters",
     "physic_core.discovery.hookspecs": "hookimpl",
     "physic_core.discovery.plugins": "discover",
-    "physic_core.discovery.records": "BackendRecord CommandRecord ExecutorRecord ExporterRecord ReportRecord",
+    "physic_core.discovery.records": (
+        "BackendRecord CommandRecord EnergyRecord ExecutorRecord ExporterRecord ReportRecord"
+    ),
     "physic_core.discovery.registry": "Registry",
     "physic_core.io.report_file": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",

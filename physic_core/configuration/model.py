@@ -29,6 +29,7 @@ from pydantic import (
 )
 
 from physic_core.adapters.devices import DEVICE_PATTERN
+from physic_core.configuration.energies import check_engine_preset, engine_preset
 from physic_core.configuration.layers import (
     Layer,
     environment_layers,
@@ -39,9 +40,9 @@ from physic_core.configuration.layers import (
     read_layers,
     source_of,
 )
-from physic_core.configuration.problems import CheckResult, Problem, config_error, did_you_mean, problems_from_pydantic
+from physic_core.configuration.problems import CheckResult, Problem, config_error, problems_from_pydantic
 from physic_core.configuration.quoting import quoted
-from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
+from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 from physic_core.types import KnownLength, KnownSizes
@@ -255,7 +256,7 @@ class EngineChoice(_Table):
             stage: table.model_validate(getattr(self, stage)).model_dump(exclude_unset=True)
             for stage, table in stage_models(self.preset).items()
         }
-        return with_overrides(_engine_preset(self.preset), changed)
+        return with_overrides(engine_preset(self.preset), changed)
 
 
 class RunSettings(_Table):
@@ -452,10 +453,10 @@ def _check_engine(engine: Any) -> list[Problem]:
     preset = engine.get("preset", "default")
     if not isinstance(preset, str):
         return []
-    if preset not in PRESET_NAMES:
-        names = sorted(PRESET_NAMES)
-        message = f"no engine preset named '{preset}'; there are: {', '.join(names)}{did_you_mean(preset, names)}"
-        return [Problem("engine.preset", message)]
+    try:
+        check_engine_preset(preset)
+    except ConfigError as error:
+        return [Problem("engine.preset", str(error))]
     if not any(isinstance(engine.get(stage.name), dict) for stage in fields(EngineSettings)):
         return []
     problems = []
@@ -468,20 +469,13 @@ def _check_engine(engine: Any) -> list[Problem]:
     return problems
 
 
-def _engine_preset(name: str) -> EngineSettings:
-    # The terms of stage 3 import torch, which a configuration without engine settings does not need.
-    from physic_core.engine.presets import PRESETS
-
-    return PRESETS[name]
-
-
 @cache
 def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
     """Return a pydantic model of the settings of each stage; ``preset`` determines the terms of the joint stage.
 
     All keys are optional. Strings are not converted to numbers.
     """
-    settings = _engine_preset(preset)
+    settings = engine_preset(preset)
     return {f.name: settings_model(type(getattr(settings, f.name))) for f in fields(settings)}  # type: ignore[arg-type]
 
 

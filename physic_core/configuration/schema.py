@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from physic_core.configuration.energies import engine_preset_names
 from physic_core.configuration.model import (
     OPTIONAL_INTERFACES,
     BackendChoice,
@@ -18,7 +19,6 @@ from physic_core.configuration.model import (
     preset_names,
     stage_models,
 )
-from physic_core.engine.presets import PRESETS
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -46,15 +46,16 @@ def config_schema(registry: Registry) -> dict[str, Any]:
         "run": RunSettings,
         "engine": EngineChoice,
     }
-    stages = dict.fromkeys(table for preset in PRESETS for table in stage_models(preset).values())
+    presets = engine_preset_names()
+    stages = dict.fromkeys(table for preset in presets for table in stage_models(preset).values())
     models = [*tables.values(), *stages, *(kind for kind in kinds.values() if kind is not None)]
     places, top = models_json_schema([(model, "validation") for model in dict.fromkeys(models)])
     parts = top.get("$defs", {})
     for model in (*tables.values(), *stages):
         parts[places[model, "validation"]["$ref"].rpartition("/")[2]].pop("required", None)
     engine = parts[places[EngineChoice, "validation"]["$ref"].rpartition("/")[2]]
-    engine["properties"]["preset"] |= {"enum": sorted(PRESETS)}
-    engine["allOf"] = [_preset_condition(preset, places) for preset in PRESETS]
+    engine["properties"]["preset"] |= {"enum": list(presets)}
+    engine["allOf"] = [_preset_condition(preset, places) for preset in presets]
     interfaces = {}
     for interface in INTERFACES:
         options = {

@@ -1,8 +1,17 @@
-"""Known distributions: backends, commands, executors, export formats, install commands; only for hints in messages."""
+"""Known distributions: backends, commands, energies, executors, export formats; only for hints in messages."""
 
 from __future__ import annotations
 
-__all__ = ["CATALOG", "COMMANDS", "EXECUTORS", "EXPORTERS", "distribution_for", "how_to_install", "known_names"]
+__all__ = [
+    "CATALOG",
+    "COMMANDS",
+    "ENERGIES",
+    "EXECUTORS",
+    "EXPORTERS",
+    "distribution_for",
+    "how_to_install",
+    "known_names",
+]
 
 CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
     "physic-embedded": {
@@ -77,6 +86,9 @@ COMMANDS = {
 }
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""
 
+ENERGIES = dict.fromkeys(("paper", "prox", "release"), "physic-paper")
+"""Distribution of each known preset of the engine; a test compares them with the distribution."""
+
 EXECUTORS = {"ray": "physic-ray"}
 """Distribution of each known executor of ``physic batch``; a test compares them with the distribution."""
 
@@ -119,7 +131,7 @@ def _names(offers: dict[str, tuple[str, ...]], interface: str | None) -> tuple[s
 
 def how_to_install(distribution: str, extra: str = "") -> str:
     """Return the install command of a distribution; distributions of this project are installed from a checkout."""
-    own = distribution in {*CATALOG, *COMMANDS.values(), *EXECUTORS.values(), *EXPORTERS}
+    own = distribution in {*CATALOG, *COMMANDS.values(), *ENERGIES.values(), *EXECUTORS.values(), *EXPORTERS}
     folder = "contrib" if distribution in _IN_CONTRIB else "plugins"
     source = f"{folder}/{distribution}" if own else distribution
     if extra:

@@ -24,6 +24,13 @@ A plugin adds a subcommand to ``physic`` with a ``click.Command``, which is impo
     def physic_commands():
         return [CommandRecord("my-command", "my_pkg.commands:my_command", summary="Does ...")]
 
+A plugin adds a preset of the engine with an :class:`physic_core.engine.settings.EngineSettings`, which is imported when
+the preset is used::
+
+    @hookimpl
+    def physic_energies():
+        return [EnergyRecord("my-energy", "my_pkg.presets:MY_ENERGY", summary="Minimises ...")]
+
 A plugin adds a value of ``physic batch --executor`` with a function, which is imported when it is used::
 
     @hookimpl
@@ -57,6 +64,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.records import (
         BackendRecord,
         CommandRecord,
+        EnergyRecord,
         ExecutorRecord,
         ExporterRecord,
         ReportRecord,
@@ -67,6 +75,7 @@ __all__ = [
     "hookimpl",
     "physic_backends",
     "physic_commands",
+    "physic_energies",
     "physic_executors",
     "physic_exporters",
     "physic_reports",
@@ -87,6 +96,11 @@ def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
 @hookspec
 def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
     """Return the commands that this plugin adds to ``physic``."""
+
+
+@hookspec
+def physic_energies() -> Sequence[EnergyRecord]:  # type: ignore[empty-body]
+    """Return the presets of the engine that this plugin adds."""
 
 
 @hookspec

@@ -1,4 +1,4 @@
-"""Find the commands, executors, exporters and pages that installed plugins add."""
+"""Find the commands, energies, executors, exporters and pages that installed plugins add."""
 
 from __future__ import annotations
 
@@ -11,7 +11,14 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExecutorRecord, ExporterRecord, ReportRecord
+from physic_core.discovery.records import (
+    RECORD_HOOKS,
+    CommandRecord,
+    EnergyRecord,
+    ExecutorRecord,
+    ExporterRecord,
+    ReportRecord,
+)
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
 from physic_core.errors import PhysicError, PluginError
 
@@ -20,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Installed", "call_target", "find_installed", "import_target", "why_unavailable"]
 
-_Record = TypeVar("_Record", bound=CommandRecord | ExecutorRecord | ExporterRecord | ReportRecord)
+_Record = TypeVar("_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | ReportRecord)
 
 
 class Installed(NamedTuple, Generic[_Record]):
@@ -62,7 +69,7 @@ def import_target(found: Installed[Any], role: str) -> Any:
 
     Args:
         found: the record.
-        role: what the record is, for the message: "command", "executor", "exporter" or "page".
+        role: what the record is, for the message: "command", "energy", "executor", "exporter" or "page".
 
     Raises:
         PluginError: it cannot be imported.

@@ -1,4 +1,4 @@
-"""Records of backends, commands, executors, exporters and pages, which plugin hooks return."""
+"""Records of backends, commands, energies, executors, exporters and pages, which plugin hooks return."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ if TYPE_CHECKING:
 
     from physic_core.interfaces import Backend
 
-__all__ = ["RECORD_HOOKS", "BackendRecord", "CommandRecord", "ExecutorRecord", "ExporterRecord", "ReportRecord"]
+__all__ = [
+    "RECORD_HOOKS",
+    "BackendRecord",
+    "CommandRecord",
+    "EnergyRecord",
+    "ExecutorRecord",
+    "ExporterRecord",
+    "ReportRecord",
+]
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class _TargetRecord:
 
     Attributes:
         name: of what is added.
-        target: "package.module:function", imported when it is used.
+        target: "package.module:name" of the function or object, imported when it is used.
         summary: one line for ``--help`` and messages.
     """
 
@@ -64,6 +72,13 @@ class CommandRecord(_TargetRecord):
     """A command that a plugin adds to ``physic``; its name is the words after it, such as "bench" or "plugins check".
 
     The target is a ``click.Command``.
+    """
+
+
+class EnergyRecord(_TargetRecord):
+    """A preset of the engine; its name is the value of ``engine.preset``, in lower case with hyphens.
+
+    The target is a :class:`physic_core.engine.settings.EngineSettings`.
     """
 
 
@@ -140,6 +155,7 @@ class ExporterRecord:
 
 RECORD_HOOKS: dict[type[Any], str] = {
     CommandRecord: "physic_commands",
+    EnergyRecord: "physic_energies",
     ExecutorRecord: "physic_executors",
     ExporterRecord: "physic_exporters",
     ReportRecord: "physic_reports",

@@ -10,7 +10,6 @@ __all__ = [
     "Count",
     "Degrees",
     "FrozenGroups",
-    "NearestStrategy",
     "NotNegative",
     "Positive",
     "PositiveCount",
@@ -33,4 +32,3 @@ FrozenGroups = Annotated[
     tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)
 ]
 RobustKind = Literal["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]
-NearestStrategy = Literal["kdtree", "grid", "brute"]

@@ -1,7 +1,7 @@
 """Settings of the engine: frozen dataclasses, one per stage.
 
-The defaults are preset "default"; the others are in :mod:`physic_core.engine.presets`. The documentation of a field
-gives its meaning, its useful values, and the value that switches it off.
+The documentation of a field gives its meaning, its useful values, and the value that switches it off. The type of a
+stage's settings selects what the stage does; the energy of a plugin has subclasses of its own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.scene.settings import SceneSettings
 
 __all__ = [
-    "PRESET_NAMES",
     "ContactSettings",
     "EngineSettings",
     "JointSettings",
@@ -24,9 +23,6 @@ __all__ = [
     "SceneSettings",
     "with_overrides",
 ]
-
-PRESET_NAMES = ("default", "paper", "release", "prox")
-"""Names of the presets in :data:`physic_core.engine.presets.PRESETS`, which imports torch."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from torch import Tensor
 
 from physic_core.types import AffineAmbiguity
 
-__all__ = ["Alignment", "AlignmentOptions", "align", "apply_alignment", "released_alignment_options"]
+__all__ = ["Alignment", "AlignmentOptions", "align", "apply_alignment"]
 
 _SEED = 0
 _MAX_PIXELS = 20_000  # random sample of the common pixels
@@ -51,11 +51,6 @@ class AlignmentOptions:
     tolerance: float = 0.1
     hypotheses: int = 128
     residual: Literal["relative", "metric"] = "relative"
-
-
-def released_alignment_options(tolerance: float) -> AlignmentOptions:
-    """Return the alignment options of the paper (Eq. 1), with the 20 hypotheses of the released code."""
-    return AlignmentOptions(tolerance, hypotheses=20, residual="metric")
 
 
 @dataclass(frozen=True)

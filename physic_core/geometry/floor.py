@@ -2,8 +2,7 @@
 
 A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z = a x + b y + c,
 where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. :func:`fit_floor` fits in inverse depth: this needs
-no scale, and uncertain distant points have little weight. The paper's search is
-:func:`physic_core.geometry.floor_metric.fit_floor_metric`.
+no scale, and uncertain distant points have little weight.
 """
 
 from __future__ import annotations

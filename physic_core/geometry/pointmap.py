@@ -1,7 +1,4 @@
-"""Point maps: a 3D point for each pixel, OpenCV camera frame (x right, y down, z forward).
-
-All operations use the image grid, except :func:`knn_outliers`, the paper's k-nearest-neighbour rule.
-"""
+"""Point maps: a 3D point for each pixel of the image grid, OpenCV camera frame (x right, y down, z forward)."""
 
 from __future__ import annotations
 
@@ -12,14 +9,12 @@ from torch import Tensor
 
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.geometry.neighbors import nearest_other_points
 
 __all__ = [
     "depth_edges",
     "depth_to_pointmap",
     "intrinsics_from_pointmap",
     "isolated_pixels",
-    "knn_outliers",
     "normals",
 ]
 
@@ -166,21 +161,6 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tu
             support[there] += alike
         lonely |= support < 2
     return valid & lonely
-
-
-def knn_outliers(points: Tensor, neighbors: int, sigma: float = 1.45) -> Tensor:
-    """Return points with an unusually large mean squared distance to their neighbours (paper Sec. 4.1): (M,) bool.
-
-    Args:
-        points: (M, 3), any unit, finite.
-        neighbors: k, the point itself not counted.
-        sigma: threshold over the mean of that distance, in standard deviations.
-    """
-    if min(neighbors, len(points) - 1) < 1:
-        return torch.zeros(len(points), dtype=torch.bool, device=points.device)
-    distance, _ = nearest_other_points(points, neighbors)
-    spread = distance.square().mean(1)
-    return spread > spread.mean() + sigma * spread.std(correction=0)
 
 
 def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, float, float, float]:

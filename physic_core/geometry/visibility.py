@@ -30,7 +30,6 @@ __all__ = [
     "hidden_from_camera",
     "inside_image",
     "inside_mask",
-    "near_mask",
     "self_occlusion",
 ]
 
@@ -67,19 +66,6 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
     safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
     flat = safe[..., 1] * width + safe[..., 0]
     return torch.gather(mask.flatten(-2), -1, flat) & inside
-
-
-def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
-    """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (..., 2): (...) bool.
-
-    An integral image makes the time independent of ``reach``.
-    """
-    height, width = mask.shape
-    sums = F.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
-    u, v = uv.round().long().unbind(-1)
-    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
-    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
-    return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:

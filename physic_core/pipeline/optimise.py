@@ -19,7 +19,6 @@ from physic_core.engine.contact.support import hands_may_hold
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.limbs import is_standing
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.released.visibility import mean_face_normals
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.known_sizes import known_geometry, scale_scene, scene_factor, stature_factor
 from physic_core.engine.placement.human_points import (
@@ -35,7 +34,6 @@ from physic_core.engine.scene.build import alignment_diagnostics, build_scene
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.floor_below_people import without_floor, wrong_floor
 from physic_core.geometry.floor import FloorEvidence
-from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction, resize_bodies
@@ -263,10 +261,9 @@ def _pose_bodies(
         for x in (parameters.betas, parameters.expression, parameters.transl, known.points, known.confidence)
     )
     body = model(rotations, betas, transl, expression)
-    normals_of = mean_face_normals if settings.method == "released" else vertex_normals
     posed = PosedBodies(
         vertices=body.vertices,
-        normals=normals_of(body.vertices, model.faces),
+        normals=settings.method().normals(body.vertices, model.faces),
         landmarks=model.landmarks(body, known.joint_set),
         transl=transl,
         outer=model.outer,

@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from physic_core import engine_preset, engine_preset_names
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.rotations import rotvec_to_rotmat
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.settings import PRESET_NAMES, EngineSettings, with_overrides
+from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import PhysicError
 from physic_core.files.strict_json import to_json
 from physic_core.pipeline.checks import run_checks
@@ -48,7 +48,7 @@ __all__ = ["check_engine", "few_steps", "random_estimates"]
 
 def few_steps(preset: str) -> EngineSettings:
     """Return the settings of a preset with two steps of its optimiser."""
-    return with_overrides(PRESETS[preset], {"joint": {"optimiser": {"steps": 2}}})
+    return with_overrides(engine_preset(preset), {"joint": {"optimiser": {"steps": 2}}})
 
 
 def random_estimates(seed: int) -> Estimates:
@@ -230,7 +230,7 @@ def main() -> int:
             break
         ran += 1
         try:
-            check_engine(random_estimates(seed), few_steps(PRESET_NAMES[seed % len(PRESET_NAMES)]))
+            check_engine(random_estimates(seed), few_steps(engine_preset_names()[seed % len(engine_preset_names())]))
         except Exception:
             failed += 1
             path = given.keep / "engine" / f"{seed}.txt"

@@ -27,10 +27,9 @@ import numpy as np
 from PIL import Image
 from pydantic import BaseModel
 
-from physic_core import Pipeline, Reconstruction
+from physic_core import Pipeline, Reconstruction, engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, load_config, stage_models
 from physic_core.discovery.plugins import discover
-from physic_core.engine.presets import PRESETS
 from physic_core.errors import PhysicError
 from physic_testing.worlds import build_world
 
@@ -45,7 +44,7 @@ Case = dict[str, Any]
 def cases() -> list[Case]:
     """Return two cases for each numeric setting, in the order of the settings."""
     found: list[Case] = []
-    for preset in PRESETS:
+    for preset in engine_preset_names():
         for stage, model in stage_models(preset).items():
             if preset == "default" or stage == "joint":
                 for path, value in extremes(model):

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from engine_problems import check_engine, few_steps, random_estimates
-from physic_core.engine.settings import PRESET_NAMES
+from physic_core import engine_preset_names
 
 SEEDS = (0, 1, 2, 3, 4, 7, 10, 11, 19, 21, 43)
 
@@ -16,7 +16,7 @@ def test_a_finite_result_or_an_error(seed: int) -> None:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        check_engine(random_estimates(seed), few_steps(PRESET_NAMES[seed % len(PRESET_NAMES)]))
+        check_engine(random_estimates(seed), few_steps(engine_preset_names()[seed % len(engine_preset_names())]))
     finally:
         torch.set_num_threads(threads)
 

@@ -12,9 +12,9 @@ import pytest
 from pydantic import BaseModel
 
 from extremes import cases, extremes, run_case
+from physic_core import engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, stage_models
 from physic_core.discovery.plugins import discover
-from physic_core.engine.presets import PRESETS
 
 INFINITE = {"far_m", "robust_px_share", "robust_m"}
 """Settings whose documentation gives infinity a meaning."""
@@ -22,7 +22,7 @@ INFINITE = {"far_m", "robust_px_share", "robust_m"}
 
 def models() -> list[Any]:
     found: dict[str, type[BaseModel]] = {"photo": PhotoSettings, "run": RunSettings}
-    for preset in PRESETS:
+    for preset in engine_preset_names():
         found |= {f"{preset} {stage}": model for stage, model in stage_models(preset).items()}
     registry = discover()
     for offer in registry:

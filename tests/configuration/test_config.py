@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from physic_core import engine_preset, engine_preset_names
 from physic_core.configuration.model import Config, as_config, load_config, preset_names
 from physic_core.discovery.catalog import distribution_for
-from physic_core.engine.presets import PRESETS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
@@ -146,16 +146,18 @@ def test_a_body_model_path_is_relative_to_its_file(write):
     assert config.body_model.source == str(Path("sub/SMPLX_NEUTRAL.npz"))
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", engine_preset_names())
 def test_a_config_accepts_every_preset_of_the_engine(preset):
-    said = {stage: asdict(getattr(PRESETS[preset], stage)) for stage in ("scene", "placement", "joint", "contact")}
-    assert as_config({"engine": {"preset": preset, **said}}).engine.settings() == PRESETS[preset]
+    known = engine_preset(preset)
+    said = {stage: asdict(getattr(known, stage)) for stage in ("scene", "placement", "joint", "contact")}
+    assert as_config({"engine": {"preset": preset, **said}}).engine.settings() == known
 
 
 def test_engine_overrides_reach_the_settings():
     config = load_config(overrides=["engine.preset=paper", "engine.scene.far_m=20", "engine.scene.floor=off"])
     settings = config.engine.settings()
-    assert (settings.scene.far_m, settings.scene.floor, settings.scene.align_residual) == (20.0, "off", "metric")
+    assert (settings.scene.far_m, settings.scene.floor) == (20.0, "off")
+    assert type(settings.scene) is type(engine_preset("paper").scene)
     strict = load_config(
         overrides=["engine.joint.frozen=['root']", "engine.placement.robust_m=inf", "engine.joint.optimiser.steps=40"]
     )
@@ -292,7 +294,7 @@ def test_every_fault_is_reported_at_once_with_path_source_and_suggestion(write):
         "colour                           unknown key\n"
         "inpaintr                         unknown key. Did you mean 'inpainter'?\n"
         "segmenter.backend                should name a backend: only hand_estimator and contact_prior may be 'none'\n"
-        "engine.scene.floor               should be 'disparity', 'metric' or 'off' (got 'flat')\n"
+        "engine.scene.floor               should be 'disparity' or 'off' (got 'flat')\n"
         "engine.scene.floor_under_peple   unknown setting. Did you mean 'floor_under_people'?\n"
         "--set: 1 error\n"
         "engine.joint   should be a table (got 3)"

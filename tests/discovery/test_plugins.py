@@ -79,8 +79,8 @@ def test_a_misspelt_hook_is_found(site):
     site.install("physic-bad", HOOK.replace("physic_backends", "physic_backend") + "    return []\n")
     assert causes(found(site)) == [
         "physic-bad 1.0 (there is no hook named 'physic_backend'; "
-        "there are 'physic_backends', 'physic_commands', 'physic_executors', 'physic_exporters', 'physic_reports', "
-        "'physic_weights')"
+        "there are 'physic_backends', 'physic_commands', 'physic_energies', 'physic_executors', 'physic_exporters', "
+        "'physic_reports', 'physic_weights')"
     ]
 
 

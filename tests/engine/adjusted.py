@@ -43,13 +43,16 @@ def without_photo(problem: JointProblem) -> JointProblem:
 
 
 def with_options(joint: JointSettings, **changes: Any) -> JointSettings:
-    """Settings of stage 3 whose energy has some other options."""
+    """Settings of stage 3 whose energy has some other options, or other methods."""
+    options = {f.name: changes.pop(f.name) for f in fields(EnergyOptions) if f.name in changes}
 
     class Other(type(joint)):  # type: ignore[misc]
         @property
         def energy_options(self) -> EnergyOptions:
-            return replace(super().energy_options, **changes)
+            return replace(super().energy_options, **options)
 
+    for name, value in changes.items():
+        setattr(Other, name, value)
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
 
 

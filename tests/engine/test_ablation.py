@@ -8,11 +8,11 @@ from itertools import pairwise
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.configuration.model import as_config
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.ablation import ABLATION, rows
 from physic_core.errors import ConfigError
+from physic_testing.bench.ablation import ABLATION, rows
 
 from .adjusted import adjusted
 
@@ -39,8 +39,8 @@ def test_rows_are_the_papers_and_end_in_the_full_model(base):
     found = rows(base)
     terms = ["L_reg + L_j2d", "+ L_c", "+ L_i", "+ L_d", "+ occ. aware L_i", "+ floor (full model)"]
     assert list(found) == [*terms, "static contacts", "PROX"]
-    assert found["+ floor (full model)"] == PRESETS[base]
-    assert found["PROX"] == PRESETS["prox"]
+    assert found["+ floor (full model)"] == engine_preset(base)
+    assert found["PROX"] == engine_preset("prox")
 
 
 def test_each_row_adds_one_term_to_the_row_before():
@@ -78,7 +78,7 @@ def test_no_such_preset():
 def test_a_row_can_be_written_as_a_config():
     for row in ABLATION:
         config = as_config({"engine": {"preset": row.preset or "paper", **row.overrides}})
-        assert config.engine.settings() == row.settings(PRESETS["paper"])
+        assert config.engine.settings() == row.settings(engine_preset("paper"))
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def standing(make_stage):
 
 @pytest.mark.parametrize("row", ABLATION, ids=[row.name for row in ABLATION])
 def test_every_row_runs_and_tells_its_terms(standing, row):
-    full = row.settings(PRESETS["default"])
+    full = row.settings(engine_preset("default"))
     # As the pipeline does where stage 1 looks for no floor.
     problem = replace(standing.problem, floor_normal=None) if full.scene.floor == "off" else standing.problem
     settings = adjusted(full.joint, optimiser__steps=8, optimiser__refresh_steps=4)

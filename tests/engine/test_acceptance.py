@@ -14,9 +14,9 @@ from physic_core.engine.joint.acceptance import (
     term_totals,
     total_energy,
 )
-from physic_core.engine.joint.optimiser import minimise
-from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
+from physic_core.engine.joint.settings import LbfgsSettings
 from physic_core.engine.joint.state import State
+from physic_paper.adam import AdamSettings
 
 LBFGS = LbfgsSettings(steps=40, refresh_steps=20, tolerance=0.0)
 ADAM = AdamSettings(learning_rate=0.5, steps=200, refresh_steps=50)
@@ -56,7 +56,7 @@ class Two:
 def test_a_person_who_ends_worse_returns_to_the_start_alone(settings):
     """The last update of the first person's view makes their start better than what they have reached."""
     energy = Two(after_refresh=STARTS[0])
-    trace = minimise(energy, replace(settings, refresh_steps=settings.steps))
+    trace = replace(settings, refresh_steps=settings.steps).minimise(energy)
     places = energy.places()
     torch.testing.assert_close(places[0], STARTS[0])
     torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
@@ -67,7 +67,7 @@ def test_adam_at_a_lower_rate_improves_a_start_that_the_first_steps_lose():
     """The goals are 2 mm off; a step of Adam is half a metre, then 5 cm."""
     energy = Two()
     energy.goals = STARTS + 0.002
-    trace = minimise(energy, replace(ADAM, steps=20, refresh_steps=20))
+    trace = replace(ADAM, steps=20, refresh_steps=20).minimise(energy)
     assert torch.linalg.vector_norm(energy.places() - energy.goals, dim=1).max() < 0.002
     assert 0 < trace.end["own"] < trace.start["own"] == pytest.approx(2 * 100 * 3 * 0.002**2)
     assert trace.steps == 40
@@ -77,7 +77,7 @@ def test_a_person_with_nan_energy_is_held_and_the_other_converges():
     """Beyond the wall the first person's energy is not a number."""
     energy = Two(wall=1.0)
     energy.goals[0] = torch.tensor([1.5, 0.0, 2.0])
-    minimise(energy, ADAM)
+    ADAM.minimise(energy)
     places = energy.places()
     assert 0.5 < places[0, 0] <= 1.0
     torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
@@ -97,7 +97,7 @@ def test_a_person_without_an_energy_does_not_change_the_acceptance_of_others():
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
 def test_where_all_end_better_the_end_stays(settings):
     energy = Two(scale=0.1)
-    trace = minimise(energy, replace(settings, steps=200))
+    trace = replace(settings, steps=200).minimise(energy)
     torch.testing.assert_close(energy.places(), GOALS * torch.exp(torch.tensor(0.1)), atol=0.02, rtol=0)
     assert sum(trace.end.values()) < 0.01 * sum(trace.start.values())
 

@@ -6,11 +6,11 @@ import pytest
 import torch
 import trimesh
 
+from physic_core import engine_preset
 from physic_core.engine.contact import contact_map, surface_distance
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.neighbors import NearestPointSearch
 
-SETTINGS = PRESETS["default"].contact
+SETTINGS = engine_preset("default").contact
 RADIUS = 0.1
 NOTHING = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
 

@@ -9,22 +9,22 @@ import pytest
 import torch
 from torch.overrides import TorchFunctionMode
 
+from physic_core import engine_preset
 from physic_core.engine.contact import contact_map
 from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import _lbfgs_block, _OptimiserMemory
+from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
 
 from .adjusted import adjusted, with_options
 
-DEFAULT = PRESETS["default"].joint
+DEFAULT = engine_preset("default").joint
 HERE = {
     "default": DEFAULT,
-    "points": with_options(PRESETS["prox"].joint, nearest_every_step=False),
+    "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
@@ -89,7 +89,7 @@ def test_the_host_waits_once_an_evaluation_and_twice_a_step(two, steps):
     energy = JointEnergy(two.problem, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
-        block = _lbfgs_block(energy, settings, steps, _OptimiserMemory())
+        block = _lbfgs_block(energy, settings, steps, LbfgsHistory())
     assert block.steps == steps
     assert reads.count == block.evaluations + 2 * block.steps + 1
 
@@ -107,7 +107,7 @@ def as_double(problem, device):
 @needs_cuda
 @pytest.mark.parametrize("name", [*HERE, "paper"])
 def test_cuda_has_the_cpus_energy(two, name):
-    settings = HERE.get(name, PRESETS["paper"].joint)
+    settings = HERE.get(name, engine_preset("paper").joint)
     here, there = (JointEnergy(as_double(two.problem, d), settings) for d in ("cpu", "cuda"))
     for energy in (here, there):
         packed = energy.state.pack()
@@ -158,7 +158,7 @@ def test_cuda_gives_the_places_and_contacts_of_the_cpu(two):
         )
         scene = NearestPointSearch(problem.scene_points, problem.scene_normals)
         plane = (problem.floor_normal, problem.floor_offset)
-        contact, distance = contact_map(body.vertices, scene, plane, model.outer, PRESETS["default"].contact)
+        contact, distance = contact_map(body.vertices, scene, plane, model.outer, engine_preset("default").contact)
         assert placed.transl.device.type == contact.device.type == device
         answers.append((placed.transl.cpu(), contact.cpu(), distance.cpu()))
     (place_a, contact_a, distance_a), (place_b, contact_b, distance_b) = answers

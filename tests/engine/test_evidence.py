@@ -10,6 +10,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
@@ -19,17 +20,16 @@ from physic_core.engine.joint.limbs import (
     limb_part_indices,
     observed_parts,
 )
-from physic_core.engine.joint.terms.chamfer import HumanPoints
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import sample_mask_neighbours
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS, Skeleton
+from physic_paper.terms.chamfer import HumanPoints
 
-from .adjusted import adjusted, with_options
+from .adjusted import adjusted
 
-SETTINGS = PRESETS["default"].joint
+SETTINGS = engine_preset("default").joint
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +190,7 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
     height = standing.problem.floor_offset - energy.context.surface[:, 1]
     assert height.amin() > 0.05
-    without = JointEnergy(standing.problem, with_options(SETTINGS, floor="ignored"))
+    without = JointEnergy(replace(standing.problem, floor_normal=None), SETTINGS)
     assert len(without.context.surface) > len(energy.context.surface)
     assert (without.weights["floor"] == 0).all()
     assert "floor" not in without()
@@ -200,7 +200,7 @@ def test_points_without_a_normal_are_no_surface(standing):
     normals = standing.problem.scene_normals.clone()
     normals[::2] = 0
     problem = replace(standing.problem, scene_normals=normals)
-    half = JointEnergy(problem, with_options(SETTINGS, floor="ignored"))
+    half = JointEnergy(replace(problem, floor_normal=None), SETTINGS)
     assert len(half.context.surface) == pytest.approx(len(normals) / 2, abs=1)
 
 

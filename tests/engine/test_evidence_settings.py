@@ -11,20 +11,20 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from physic_core import engine_preset
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import Snapshot
-from physic_core.engine.joint.terms.point_contact import PointContactTerm
-from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints, reprojection_energy
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.robust import absolute, robust_loss
-from physic_core.geometry.visibility import near_mask
+from physic_paper.released.reprojection import near_mask
+from physic_paper.terms.point_contact import PointContactTerm
+from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints, offset_loss
 
 from .adjusted import adjusted, term_of, with_options
 
-JOINT, PAPER, RELEASE, PROX = (PRESETS[name].joint for name in ("default", "paper", "release", "prox"))
+JOINT, PAPER, RELEASE, PROX = (engine_preset(name).joint for name in ("default", "paper", "release", "prox"))
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_the_union_of_masks_makes_hidden_people_visible(behind):
 
 def test_all_limbs_count_as_shown_where_an_energy_takes_them_so(standing):
     unseen = replace(standing.problem, observed=torch.zeros_like(standing.problem.observed))
-    everything = with_options(JOINT, observed_limbs_only=False)
+    everything = with_options(JOINT, prepare=type(PAPER).prepare)
     ours, others = JointEnergy(unseen, JOINT), JointEnergy(unseen, everything)
     assert not ours.visibility.eligible.any()
     shown = JointEnergy(standing.problem, JOINT)
@@ -138,20 +138,23 @@ def test_self_occluded_vertices_penetrate_in_the_released_code_only(make_stage):
         assert bool((energy.weights["penetration"] > 0)[own].any()) == wanted
 
 
-def test_reprojection_in_pixels_of_a_full_hd_picture(standing):
-    energy = JointEnergy(standing.problem, PROX)
-    torch.testing.assert_close(term_of(energy, ReprojectionTerm)._unit, torch.tensor([[320 / 1920]]))
+def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing):
+    problem = standing.problem
+    off = replace(problem, keypoints=problem.keypoints + torch.tensor([3.0, 4.0]))
+    energy = JointEnergy(off, PROX)
+    assert term_of(energy, ReprojectionByAxisTerm)
+    robust = partial(robust_loss, "geman_mcclure", c=100.0)
+    want = sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0)) * energy.context.keypoints.weight
+    assert energy()["reprojection"].item() == pytest.approx(float(want.sum()), rel=1e-3)
 
 
-def test_reprojection_per_axis_by_hand_and_its_gradient():
-    projected = torch.tensor([[[13.0, 14.0]]], dtype=torch.float64, requires_grad=True)
-    observed, one = torch.tensor([[[10.0, 10.0]]], dtype=torch.float64), torch.ones(1, 1, dtype=torch.float64)
+def test_the_loss_of_an_offset_is_by_axis_or_of_its_length():
+    offset = torch.tensor([[3.0, 4.0]], dtype=torch.float64, requires_grad=True)
     rho = partial(robust_loss, "absolute", c=1.0)
-    assert reprojection_energy(projected, observed, one, one, rho, per_axis=True).item() == pytest.approx(3 + 4)
-    assert reprojection_energy(projected, observed, one, one, rho).item() == pytest.approx(5)
+    assert offset_loss(offset.square(), rho, per_axis=True).item() == pytest.approx(3 + 4)
+    assert offset_loss(offset.square(), rho, per_axis=False).item() == pytest.approx(5)
     for per_axis in (False, True):
-        function = partial(reprojection_energy, observed=observed, weight=one, unit=one, rho=rho, per_axis=per_axis)
-        assert torch.autograd.gradcheck(function, projected)
+        assert torch.autograd.gradcheck(lambda x, by=per_axis: offset_loss(x.square(), rho, per_axis=by), offset)
 
 
 def test_the_absolute_loss_is_the_residual_with_no_slope_at_zero():
@@ -164,7 +167,7 @@ def test_the_absolute_loss_is_the_residual_with_no_slope_at_zero():
 
 @pytest.mark.parametrize("preset", ["release", "prox"])
 def test_other_energies_than_ours_go_down(standing, preset):
-    joint = PRESETS[preset].joint
+    joint = engine_preset(preset).joint
     start = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
     result = optimize(start, adjusted(joint, optimiser__steps=24, optimiser__refresh_steps=8))
     begin, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))

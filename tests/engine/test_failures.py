@@ -7,15 +7,15 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.state import GROUPS
-from physic_core.engine.presets import PRESETS
 
 from .adjusted import adjusted
 
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
-DEFAULT = adjusted(PRESETS["default"].joint, optimiser__steps=30, optimiser__refresh_steps=15, frozen=("scale",))
-PAPER = adjusted(PRESETS["paper"].joint, optimiser__steps=12, optimiser__refresh_steps=6, frozen=("scale",))
+DEFAULT = adjusted(engine_preset("default").joint, optimiser__steps=30, optimiser__refresh_steps=15, frozen=("scale",))
+PAPER = adjusted(engine_preset("paper").joint, optimiser__steps=12, optimiser__refresh_steps=6, frozen=("scale",))
 NAN, INF = float("nan"), float("inf")
 
 

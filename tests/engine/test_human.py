@@ -13,10 +13,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from physic_core import engine_preset
 from physic_core.body.joints import joint_pair
-from physic_core.engine.placement import human_points as human
-from physic_core.engine.placement import place as placing
-from physic_core.engine.placement import solvers
+from physic_core.engine.placement import method, place, solvers
 from physic_core.engine.placement.human_points import (
     align_photo_points_to_scene,
     human_points,
@@ -25,14 +24,14 @@ from physic_core.engine.placement.human_points import (
 from physic_core.engine.placement.people import Detections, place_people
 from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
-from physic_core.engine.placement.terms import ChamferTerm, FloorTerm, PlacementProblem, ReprojectionTerm, Residuals
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene import cleaning
+from physic_core.engine.placement.terms import FloorTerm, PlacementProblem, Residuals
 from physic_core.engine.settings import PlacementSettings
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_core.types import Skeleton
+from physic_paper import outliers, translation
+from physic_paper.placement import PaperPlacement, PaperPlacementMethod, ReleasePlacementMethod
 
-DEFAULT, PAPER = PRESETS["default"].placement, PRESETS["paper"].placement
+DEFAULT, PAPER = engine_preset("default").placement, engine_preset("paper").placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
 UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
 
@@ -91,6 +90,18 @@ class Picture:
         return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
 
 
+class FreeMethod(PaperPlacementMethod):
+    """As printed, without the bound of the reprojection error."""
+
+    def finish(self, person: PlacementProblem, fit: method.Fit) -> Tensor:
+        return fit.x
+
+
+class FreePlacement(PaperPlacement):
+    def method(self) -> FreeMethod:
+        return FreeMethod(self)
+
+
 def error_cm(placement: Placement) -> Tensor:
     return 100 * (placement.transl - TRUE).norm(dim=-1)
 
@@ -125,7 +136,7 @@ def test_the_papers_solver_finds_the_place_too() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) -> None:
     """Points that lie elsewhere than the keypoints say, from starts that are far off and from starts that fit."""
     draws = torch.Generator().manual_seed(seed)
     picture = Picture(160, farther=(0.75, 1.3)[seed % 2], settings=PAPER)
@@ -143,8 +154,7 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int, mo
 
     before = misses(came)
     bound = misses(picture.place(PAPER, **start).transl)
-    monkeypatch.setattr(placing, "restore_keypoint_fit", lambda person, x, *_: x)
-    free = misses(picture.place(PAPER, **start).transl)
+    free = misses(picture.place(FreePlacement(), **start).transl)
     print("before", before.tolist(), "bound", bound.tolist(), "free", free.tolist())
     assert (bound <= before + 1e-9).all()
     assert (free > 1.5 * before).any()
@@ -210,15 +220,15 @@ def test_a_person_that_fails_does_not_change_the_other(settings: PlacementSettin
 
 
 def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    released = PRESETS["release"].placement
+    released = engine_preset("release").placement
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
-    assert released.method == "released"
+    assert isinstance(released.method(), ReleasePlacementMethod)
     near = TRUE + torch.tensor([0.05, -0.05, 0.15])
     start = {"transl": near, "vertices": VERTICES + near[:, None], "landmarks": LANDMARKS + near[:, None]}
     placed = picture.place(released, **start)
     with monkeypatch.context() as patch:
-        patch.setattr(solvers, "_LINE_SEARCH", None)
+        patch.setattr(translation, "_LINE_SEARCH", None)
         lost = picture.place(released, **start)
     print("with a line search", error_cm(placed), "without", error_cm(lost))
     assert error_cm(placed).max() < 2
@@ -308,8 +318,8 @@ def subject() -> PlacementProblem:
 def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     person = subject()
     term = {
-        "reprojection": lambda: ReprojectionTerm(person, DEFAULT),
-        "chamfer": lambda: ChamferTerm(person, person.vertices[:, 2] < START[0, 2] - 0.02, DEFAULT),
+        "reprojection": lambda: DEFAULT.method().reprojection_term(person),
+        "chamfer": lambda: DEFAULT.method().chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
         "standing": lambda: FloorTerm(person, DEFAULT),
     }[kind]()
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
@@ -324,7 +334,7 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
 
 def test_chamfer_pairs_are_those_of_all_distances() -> None:
     person = subject()
-    term = ChamferTerm(person, torch.ones(len(VERTICES), dtype=torch.bool), DEFAULT)
+    term = DEFAULT.method().chamfer_term(person, torch.ones(len(VERTICES), dtype=torch.bool))
     x = torch.tensor([-0.1, 0.05, -0.5, -0.1], dtype=torch.float64)
     of_vertex, of_point = term.matched(x)
     distance = torch.cdist(person.vertices + x[:3], person.points * math.exp(-0.1))
@@ -342,7 +352,7 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solvers, "ITERATIONS", 1)
     person = subject()
-    term = ReprojectionTerm(person, replace(DEFAULT, robust_px_share=math.inf))
+    term = replace(DEFAULT, robust_px_share=math.inf).method().reprojection_term(person)
 
     def energy(x: Tensor) -> float:
         return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
@@ -427,17 +437,17 @@ def test_points_that_float_at_the_rim_are_no_human_points() -> None:
 def test_a_speck_of_background_in_the_mask_is_no_human_point(monkeypatch: pytest.MonkeyPatch) -> None:
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[50:52, 60:62] = 5.0
-    monkeypatch.setattr(cleaning, "KNN_SHARE", 0.1)
+    monkeypatch.setattr(outliers, "KNN_SHARE", 0.1)
     for settings in (DEFAULT, PAPER):
         points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, settings)
         assert points[:, 2].max() == 2.0
 
 
 def test_no_more_points_than_the_limit_spread_over_the_person(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(human, "MAX_POINTS", 100)
+    monkeypatch.setattr(method, "MAX_POINTS", 100)
     points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
     assert points.shape == (100, 3)
-    monkeypatch.setattr(human, "MAX_POINTS", 10_000)
+    monkeypatch.setattr(method, "MAX_POINTS", 10_000)
     every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
     assert len(every) == int(PERSON.sum())
     torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
@@ -479,7 +489,7 @@ def test_a_person_who_stands_on_the_floor_is_grounded() -> None:
 def test_near_the_camera_less_is_well_above_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
     """One is 4 m away, the other 5 m, and the floor 40 cm below both."""
     with monkeypatch.context() as patch:
-        patch.setattr(placing, "_STAND_REACH_SHARE", 0.09)
+        patch.setattr(method, "_STAND_REACH_SHARE", 0.09)
         placed = Picture().place(**over_floor(0.4))
     assert placed.grounded.tolist() == [False, True]
     assert placed.diagnostics[0]["foot_height_m"] is None
@@ -526,8 +536,8 @@ def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.Monk
     assert [p.on_floor for p in on_floor.people] == [True, False]
     assert not torch.equal(on_floor.transl[0], without.transl[0])
     solved = []
-    solve = placing._place_person
-    monkeypatch.setattr(placing, "_place_person", lambda *given: solved.append(given) or solve(*given))
+    solve = place._place_person
+    monkeypatch.setattr(place, "_place_person", lambda *given: solved.append(given) or solve(*given))
     again = place_people(bodies, seen, picture.K, None, DEFAULT, before=on_floor)
     assert len(solved) == 1
     assert torch.equal(again.transl, without.transl)

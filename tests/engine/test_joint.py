@@ -9,21 +9,22 @@ import pytest
 import roma
 import torch
 
+from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import DEEP_M, optimize
 from physic_core.engine.joint.terms import reprojection
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.paper import PaperOptimisation
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
+from physic_paper.paper import PaperOptimisation
+from physic_paper.unwhitened_state import UnwhitenedState
 
 from .adjusted import adjusted, with_options
 from .conftest import FLOOR_Y
 
 pytestmark = pytest.mark.kernels
 
-SETTINGS = PRESETS["default"].joint
+SETTINGS = engine_preset("default").joint
 STATIC = adjusted(SETTINGS, contact__source="static")
 SHORT = adjusted(SETTINGS, optimiser__steps=20)
 ALONE = [({}, (0.0, 0.0, 3.5))]
@@ -251,8 +252,8 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 @pytest.mark.parametrize(
     "settings",
     [
-        *(PRESETS[name].joint for name in ("default", "paper", "release", "prox")),
-        adjusted(PRESETS["paper"].joint, reprojection__reduction="mean", regularisation__visible_weight=0.0),
+        *(engine_preset(name).joint for name in ("default", "paper", "release", "prox")),
+        adjusted(engine_preset("paper").joint, reprojection__reduction="mean", regularisation__visible_weight=0.0),
         STATIC,
     ],
     ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
@@ -271,7 +272,7 @@ def test_gradient_of_the_whole_energy(make_stage, settings):
     energy = JointEnergy(problem, with_options(settings, nearest_every_step=False))
     here = energy.state.pack()
     generator = torch.Generator().manual_seed(0)
-    size = 0.05 if energy.state.whitened else 1e-3
+    size = 1e-3 if isinstance(energy.state, UnwhitenedState) else 0.05
     energy.state.load(here + size * torch.randn(len(here), generator=generator, dtype=torch.float64))
     here = energy.state.pack()
     terms = energy()
@@ -361,19 +362,17 @@ def test_the_same_problem_gives_the_same_answer_bit_for_bit(standing):
     assert first.scene_scale == second.scene_scale
 
 
-@pytest.mark.parametrize("nearest", ["kdtree", "grid", "brute"])
-def test_nearest_strategies_agree(make_stage, nearest):
+def test_the_grid_of_nearest_points_is_nearly_exact(make_stage):
     people = [(SITTING, (0.0, 0.0, 3.0))]
     seat = seat_of(make_stage(people))
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
     want = JointEnergy(stage.problem, SETTINGS)()
-    got = JointEnergy(stage.problem, with_options(SETTINGS, nearest=nearest))()
-    tolerance = 0.1 if nearest == "grid" else 1e-4
-    assert got["contact"].item() == pytest.approx(want["contact"].item(), rel=tolerance)
+    got = JointEnergy(stage.problem, with_options(SETTINGS, nearby_scene=PaperOptimisation.nearby_scene))()
+    assert got["contact"].item() == pytest.approx(want["contact"].item(), rel=0.1)
 
 
 def test_the_papers_energy_goes_down(standing):
-    paper = adjusted(PRESETS["paper"].joint, optimiser__steps=70)
+    paper = adjusted(engine_preset("paper").joint, optimiser__steps=70)
     result = optimize(moved(standing.problem, by=(0.0, -0.08, 0.1)), paper)
     start, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     assert set(result.losses) == {"reprojection", "depth", "contact", "penetration", "regularisation", "scale"}
@@ -426,7 +425,7 @@ def test_shapes_that_do_not_fit_are_all_named(standing):
     ],
 )
 def test_depth_without_its_data_is_refused(standing, preset, message):
-    problem, joint = replace(standing.problem, human_depth=None), PRESETS[preset].joint
+    problem, joint = replace(standing.problem, human_depth=None), engine_preset(preset).joint
     with pytest.raises(PhysicError) as caught:
         optimize(problem, joint)
     assert str(caught.value) == message

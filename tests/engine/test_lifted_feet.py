@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
-from physic_core.engine.presets import PRESETS
 
 NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
 
@@ -122,7 +122,7 @@ def test_a_lifted_foot_stays_lifted(make_stage):
     lifted = replace(problem, lifted_feet=torch.tensor([[True, False]]))
 
     def height(given):
-        return 1.3 - float(optimize(given, PRESETS["default"].joint).vertices[0, sole, 1].max())
+        return 1.3 - float(optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max())
 
     heights = [100 * h for h in (lift, height(lifted), height(problem))]
     print("{:.1f} cm before, {:.1f} cm after, {:.1f} cm as if standing".format(*heights))

@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from physic_core.engine.joint.acceptance import total_energy
-from physic_core.engine.joint.optimiser import LbfgsHistory, minimise
-from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
+from physic_core.engine.joint.optimiser import LbfgsHistory
+from physic_core.engine.joint.settings import LbfgsSettings
 from physic_core.engine.joint.state import State
+from physic_paper.adam import AdamSettings
 
 LBFGS = LbfgsSettings()
 ADAM = AdamSettings(learning_rate=0.1, steps=100, refresh_steps=30)
@@ -45,7 +46,7 @@ class Bowl:
 @pytest.mark.parametrize(("settings", "within"), [(LBFGS, 1e-3), (replace(ADAM, steps=400), 1e-2)])
 def test_reaches_a_known_minimum(settings, within):
     energy = Bowl()
-    trace = minimise(energy, settings)
+    trace = settings.minimise(energy)
     torch.testing.assert_close(energy.state.unpack().transl, energy.goal, atol=within, rtol=0)
     # 100 * (0.3^2 + 0.2^2 + 1^2) at the start.
     assert trace.start == pytest.approx({"bowl": 113.0, "quarter": 28.25})
@@ -93,21 +94,21 @@ def test_a_step_along_which_the_energy_bends_down_teaches_nothing():
 
 def test_looks_anew_at_least_every_thirty_steps():
     energy = Bowl()
-    trace = minimise(energy, ADAM)
+    trace = ADAM.minimise(energy)
     assert trace.steps == 100
     assert energy.refreshes == 4  # after 30, 60 and 90 steps, and at the end
 
 
 def test_stops_when_a_refreshs_steps_no_longer_help():
     energy = Bowl()
-    trace = minimise(energy, replace(LBFGS, steps=1000, refresh_steps=10))
+    trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy)
     assert trace.steps <= 40
     assert energy.refreshes == len(trace.totals) - 2  # between the blocks; the last block changed nothing to look at
 
 
 def test_the_optimiser_avoids_nan():
     energy = Bowl(wall=2.5)
-    trace = minimise(energy, LBFGS)
+    trace = LBFGS.minimise(energy)
     assert torch.isfinite(energy.state.pack()).all()
     place = energy.state.unpack().transl[0]
     assert 2.0 < place[2] <= 2.5
@@ -116,7 +117,7 @@ def test_the_optimiser_avoids_nan():
 
 def test_adam_keeps_the_best_of_a_path_that_leaves_the_numbers():
     energy = Bowl(wall=2.3)
-    trace = minimise(energy, ADAM)
+    trace = ADAM.minimise(energy)
     assert torch.isfinite(energy.state.pack()).all()
     assert energy.state.unpack().transl[0, 2] <= 2.3
     assert trace.end["bowl"] < trace.start["bowl"]
@@ -126,7 +127,7 @@ def test_adam_keeps_the_best_of_a_path_that_leaves_the_numbers():
 def test_never_ends_worse_than_it_began(settings):
     """The last refresh moves the minimum behind the start. L-BFGS returns there; Adam searches from there again."""
     energy = Bowl(goal=(0.0, 0.0, 3.0), after_refresh=(0.0, 0.0, 1.9))
-    trace = minimise(energy, replace(settings, steps=20, refresh_steps=20))
+    trace = replace(settings, steps=20, refresh_steps=20).minimise(energy)
     if settings is LBFGS:
         torch.testing.assert_close(energy.state.unpack().transl, torch.tensor([[0.0, 0.0, 2.0]]).double())
         assert trace.end == trace.start
@@ -136,7 +137,7 @@ def test_never_ends_worse_than_it_began(settings):
 
 def test_progress_grows_to_one():
     told: list[float] = []
-    minimise(Bowl(), replace(LBFGS, tolerance=0.0), told.append)
+    replace(LBFGS, tolerance=0.0).minimise(Bowl(), told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert len(told) >= 4
@@ -151,7 +152,7 @@ def test_nothing_free_is_nothing_done():
         torch.ones(1, 3).double(),
         frozen=["root", "pose", "hands", "betas", "translation", "scale", "offset"],
     )
-    trace = minimise(energy, LBFGS)
+    trace = LBFGS.minimise(energy)
     assert (trace.steps, trace.evaluations) == (0, 0)
     assert trace.start == trace.end
 

@@ -8,16 +8,15 @@ import pytest
 import roma
 import torch
 
-from physic_core import load_config, reconstruct
+from physic_core import engine_preset, load_config, reconstruct
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.camera import project
 from physic_testing.worlds import build_world
 
 from .adjusted import adjusted
 
-PAPER = PRESETS["paper"].joint
+PAPER = engine_preset("paper").joint
 SHORT = adjusted(PAPER, optimiser__steps=20, optimiser__refresh_steps=10, optimiser__learning_rate=2e-3)
 
 

@@ -8,17 +8,23 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.people_pairs import connected_groups, find_people_pairs, select_probes
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.people import PeopleTerm, pair_energy
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.mesh import vertex_normals
 
 from .adjusted import adjusted, without_photo
 
-DEFAULT = PRESETS["default"].joint
+DEFAULT = engine_preset("default").joint
 REACH_M = 0.06
+
+
+def add_people(energy):
+    """The term as the preset adds it after the others."""
+    inside = adjusted(DEFAULT, penetration__people_weight=3.0, contact__people_weight=0.8)
+    return energy.add_terms([PeopleTerm(inside.contact, inside.penetration, energy.context)])
 
 
 def beside(make_stage, x: float, z: float):
@@ -58,7 +64,7 @@ def test_gradient_of_the_energy_is_exact():
 def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
     problem = crossing.problem.to_model_dtype()
     energy = JointEnergy(problem, settings(3.0, 0.8))
-    assert energy.add_late_terms() is not None
+    assert add_people(energy) is not None
     people = energy.terms[-1]
     pairs = people.pairs
     vertices = energy.context.start.vertices[:, energy.context.ids].clone().requires_grad_()
@@ -123,7 +129,7 @@ def test_people_inside_each_other_are_moved_apart(crossing):
 def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(crossing):
     def touching(**changes):
         energy = JointEnergy(replace(crossing.problem, **changes), settings(3.0, 0.8))
-        assert energy.add_late_terms() is not None
+        assert add_people(energy) is not None
         people = energy.terms[-1]
         return people.pairs.select(people._touch.weight > 0), energy.context
 
@@ -146,10 +152,9 @@ def test_people_apart_cost_no_further_step(make_stage):
 def test_the_term_is_added_after_the_others(crossing):
     energy = JointEnergy(crossing.problem, settings(3.0, 0.8))
     assert "people" not in energy()
-    assert energy.add_late_terms() is not None
+    assert add_people(energy) is not None
     assert isinstance(energy.terms[-1], PeopleTerm)
     assert energy()["people"].gt(0).all()
-    assert energy.add_late_terms() is None
 
 
 def test_people_are_grouped_by_their_links():

@@ -8,25 +8,22 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.released.reprojection import released_keypoint_weights, released_reprojection
-from physic_core.engine.joint.released.visibility import (
-    is_opposite_optical_axis,
-    mean_face_normals,
-    visible_part_shares,
-)
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.published_pointmap import published_floor_grid, published_normal_outliers, published_normals
 from physic_core.types import SKELETONS, Skeleton, skeleton_named
+from physic_paper.grid_search import GridSearch
+from physic_paper.outliers import image_outliers
+from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
+from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
+from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals, visible_part_shares
 
 from .adjusted import adjusted
 
-RELEASE, PAPER = PRESETS["release"], PRESETS["paper"]
+RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +138,7 @@ def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: 
     sure, less = (
         replace(problem, contact_probability=share * problem.contact_probability.clamp(max=1.0)) for share in (1.0, 0.6)
     )
-    values = [float(JointEnergy(p, PRESETS[preset].joint)()["contact"].detach()) for p in (sure, less)]
+    values = [float(JointEnergy(p, engine_preset(preset).joint)()["contact"].detach()) for p in (sure, less)]
     assert values[0] > 0
     assert values[0] == values[1]
 
@@ -231,7 +228,7 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
     over = torch.tensor([[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]])
     outer = torch.ones(2, dtype=torch.bool)
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
-        settings = PRESETS[preset]
+        settings = engine_preset(preset)
         around = contact_surfaces(problem, over, 1.0, settings)
         assert contact_map(over, around.scene, around.floor, outer, settings.contact)[0][0].tolist() == expected
 
@@ -239,7 +236,7 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
 def test_the_grid_takes_the_point_nearest_to_the_closest_node() -> None:
     """Nodes at -0.2, 0.4, 1.0, 1.6, 2.2: a vertex at 0.3 takes the point that is nearest to 0.4."""
     points = torch.tensor([[0.0, 0, 0], [0.7, 0, 0], [2.0, 2, 2]])
-    grid = NearestPointSearch(points, torch.zeros_like(points), radius=9.0, strategy="grid", cells=5)
+    grid = GridSearch(points, torch.zeros_like(points), radius=9.0, cells=5)
     exact = NearestPointSearch(points, torch.zeros_like(points), radius=9.0)
     vertices = torch.tensor([[0.3, 0.0, 0.0], [-5.0, 0.0, 0.0]])
     assert exact.query(vertices).index.tolist() == [0, 0]
@@ -288,6 +285,6 @@ def test_outliers_count_the_point_itself_among_its_neighbours() -> None:
     points = torch.stack([columns, rows, torch.full_like(rows, 50.0)], -1)
     points[0, :2] += torch.tensor([0.0, 0.0, 40.0])
     points[-1, -1] += torch.tensor([0.0, 0.0, 30.0])
-    drop = outlier_mask(points, torch.ones(40, 60, dtype=torch.bool), RELEASE.scene.outliers)
+    drop = image_outliers(points.reshape(-1, 3), 40, 60).reshape(40, 60)
     assert drop.sum() == 1
     assert drop[-1, -1]

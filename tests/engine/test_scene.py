@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
 from torch import Tensor
 
-from physic_core.engine.presets import PRESETS
+from physic_core import engine_preset
 from physic_core.engine.scene import build, cleaning
 from physic_core.engine.scene.build import SceneState
 from physic_core.engine.scene.camera import Cameras
@@ -24,7 +23,7 @@ from physic_core.types import AffineAmbiguity
 
 ROWS, COLUMNS = 120, 160
 HEIGHT_M = 1.5
-PAPER = PRESETS["paper"].scene
+PAPER = engine_preset("paper").scene
 
 
 def camera(focal: float = 140.0, rows: int = ROWS, columns: int = COLUMNS) -> Tensor:
@@ -67,7 +66,7 @@ def test_metres_come_back_whatever_was_unknown(unknown: AffineAmbiguity, preset:
     noisy = DEPTH * (1 + 0.02 * noise())
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
-        settings=PRESETS[preset].scene,
+        settings=engine_preset(preset).scene,
     )  # fmt: skip
     error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
     print(f"{preset} {unknown}: median depth error {float(error.median()):.2%}")
@@ -129,12 +128,6 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
     torch.testing.assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
     assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
-
-
-@pytest.mark.parametrize(("preset", "focal"), [("metric", 140.0), ("pointmap", 140.0)])
-def test_the_mean_is_a_setting(preset: str, focal: float) -> None:
-    alone = replace(PRESETS["default"].scene, intrinsics=preset)  # type: ignore[arg-type]
-    assert scene(K_pointmap=camera(196.0), settings=alone).K[0, 0] == pytest.approx(focal)
 
 
 def test_a_given_camera_wins_in_the_papers_preset_too() -> None:
@@ -232,8 +225,7 @@ def test_no_common_pixel_leaves_the_metric_depth() -> None:
 def test_the_metric_depth_alone_can_be_the_scene() -> None:
     """As the paper gives it to PROX; what agrees with it or not does not matter, and nobody is told of doubts."""
     bent = DEPTH * (1 + 0.2 * torch.sin(torch.arange(COLUMNS) / 20))
-    settings = replace(PAPER, source="metric_depth", intrinsics="metric")
-    state = build_scene(relative("scale"), ALL, "scale", bent, K=K, settings=settings)
+    state = build_scene(relative("scale"), ALL, "scale", bent, K=K, settings=engine_preset("prox").scene)
     torch.testing.assert_close(state.points, RAYS * bent[..., None])
 
 
@@ -277,10 +269,9 @@ def test_diagnostics_are_plain_numbers() -> None:
 
 
 def test_the_same_slope_is_an_edge_at_every_resolution() -> None:
-    assert edge_ratio("grid", 768, 1024) == pytest.approx(1.05)
-    assert edge_ratio("grid", 1536, 2048) == pytest.approx(1.05**0.5)
-    assert edge_ratio("grid", 100, 100) == pytest.approx(1.05**2)
-    assert edge_ratio("knn", 10, 10) == math.inf
+    assert edge_ratio(768, 1024) == pytest.approx(1.05)
+    assert edge_ratio(1536, 2048) == pytest.approx(1.05**0.5)
+    assert edge_ratio(100, 100) == pytest.approx(1.05**2)
 
 
 def test_float32_in_float32_out() -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.presets import PRESETS
 
 from .adjusted import adjusted
 
 # Contact that is never let go of, so that it is always worth something to be nearer.
-STUBBORN = adjusted(PRESETS["default"].joint, depth__weight=0.0, contact__weight=20.0, contact__outlier_sigmas=30.0)
+STUBBORN = adjusted(
+    engine_preset("default").joint, depth__weight=0.0, contact__weight=20.0, contact__outlier_sigmas=30.0
+)
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from physic_core.engine.joint.state import GROUPS, State, StateSigmas
 from physic_core.errors import PhysicError
+from physic_paper.unwhitened_state import UnwhitenedState
 
 K = 4
+KINDS = [State, UnwhitenedState]
 
 
 def start(people=2, seed=0):
@@ -25,10 +27,10 @@ def start(people=2, seed=0):
     return rotations, betas, transl, pelvis
 
 
-@pytest.mark.parametrize("whitened", [True, False])
-def test_unpacks_to_where_it_starts(whitened):
+@pytest.mark.parametrize("kind", KINDS)
+def test_unpacks_to_where_it_starts(kind):
     rotations, betas, transl, pelvis = start()
-    estimate = State(rotations, betas, transl, pelvis, whitened=whitened).unpack()
+    estimate = kind(rotations, betas, transl, pelvis).unpack()
     torch.testing.assert_close(estimate.rotations, rotations)
     torch.testing.assert_close(estimate.betas, betas)
     torch.testing.assert_close(estimate.transl, transl)
@@ -36,11 +38,11 @@ def test_unpacks_to_where_it_starts(whitened):
     assert estimate.offset.tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("whitened", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 1000))
-def test_rotations_stay_rotations_and_packing_round_trips(whitened, seed):
-    state = State(*start(seed=seed), whitened=whitened)
+def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
+    state = kind(*start(seed=seed))
     moved = state.pack() + 0.3 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(seed))
     state.load(moved)
     torch.testing.assert_close(state.pack(), moved)
@@ -50,10 +52,10 @@ def test_rotations_stay_rotations_and_packing_round_trips(whitened, seed):
     torch.testing.assert_close(torch.linalg.det(rotations), torch.ones(2, 55).double())
 
 
-@pytest.mark.parametrize("whitened", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("group", GROUPS)
-def test_a_frozen_group_has_no_gradient_and_the_others_do(whitened, group):
-    state = State(*start(), whitened=whitened, frozen=[group])
+def test_a_frozen_group_has_no_gradient_and_the_others_do(kind, group):
+    state = kind(*start(), frozen=[group])
     assert group not in state.free
     estimate = state.unpack()
     weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
@@ -96,17 +98,17 @@ def test_a_person_without_a_free_offset_has_none():
     assert state.unpack().offset.tolist() == pytest.approx([0.2, 0.0])
 
 
-@pytest.mark.parametrize("whitened", [True, False])
-def test_all_stray_from_zero_at_the_start(whitened):
-    state = State(*start(), whitened=whitened)
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_stray_from_zero_at_the_start(kind):
+    state = kind(*start())
     assert all((value == 0).all() for value in state.deviation())
     state.load(state.pack() + 0.5)
     people, scale = state.deviation()
     assert scale.shape == ()
     sizes = {
-        "root": 3 if whitened else 6,
-        "pose": 63 if whitened else 126,
-        "hands": 90 if whitened else 180,
+        "root": 3 if kind is State else 6,
+        "pose": 63 if kind is State else 126,
+        "hands": 90 if kind is State else 180,
         "betas": K,
         "translation": 3,
         "offset": 1,
@@ -119,9 +121,9 @@ def test_all_stray_from_zero_at_the_start(whitened):
     assert all(torch.allclose(value, torch.full_like(value, 0.5)) for value in (people, scale))
 
 
-@pytest.mark.parametrize("whitened", [True, False])
-def test_each_group_strays_in_its_own_columns(whitened):
-    state = State(*start(), whitened=whitened)
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_group_strays_in_its_own_columns(kind):
+    state = kind(*start())
     for group in (g for g in GROUPS if g != "scale"):
         with torch.no_grad():
             state.values[group] += 1.0
@@ -131,9 +133,9 @@ def test_each_group_strays_in_its_own_columns(whitened):
             state.values[group] -= 1.0
 
 
-@pytest.mark.parametrize("whitened", [True, False])
-def test_gradient_through_unpacking(whitened):
-    state = State(*start(people=1), whitened=whitened, frozen=["hands"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradient_through_unpacking(kind):
+    state = kind(*start(people=1), frozen=["hands"])
     state.load(state.pack() + 0.1 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(0)))
     names = state.free
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.stature import STATURE_SIGMA
-from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.stature import linearise_stature, stature_prior
 
 from .adjusted import adjusted
 
-JOINT = PRESETS["default"].joint
+JOINT = engine_preset("default").joint
 
 
 @pytest.fixture(scope="module")

@@ -10,21 +10,21 @@ import pytest
 import roma
 import torch
 
+from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.bounds import RobustKind
 from physic_core.engine.joint.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
-from physic_core.engine.joint.settings import AdamSettings
 from physic_core.engine.joint.terms.balance import balance_energy
-from physic_core.engine.joint.terms.chamfer import chamfer_energy
 from physic_core.engine.joint.terms.limits import limit_energy
-from physic_core.engine.joint.terms.point_penetration import point_penetration_energy
 from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
 from physic_core.engine.joint.terms.soles import sole_energy
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE
-from physic_core.engine.presets import PRESETS
-from physic_core.engine.presets.paper import CONTACT_RANGE_M
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber, robust_loss
+from physic_paper.adam import AdamSettings
+from physic_paper.paper import CONTACT_RANGE_M
+from physic_paper.terms.chamfer import chamfer_energy
+from physic_paper.terms.point_penetration import point_penetration_energy
 
 from .reference_energies import contact_energy, depth_energy, penetration_energy
 
@@ -272,7 +272,7 @@ def test_every_loss_that_settings_can_name_exists():
 
 
 def test_the_papers_weights_are_those_printed():
-    paper = PRESETS["paper"].joint
+    paper = engine_preset("paper").joint
     assert (paper.reprojection.weight, paper.depth.weight) == (10_000, 0.005)
     assert (paper.contact.weight, paper.penetration.weight, paper.regularisation.weight) == (0.7, 0.3, 45)
     assert paper.optimiser == AdamSettings(steps=100, learning_rate=0.01, refresh_steps=30)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
@@ -14,13 +15,12 @@ from physic_core.engine.joint.limbs import detected_joints, keypoints_of_observe
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.presets import PRESETS
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import SKELETONS, Skeleton
 
 from .adjusted import adjusted, term_of
 
-SETTINGS = PRESETS["default"].joint
+SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
 
 

@@ -17,7 +17,6 @@ from physic_core.geometry.alignment import (
     AlignmentOptions,
     align,
     apply_alignment,
-    released_alignment_options,
 )
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
@@ -112,7 +111,9 @@ def test_metric_residuals_are_the_papers_least_squares() -> None:
     target = room()
     noise = 0.01 * (random(ROWS, COLUMNS, 3, seed=4) - 0.5)
     source = relative(target, "scale_shift", 2.0, 0.5) + noise
-    found = align(source, ALL, target, ALL, "scale_shift", options=released_alignment_options(0.1))
+    found = align(
+        source, ALL, target, ALL, "scale_shift", options=AlignmentOptions(0.1, hypotheses=20, residual="metric")
+    )
     A = np.zeros((3 * ROWS * COLUMNS, 2))
     A[:, 0] = source.reshape(-1).numpy()
     A[2::3, 1] = 1.0

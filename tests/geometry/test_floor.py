@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry import floor, floor_metric, floor_ransac
+from physic_core.geometry import floor, floor_ransac
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
-from physic_core.geometry.floor_metric import fit_floor_metric
 from physic_core.geometry.pointmap import normals
 
 ROWS, COLUMNS = 180, 240
@@ -239,32 +238,6 @@ def test_every_search_gives_the_same_bits() -> None:
     assert second is not None
     assert torch.equal(first.normal, second.normal)
     assert first.offset == second.offset
-
-
-def test_the_papers_search_finds_the_floor_of_its_mask_to_the_centimetre() -> None:
-    normal = up(15)
-    depth, on_floor = room(normal)
-    points = RAYS * (depth * (1 + 0.0005 * noise()))[..., None]
-    mask = on_floor.clone()
-    mask[60:120, 10:50] = True  # the mask covers a piece of furniture too
-    found = fit_floor_metric(points, normals(RAYS * depth[..., None], ALL), ALL, mask)
-    assert found.plane is not None
-    assert angle_deg(found.plane.normal, normal) < 0.1
-    assert found.plane.offset == pytest.approx(1.5, abs=0.005)
-    assert found.inlier_share > 0.7
-
-
-def test_the_papers_search_needs_a_mask() -> None:
-    points = RAYS * 2
-    assert fit_floor_metric(points, normals(points, ALL), ALL, None).reason == "no_pixels"
-    assert fit_floor_metric(points, normals(points, ALL), ALL, NONE).reason == "no_pixels"
-
-
-def test_the_papers_search_refuses_points_without_a_plane(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
-    monkeypatch.setattr(floor_metric, "MIN_INLIER_SHARE", 0.3)
-    found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL)
-    assert (found.plane, found.reason) == (None, "no_consensus")
 
 
 def walled(normal: Tensor, camera_height: float = 1.5, askew_deg: float = 20.0) -> tuple[Tensor, Tensor]:

@@ -40,49 +40,26 @@ def test_tree_equals_plain_search(scale):
     torch.testing.assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
 
 
-def test_grid_reports_true_distances_to_nearly_the_nearest_point():
-    points, normals = room()
-    got = NearestPointSearch(points, normals, strategy="grid").query(vertices())
-    want = NearestPointSearch(points, normals, strategy="brute").query(vertices())
-    both = got.found & want.found
-    excess = (got.distance - want.distance)[both]
-    print(f"grid: {excess.mean() * 1e3:.1f} mm mean, {excess.max() * 1e3:.1f} mm worst, over {both.sum()} vertices")
-    assert excess.min() > -1e-6
-    assert excess.mean() < 0.012
-    assert excess.max() < 0.06
-    assert (got.found == want.found).float().mean() > 0.95
-
-
-def test_grid_vertex_outside_the_box_leaves_the_others_alone():
-    points, normals = room()
-    grid = NearestPointSearch(points, normals, strategy="grid")
-    inside = vertices()[0, :10]
-    with_stray = torch.cat([inside, torch.tensor([[100.0, 0.0, 0.0]])])
-    alone, both = grid.query(inside), grid.query(with_stray)
-    assert torch.equal(both.distance[:-1], alone.distance)
-    assert not both.found[-1]
-
-
-@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
 def test_looks_no_farther_than_the_radius(strategy):
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy)
     query = scene.query(torch.tensor([[0.0, 0.14, 2.0], [0.0, 0.16, 2.0]]))
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
     assert query.distance[1].item() == float("inf")
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
 def test_the_radius_is_in_metres_of_the_scaled_scene(strategy):
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy, cells=16)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy)
     query = scene.query(torch.tensor([[0.0, 0.0, 4.14], [0.0, 0.0, 4.16]]), scale=2.0)
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
 def test_an_empty_scene_is_near_nothing(strategy):
     scene = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3), strategy=strategy)
     query = scene.query(vertices())
@@ -91,7 +68,7 @@ def test_an_empty_scene_is_near_nothing(strategy):
     assert (query.index == 0).all()
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "grid", "brute"])
+@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
 def test_a_vertex_that_is_not_a_number_is_near_nothing(strategy):
     points, normals = room(1000)
     broken = vertices()[0, :4].clone()
@@ -102,7 +79,7 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing(strategy):
 
 def test_no_vertices_is_an_empty_answer():
     points, normals = room(1000)
-    for strategy in ("kdtree", "grid", "brute"):
+    for strategy in ("kdtree", "brute"):
         assert NearestPointSearch(points, normals, strategy=strategy).query(torch.zeros(0, 3)).index.shape == (0,)
 
 
@@ -114,7 +91,7 @@ def test_bad_input_says_what_to_do():
     )
     with pytest.raises(PhysicError) as name:
         NearestPointSearch(torch.zeros(4, 3), torch.zeros(4, 3), strategy="octree")  # type: ignore[arg-type]
-    assert str(name.value) == "unknown nearest-point strategy 'octree': use 'kdtree', 'grid' or 'brute'"
+    assert str(name.value) == "unknown nearest-point strategy 'octree': use 'kdtree' or 'brute'"
 
 
 def test_boxes_keep_every_point_that_a_query_could_reach():

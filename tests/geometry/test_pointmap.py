@@ -18,7 +18,6 @@ from physic_core.geometry.pointmap import (
     depth_to_pointmap,
     intrinsics_from_pointmap,
     isolated_pixels,
-    knn_outliers,
     normals,
 )
 
@@ -169,27 +168,6 @@ def test_far_points_are_no_outliers_for_being_far() -> None:
     depth = torch.where(RAYS[..., 1] > 0.15, plane_depth(normal, 1.5), 30.0)
     # 1.05 in a picture of 1024 px is the slope of 1.05 ** 16 in one of 64 px.
     assert not isolated_pixels(depth, RAYS[..., 1] > 0.15, 1.05**16).any()
-
-
-def test_knn_outliers_are_those_of_all_pairs() -> None:
-    points = random(200, 3, seed=3)
-    points[::20] *= 4
-    squared = torch.cdist(points, points).square().sort(dim=1).values[:, 1:8].mean(1)
-    expected = squared > squared.mean() + 1.45 * squared.std(correction=0)
-    assert torch.equal(knn_outliers(points, 7), expected)
-    assert 0 < int(expected.sum()) < 20
-
-
-def test_knn_finds_points_far_off_a_surface() -> None:
-    points = random(2000, 3)
-    points[:, 2] *= 0.001
-    points[::100, 2] += 3 + random(20, seed=1)
-    assert knn_outliers(points, 10).nonzero()[:, 0].tolist() == list(range(0, 2000, 100))
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_knn_of_next_to_nothing_keeps_it(count: int) -> None:
-    assert not knn_outliers(torch.zeros((count, 3)), 5).any()
 
 
 def test_the_camera_of_a_point_map_is_recovered_among_outliers() -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from physic_core import engine_preset
 from physic_core.body import load_body
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
-from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import with_overrides
 from physic_core.pipeline.estimate import Estimates, run_backends
 from physic_core.pipeline.optimise import Solution, run_engine
@@ -20,7 +20,7 @@ from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
-QUICK = with_overrides(PRESETS["default"], {"joint": {"optimiser": {"steps": 1}, "frozen": ("scale",)}})
+QUICK = with_overrides(engine_preset("default"), {"joint": {"optimiser": {"steps": 1}, "frozen": ("scale",)}})
 SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f in (150.0, 200.0))
 
 

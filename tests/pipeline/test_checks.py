@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core import engine_preset
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.presets import PRESETS
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
 from physic_core.geometry.mesh import vertex_normals
@@ -115,7 +115,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
             "placement": {"alignment": {"inlier_share": known["photo_share"]}},
         },
     )
-    return evidence, solution, PRESETS["default"]
+    return evidence, solution, engine_preset("default")
 
 
 def failing(**changes: Any) -> list[tuple[str, int | None]]:

@@ -105,7 +105,7 @@ def contact_surfaces(
     points, normals = problem.scene_points * scale, problem.scene_normals
     row = torch.arange(len(points), device=points.device)
     plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * scale)
-    if plane is not None and problem.floor_points is not None and settings.joint.energy_options.floor == "points":
+    if plane is not None and problem.floor_points is not None and settings.joint.energy_options.floor_samples:
         points = torch.cat([points, problem.floor_points * scale])
         normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
         row = torch.cat([row, row.new_full((len(problem.floor_points),), -1)])

@@ -54,11 +54,9 @@ class ContactState:
 
 def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
     """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
-    radius, nearest = context.options.search_radius_m, context.options.nearest
-    if nearest == "grid":  # its nodes depend on the extent of the scene
-        return NearestPointSearch(context.surface, context.surface_normals, radius, "grid")
+    radius = context.options.search_radius_m
     keep = inside_body_boxes(context.surface, vertices / scale, (radius + MAX_MOTION_M) / scale)
-    return NearestPointSearch(context.surface[keep], context.surface_normals[keep], radius, nearest)
+    return NearestPointSearch(context.surface[keep], context.surface_normals[keep], radius)
 
 
 @torch.no_grad()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -14,6 +13,7 @@ from physic_core.engine.joint.distances import plane_height, root_relative
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.settings import JointSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
@@ -27,7 +27,6 @@ STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "t
 
 _ANKLES = joint_pair("ankle")
 _STEPS_PER_M = float(1 << 20)  # to which positions are rounded
-_AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 _CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex
 _FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the floor
 
@@ -52,11 +51,11 @@ class JointContext:
     """Constants of one joint optimisation. B people, n subsampled vertices.
 
     Attributes:
-        problem: with finite people only.
+        problem: as the energy uses it, with finite people only.
         ids: (n,) int64, indices of the subsampled vertices.
         faces_of_vertices: adjacent faces of each subsampled vertex.
         pose: poses keypoints, joints and subsampled vertices only.
-        area: (B, n) surface per subsampled vertex, square decimetres; ones if vertices are counted.
+        area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset "default".
         contact_probability: (B, n) finite.
         is_contact: (B, n) bool, contact vertices: of a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
@@ -99,24 +98,15 @@ class JointContext:
     @property
     def floor_normal(self) -> Tensor | None:
         """Unit normal (3,) of the floor's plane; None if there is no floor or the energy does not use the plane."""
-        return self.problem.floor_normal if self.options.floor == "plane" else None
+        return None if self.options.floor_samples else self.problem.floor_normal
 
 
 @torch.no_grad()
-def precompute(
-    problem: JointProblem,
-    options: EnergyOptions,
-    weigh_keypoints: Callable[[JointProblem, Tensor, Tensor], Keypoints],
-) -> JointContext:
-    """Compute the constants of one joint optimisation.
-
-    Args:
-        problem: with finite people only.
-        weigh_keypoints: see :meth:`physic_core.engine.joint.settings.JointSettings.weigh_keypoints`.
-    """
-    model = problem.model
+def precompute(problem: JointProblem, settings: JointSettings) -> JointContext:
+    """Compute the constants of one joint optimisation of a problem with finite people only."""
+    problem, options, model = settings.prepare(problem), settings.energy_options, problem.model
     start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    observed = problem.observed.bool() if options.observed_limbs_only else torch.ones_like(problem.observed.bool())
+    observed = problem.observed.bool()
     height, width = problem.masks.shape[-2:]
     probability = _contact_probability(problem, options)
     is_contact = probability >= _CONTACT_PROBABILITY
@@ -132,13 +122,13 @@ def precompute(
         ids=ids,
         faces_of_vertices=model.faces_of_vertices[ids],
         pose=model.landmarks_only([problem.skeleton], ids),
-        area=torch.ones_like(area) if options.count_vertices else area / _AREA_UNIT_M2,
+        area=settings.weigh_vertices(area),
         contact_probability=probability[:, ids],
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
         above_knees=_above_knees(model)[ids],
         soles=_sole_rows(model, ids),
-        keypoints=weigh_keypoints(problem, person_px, observed),
+        keypoints=settings.weigh_keypoints(problem, person_px),
         person_px=person_px,
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], problem.rotations0[:, 0]),
@@ -226,11 +216,11 @@ def _surface(problem: JointProblem, options: EnergyOptions) -> tuple[Tensor, Ten
     finite = torch.isfinite(points @ ones + length)
     if options.along_normals:
         finite = finite & (length > 0.5)
-    if problem.floor_normal is not None and options.floor == "plane":
+    if problem.floor_normal is not None and not options.floor_samples:
         offset = points.new_tensor(problem.floor_offset)
         finite = finite & (plane_height(points, problem.floor_normal, offset).abs() > _FLOOR_BAND_M)
     points, normals = points[finite], normals[finite]
-    if problem.floor_normal is not None and problem.floor_points is not None and options.floor == "points":
+    if problem.floor_normal is not None and problem.floor_points is not None and options.floor_samples:
         up = problem.floor_normal.expand_as(problem.floor_points)
         points, normals = torch.cat([points, problem.floor_points]), torch.cat([normals, up])
     return points, normals

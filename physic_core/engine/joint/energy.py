@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.contact_state import MAX_MOTION_M, ContactState, nearby_scene, update_contacts
+from physic_core.engine.joint.contact_state import MAX_MOTION_M, ContactState, update_contacts
 from physic_core.engine.joint.context import precompute
 from physic_core.engine.joint.people_pairs import connected_groups
 from physic_core.engine.joint.problem import JointProblem
@@ -28,7 +28,7 @@ class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`state`.
 
     Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest points stay fixed
-    as well, unless ``EnergyOptions.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
+    as well, unless ``JointSettings.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
 
     Args:
         problem: with finite people only.
@@ -37,7 +37,6 @@ class JointEnergy:
     Attributes:
         state: the free parameters.
         terms: summands of the energy.
-        excluded: names of terms that are left out of the sum.
         visibility: of the vertices, at the last refresh.
         contacts: nearest points and distances, at the last refresh or evaluation.
         scene: search structure of the scene points near the people.
@@ -50,45 +49,37 @@ class JointEnergy:
     def __init__(self, problem: JointProblem, settings: JointSettings) -> None:
         self.problem, self._settings = problem, settings
         self.evaluations = 0
-        self.context = precompute(problem, settings.energy_options, settings.weigh_keypoints)
+        self.context = precompute(problem, settings)
         self.state = settings.initial_state(self.context)
         self._people = _visible_sizes(problem.masks) if self.context.options.people_by_size else None
-        # What the user knows holds in every preset.
+        # What the user knows holds in every energy.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
-        self._late_terms = tuple(settings.late_terms(self.context, self.state))
-        self.excluded: Collection[str] = ()
         self.visibility: Visibility
         self.contacts: ContactState
         self._gathered = self.context.start.vertices
-        self.scene = nearby_scene(self.context, self._gathered, 1.0)
+        self.scene = settings.nearby_scene(self.context, self._gathered, 1.0)
         self._self_occlusion = SelfOcclusion(self.context)
         self._last_visibility: Visibility | None = None
         self._snapshot: Snapshot
         self.refresh()
 
-    def add_late_terms(self) -> Tensor | None:
-        """Add the late terms of the settings that are positive at this state.
+    @torch.no_grad()
+    def add_terms(self, terms: Sequence[Term]) -> Tensor | None:
+        """Add those of the terms that are positive at this state.
 
         Returns:
             (B,) int64, group of each person: people who are linked by these terms; None if no term is positive.
         """
-        late, self._late_terms = self._late_terms, ()
-        found = self._add_positive(late)
-        if not found:
-            return None
-        links = torch.cat([term.links for term in found])
-        return connected_groups(links, len(self.problem)).to(links.device)
-
-    @torch.no_grad()
-    def _add_positive(self, terms: Sequence[Term]) -> list[Term]:
-        """Add the terms that are positive at this state, and return them."""
         for term in terms:
             term.refresh(self._snapshot)
         bodies = self._posed_bodies()
         found = [term for term in terms if any(bool((value > 0).any()) for value in term(bodies).values())]
+        if not found:
+            return None
         self.terms = (*self.terms, *found)
-        return found
+        links = torch.cat([term.links for term in found])
+        return connected_groups(links, len(self.problem)).to(links.device)
 
     @property
     def weights(self) -> dict[str, Tensor]:
@@ -105,7 +96,7 @@ class JointEnergy:
         unscaled = bodies.vertices / scale
         if not (unscaled - self._gathered).abs().amax() < MAX_MOTION_M - _MARGIN_M:
             self._gathered = unscaled
-            self.scene = nearby_scene(context, bodies.vertices, scale)
+            self.scene = self._settings.nearby_scene(context, bodies.vertices, scale)
         self.visibility = self._settings.update_visibility(context, bodies, self._self_occlusion, self._last_visibility)
         self._last_visibility = self.visibility
         self._update(bodies.vertices[:, context.ids], scale)
@@ -132,12 +123,12 @@ class JointEnergy:
         """Return the weighted energies at the present state: term -> (B,), and "scale" -> (1,). Differentiable."""
         self.evaluations += 1
         bodies = self._posed_bodies()
-        if self.context.options.nearest_every_step:
+        if self._settings.nearest_every_step:
             self._update(bodies.vertices.detach(), float(bodies.estimate.log_scale.detach().exp()))
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
         if self._people is not None:
             energies = {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
-        return {name: value for name, value in energies.items() if name not in self.excluded}
+        return energies
 
     def _posed_bodies(self) -> PosedBodies:
         """Return bodies and scene parameters at the present state, differentiable."""

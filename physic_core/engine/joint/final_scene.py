@@ -75,7 +75,7 @@ def _carved(
     if not bool(out.any()):
         return scene
     rows, columns = (_span(changed.any(dim)) for dim in (1, 0))
-    ratio = edge_ratio(settings.outliers, hole.shape[0], hole.shape[1])
+    ratio = edge_ratio(*hole.shape)
     fresh = normals(points[rows, columns], scene.valid[rows, columns], ratio)
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()

@@ -1,25 +1,24 @@
-"""Minimisation of an energy: L-BFGS with a backtracking line search, or Adam.
+"""Minimisation of an energy: L-BFGS with a backtracking line search.
 
-Both update visibility every few steps and reject non-finite steps. No person's energy is higher at the end than at the
-start (:mod:`physic_core.engine.joint.acceptance`). The first steps of Adam can lose a start that is nearly optimal: it
-is then repeated with a tenth of the learning rate, at most twice. The scene's scale couples all people, so one L-BFGS
-optimises them all. A separate curvature for each person and for the scale took twice as long and stopped centimetres
-from the minimum.
+Visibility is updated every few steps, and non-finite steps are rejected. No person's energy is higher at the end than
+at the start (:mod:`physic_core.engine.joint.acceptance`). The scene's scale couples all people, so one L-BFGS optimises
+them all. A separate curvature for each person and for the scale took twice as long and stopped centimetres from the
+minimum.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.acceptance import Energy, energy_per_person, revert_if_worse, term_totals, total_energy
-from physic_core.engine.joint.settings import AdamSettings, LbfgsSettings
+from physic_core.engine.joint.acceptance import Energy, revert_if_worse, term_totals, total_energy
+from physic_core.engine.joint.settings import LbfgsSettings, OptimiserSettings, Progress
 
-__all__ = ["MinimisationResult", "join_results", "minimise"]
+__all__ = ["Block", "MinimisationResult", "join_results", "minimise_by_lbfgs", "minimise_in_blocks"]
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
@@ -27,7 +26,6 @@ _ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
 _MAX_TRIALS = 10  # step lengths that a line search tries
 _MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
 _MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
-_RATE_CUTS = 2  # Adam: restarts with a tenth of the learning rate, for people whose energy has only increased
 _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
@@ -50,30 +48,33 @@ class MinimisationResult:
     totals: tuple[float, ...]
 
 
-def minimise(
-    energy: Energy,
-    settings: LbfgsSettings | AdamSettings,
-    progress: Callable[[float], None] | None = None,
-    groups: Tensor | None = None,
-) -> MinimisationResult:
-    """Minimise an energy by changing its state in place.
+@dataclass(frozen=True)
+class Block:
+    """Result of the steps between two refreshes.
 
-    Args:
-        energy: refreshed, and finite at its present state.
-        settings: their type selects the optimiser.
-        progress: called with the completed share of the steps, 0-1.
-        groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
+    Attributes:
+        before: energy before the steps.
+        after: energy after them.
+        evaluations: number of evaluations of energy and gradient.
+        steps: number of steps that were taken.
+        converged: whether further steps would change little.
     """
-    origin = energy.state.pack()
-    result = _minimise_once(energy, settings, progress, groups)
-    for _ in range(_RATE_CUTS):
-        if not isinstance(settings, AdamSettings) or not energy.state.parameters():
-            break
-        if bool(energy.state.people_changed(origin).all()):
-            break
-        settings = replace(settings, learning_rate=settings.learning_rate / 10)
-        result = join_results(energy, origin, result, _minimise_once(energy, settings, None, groups))
-    return result
+
+    before: float
+    after: float
+    evaluations: int
+    steps: int
+    converged: bool = False
+
+
+def minimise_by_lbfgs(
+    energy: Energy, settings: LbfgsSettings, progress: Progress | None = None, groups: Tensor | None = None
+) -> MinimisationResult:
+    """Minimise an energy by L-BFGS, with the arguments of :meth:`OptimiserSettings.minimise`."""
+    history = LbfgsHistory()
+    return minimise_in_blocks(
+        energy, settings, lambda steps: _lbfgs_block(energy, settings, steps, history), progress, groups
+    )
 
 
 @torch.no_grad()
@@ -94,37 +95,39 @@ def join_results(
     )
 
 
-def _minimise_once(
+def minimise_in_blocks(
     energy: Energy,
-    settings: LbfgsSettings | AdamSettings,
-    progress: Callable[[float], None] | None,
+    settings: OptimiserSettings,
+    take_steps: Callable[[int], Block],
+    progress: Progress | None,
     groups: Tensor | None,
 ) -> MinimisationResult:
-    """Take all steps of the settings, then revert the people whose energy has increased."""
+    """Take all steps of the settings, then revert the people whose energy has increased.
+
+    Args:
+        energy: refreshed, and finite at its present state.
+        settings: numbers of steps.
+        take_steps: takes at most this number of steps without a refresh.
+        progress: called with the completed share of the steps, 0-1.
+        groups: (B,) int64, see :meth:`OptimiserSettings.minimise`.
+    """
     state = energy.state
     origin = state.pack()
-    memory = _OptimiserMemory()
     done = evaluations = taken = 0
     totals: list[float] = []
     converged = False
-    while done < settings.steps and state.parameters():
+    while done < settings.steps and state.parameters() and not converged:
         if done:
             energy.refresh()
         steps = min(settings.refresh_steps, settings.steps - done)
-        if isinstance(settings, AdamSettings):
-            block = _adam_block(energy, settings, steps, memory)
-        else:
-            block = _lbfgs_block(energy, settings, steps, memory)
+        block = take_steps(steps)
         totals.append(block.before)
         evaluations += block.evaluations
         taken += block.steps
         done += steps
+        converged = block.converged
         if progress is not None:
             progress(done / settings.steps)
-        if isinstance(settings, LbfgsSettings):
-            converged = block.before - block.after < settings.tolerance * abs(block.before)
-        if converged:
-            break
     if not converged:  # else the motion since the last update is too small to change visibility
         energy.refresh()
     start, end = revert_if_worse(energy, state.pack(), origin, groups)
@@ -134,29 +137,10 @@ def _minimise_once(
     return MinimisationResult(start, end, evaluations, taken, tuple(totals))
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Result of the steps between two refreshes: energy before and after, number of evaluations and steps."""
-
-    before: float
-    after: float
-    evaluations: int
-    steps: int
-
-
-class _OptimiserMemory:
-    """State of the optimiser that is kept over refreshes."""
-
-    def __init__(self) -> None:
-        self.history = LbfgsHistory()
-        self.adam: torch.optim.Adam | None = None
-
-
-def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: _OptimiserMemory) -> _Block:
+def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, history: LbfgsHistory) -> Block:
     """Take L-BFGS steps between two refreshes; the history is kept, since the next energy is nearly equal."""
     state = energy.state
     parameters = state.parameters()
-    history = memory.history
     evaluations = 0
 
     def evaluate(at: Tensor) -> tuple[float, Tensor]:
@@ -194,7 +178,8 @@ def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, memory: _O
         if len(values) > _PATIENCE and values[-1 - _PATIENCE] - value < settings.tolerance * abs(value):
             break
     state.load(here)
-    return _Block(values[0], value, evaluations, taken)
+    converged = values[0] - value < settings.tolerance * abs(values[0])
+    return Block(values[0], value, evaluations, taken, converged)
 
 
 def _backtrack(
@@ -251,49 +236,3 @@ class LbfgsHistory:
         v = torch.linalg.solve_triangular(R.T, middle, upper=False)
         step: Tensor = gamma * (Y.T @ u[:, 0] - g) - S.T @ v[:, 0]
         return step.to(gradient.dtype)
-
-
-def _adam_block(energy: Energy, settings: AdamSettings, steps: int, memory: _OptimiserMemory) -> _Block:
-    """Take Adam steps between two refreshes. Its moments are kept over refreshes, and steps may raise the energy.
-
-    People with non-finite gradients return to the previous step and are kept there until the next refresh.
-    """
-    state = energy.state
-    parameters = state.parameters()
-    if memory.adam is None:
-        memory.adam = torch.optim.Adam(parameters, lr=settings.learning_rate)
-    optimiser = memory.adam
-    held: Tensor | None = None
-    good = state.pack()
-    totals: list[float] = []
-    for _ in range(steps):
-        total, broken = _differentiate(energy, parameters)
-        if bool(broken.any()):
-            state.load_people(good, broken)
-            held = broken if held is None else held | broken
-            total, broken = _differentiate(energy, parameters)
-            if bool(broken.any()):
-                break
-        totals.append(total)
-        good = state.pack()
-        optimiser.step()
-        if held is not None:
-            state.load_people(good, held)
-    total, broken = _differentiate(energy, parameters)
-    if bool(broken.any()):
-        state.load_people(good, broken)
-    return _Block(totals[0] if totals else total, total, len(totals) + 1, len(totals))
-
-
-def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Tensor]:
-    """Compute the gradients; return the energy, and which people (B,) bool have non-finite energy or gradients."""
-    energies = energy()
-    total = total_energy(energies)
-    gradients = torch.autograd.grad(total, parameters, allow_unused=True)
-    broken = ~torch.isfinite(energy_per_person(energies))
-    for p, gradient in zip(parameters, gradients, strict=True):
-        p.grad = torch.zeros_like(p) if gradient is None else gradient
-        # The scale is shared: a non-finite gradient of it stops all people.
-        fine = torch.isfinite(p.grad)
-        broken = broken | ~(fine.reshape(len(p), -1).all(1) if p.ndim else fine | broken.any())
-    return float(total.detach()), broken

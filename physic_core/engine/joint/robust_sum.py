@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from torch import Tensor
 
 from physic_core.geometry.robust import loss_with_slope, robust_loss
 
-__all__ = ["RobustSum", "offset_loss"]
-
-
-def offset_loss(squared: Tensor, rho: Callable[[Tensor], Tensor], *, per_axis: bool) -> Tensor:
-    """Return the robust loss of offsets from squared components (..., D): of the length, or summed over the axes."""
-    return rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
+__all__ = ["RobustSum"]
 
 
 @dataclass(frozen=True)

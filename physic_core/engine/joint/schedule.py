@@ -1,73 +1,38 @@
-"""Schedule of the joint optimisation: when terms of the scene and of several people are added."""
+"""Schedule of the joint optimisation: terms between people are added at the end."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 
-import torch
-
-from physic_core.engine.joint.acceptance import term_totals
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import MinimisationResult, join_results, minimise
-from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
+from physic_core.engine.joint.optimiser import MinimisationResult, join_results
+from physic_core.engine.joint.settings import LbfgsSettings, Progress
+from physic_core.engine.joint.term import Term
 
-__all__ = ["minimise_with_schedule"]
+__all__ = ["minimise_with_late_terms"]
 
 _LATE_TOLERANCE = 1e-3
 """Tolerance of the steps with late terms, which are a small share of an energy that has converged."""
 
-_SCENE_TERMS = ("contact", "penetration", "floor", "soles")
 
-Progress = Callable[[float], None]
-
-
-def minimise_with_schedule(
-    energy: JointEnergy, settings: JointSettings, progress: Progress | None = None
+def minimise_with_late_terms(
+    energy: JointEnergy, settings: LbfgsSettings, late: Sequence[Term], progress: Progress | None = None
 ) -> MinimisationResult:
-    """Minimise the joint energy from its present state, in place.
+    """Minimise the joint energy from its present state, in place; then add the late terms, and minimise again.
 
-    Late terms are added at the end, since they would keep apart people whose start is on the wrong side of each other.
+    From the start, terms between people would keep apart those who start on the wrong side of each other.
 
     Args:
         energy: refreshed, and finite at its present state.
+        settings: of the optimiser.
+        late: terms that are added if they are positive after the first steps.
         progress: called with the completed share of the steps, 0-1.
     """
     origin = energy.state.pack()
-    result = _minimise_in_phases(energy, settings, progress)
-    groups = energy.add_late_terms()
-    if groups is not None:
-        late = settings.optimiser
-        if isinstance(late, LbfgsSettings):
-            late = replace(late, tolerance=min(late.tolerance, _LATE_TOLERANCE))
-        result = join_results(energy, origin, result, minimise(energy, late, groups=groups))
-    return result
-
-
-def _minimise_in_phases(energy: JointEnergy, settings: JointSettings, progress: Progress | None) -> MinimisationResult:
-    """Minimise from the present state, at first without the terms of the scene if the settings delay them."""
-    optimiser = settings.optimiser
-    first_steps = round(settings.scene_start_share * optimiser.steps)
-    if not first_steps:
-        return minimise(energy, optimiser, progress)
-    origin = energy.state.pack()
-    energy.excluded = _SCENE_TERMS
-    share = first_steps / optimiser.steps
-    first = minimise(energy, replace(optimiser, steps=first_steps), _subrange(progress, 0.0, share))
-    energy.excluded = ()
-    energy.refresh()
-    rest = replace(optimiser, steps=optimiser.steps - first_steps)
-    second = minimise(energy, rest, _subrange(progress, settings.scene_start_share, 1.0))
-    final = energy.state.pack()
-    energy.state.load(origin)
-    with torch.no_grad():
-        start = term_totals(energy())
-    energy.state.load(final)
-    return replace(
-        second, start=start, evaluations=second.evaluations + first.evaluations, steps=second.steps + first.steps
-    )
-
-
-def _subrange(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """Return a progress callback that maps 0-1 to the interval from ``begin`` to ``end``."""
-    return None if progress is None else lambda share: progress(begin + (end - begin) * share)
+    result = settings.minimise(energy, progress)
+    groups = energy.add_terms(late)
+    if groups is None:
+        return result
+    settings = replace(settings, tolerance=min(settings.tolerance, _LATE_TOLERANCE))
+    return join_results(energy, origin, result, settings.minimise(energy, groups=groups))

@@ -1,30 +1,64 @@
-"""Settings of stage 3 that all presets share: frozen parameters and optimiser."""
+"""Settings of stage 3 that all energies share: frozen parameters and optimiser."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from physic_core.engine.bounds import Count, Degrees, FrozenGroups, NotNegative, Positive, PositiveCount
+from physic_core.engine.bounds import Count, Degrees, FrozenGroups, NotNegative, PositiveCount
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyOutput
+    from physic_core.engine.joint.acceptance import Energy
     from physic_core.engine.joint.context import JointContext, Keypoints
+    from physic_core.engine.joint.energy import JointEnergy
     from physic_core.engine.joint.energy_options import EnergyOptions
+    from physic_core.engine.joint.optimiser import MinimisationResult
     from physic_core.engine.joint.problem import JointProblem
     from physic_core.engine.joint.state import State
     from physic_core.engine.joint.term import Term
     from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+    from physic_core.geometry.neighbors import NearestPointSearch
 
-__all__ = ["AdamSettings", "JointSettings", "LbfgsSettings", "VisibilitySettings"]
+__all__ = ["JointSettings", "LbfgsSettings", "OptimiserSettings", "Progress", "VisibilitySettings"]
+
+_AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
+
+Progress = Callable[[float], None]
+"""Called with the completed share of the work, 0-1."""
 
 
 @dataclass(frozen=True)
-class LbfgsSettings:
+class OptimiserSettings(ABC):
+    """Settings of a minimiser of the energy.
+
+    Attributes:
+        steps: at most.
+        refresh_steps: steps between two updates of visibility and nearest points.
+    """
+
+    steps: Count = 80
+    refresh_steps: PositiveCount = 20
+
+    @abstractmethod
+    def minimise(
+        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
+    ) -> MinimisationResult:
+        """Minimise an energy by changing its state in place.
+
+        Args:
+            energy: refreshed, and finite at its present state.
+            progress: called with the completed share of the steps.
+            groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
+        """
+
+
+@dataclass(frozen=True)
+class LbfgsSettings(OptimiserSettings):
     """Settings of L-BFGS with a backtracking (Armijo) line search.
 
     Attributes:
@@ -33,24 +67,15 @@ class LbfgsSettings:
         tolerance: stop when the steps between two updates lower the energy by less than this share; 0 never stops.
     """
 
-    steps: Count = 80
-    refresh_steps: PositiveCount = 20
     tolerance: NotNegative = 5e-3
 
+    def minimise(
+        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
+    ) -> MinimisationResult:
+        """Minimise an energy by L-BFGS."""
+        from physic_core.engine.joint.optimiser import minimise_by_lbfgs
 
-@dataclass(frozen=True)
-class AdamSettings:
-    """Settings of Adam, the optimiser of the paper.
-
-    Attributes:
-        steps: all of them are taken.
-        refresh_steps: steps between two updates of visibility.
-        learning_rate: of the raw parameters.
-    """
-
-    steps: Count = 100
-    refresh_steps: PositiveCount = 30
-    learning_rate: Positive = 1e-2
+        return minimise_by_lbfgs(energy, self, progress, groups)
 
 
 @dataclass(frozen=True)
@@ -74,7 +99,8 @@ class VisibilitySettings:
 class JointSettings(ABC):
     """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
 
-    A preset of the engine is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
+    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. The other methods
+    are what an energy may do in its own way; by default they do what preset "default" does.
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
@@ -82,25 +108,38 @@ class JointSettings(ABC):
     """
 
     frozen: FrozenGroups = ()
-    optimiser: LbfgsSettings | AdamSettings = field(default_factory=LbfgsSettings)
+    optimiser: OptimiserSettings = field(default_factory=LbfgsSettings)
 
-    scene_start_share: ClassVar[float] = 0.0
-    """Share of the steps before contact and penetration are added; 0 includes them from the first step."""
+    nearest_every_step: ClassVar[bool] = False
+    """Whether nearest points are searched at every evaluation, not only when visibility is updated."""
 
     @property
     @abstractmethod
     def energy_options(self) -> EnergyOptions:
-        """Options of this preset's energy, such as its vertices, limbs and floor."""
+        """Options of the energy, such as its vertices and the facing angle."""
+
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem as the energy uses it, such as without its floor."""
+        return problem
 
     @abstractmethod
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints and their weights.
 
         Args:
-            problem: with finite people only.
+            problem: from :meth:`prepare`, with finite people only.
             person_px: (B,) stature in px.
-            observed: (B, 55) bool, joints that count as visible.
         """
+
+    def weigh_vertices(self, area_m2: Tensor) -> Tensor:
+        """Return the weight (B, n) of each vertex from its surface (B, n): square decimetres."""
+        return area_m2 / _AREA_UNIT_M2
+
+    def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
+        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale of the scene."""
+        from physic_core.engine.joint.contact_state import nearby_scene
+
+        return nearby_scene(context, vertices, scale)
 
     def update_visibility(
         self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
@@ -124,9 +163,9 @@ class JointSettings(ABC):
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
 
-    def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """Return the terms that are added after the others have converged. By default there is none."""
-        return ()
+    def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
+        """Minimise the energy from its present state, in place."""
+        return self.optimiser.minimise(energy, progress)
 
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""

@@ -13,7 +13,6 @@ from physic_core.engine.joint.distances import lowest_height, plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
-from physic_core.engine.joint.schedule import minimise_with_schedule
 from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
 from physic_core.geometry.camera import project
@@ -62,7 +61,7 @@ def optimize(
         energy = None
     if energy is None:
         return _start_result(problem, tuple(failures))
-    minimised = minimise_with_schedule(energy, settings, progress)
+    minimised = settings.minimise(energy, progress)
     return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 
@@ -163,9 +162,9 @@ def _diagnostics(
     scale, visibility = float(estimate.log_scale.exp()), energy.visibility
     distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed
     height: Tensor | None = None
-    if problem.floor_normal is not None and context.options.floor != "ignored":
+    if context.problem.floor_normal is not None:
         offset = tracked.new_tensor(problem.floor_offset * scale)
-        height = plane_height(tracked, problem.floor_normal, offset)
+        height = plane_height(tracked, context.problem.floor_normal, offset)
     depth = torch.where(energy.weights["penetration"] > 0, torch.relu(-distance), 0.0)
     gap = torch.where(visibility.eligible, distance, torch.inf)
     if height is not None:

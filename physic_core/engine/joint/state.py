@@ -1,15 +1,13 @@
 """Free parameters of the joint optimisation: bodies, scene scale, and a depth offset per person.
 
-Whitened parameters are deviations from the start, divided by their expected sizes. One step length then suits all of
-them, and their sum of squares is a Gaussian prior. Raw parameters are the quantities themselves, with each rotation as
-the first two columns of its matrix, as in the paper's gradient descent. OpenCV camera frame, metres.
+The parameters are whitened: deviations from the start, divided by their expected sizes. One step length then suits all
+of them, and their sum of squares is a Gaussian prior. OpenCV camera frame, metres.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -19,10 +17,7 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-if TYPE_CHECKING:
-    from physic_core.engine.joint.context import JointContext
-
-__all__ = ["GROUPS", "Estimate", "State", "build_unwhitened_state"]
+__all__ = ["BODY", "FACE", "GROUPS", "HANDS", "Estimate", "State", "StateSigmas"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
@@ -30,9 +25,10 @@ depth offset."""
 
 _OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
 
-_BODY = slice(JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("jaw"))
-_FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
-_HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
+BODY = slice(JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("jaw"))
+FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
+HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
+"""Body joints 1-21, jaw and eyes, and the joints of both hands, among the 55 joints."""
 
 _POSE_SIGMAS: dict[str, tuple[float, float, float]] = {
     # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the standard deviation
@@ -96,13 +92,13 @@ _DEFAULT_SIGMAS = StateSigmas()
 class State:
     """Free parameters of B people and their scene.
 
+    A subclass may parametrise them otherwise, by ``_initial_values`` and ``unpack``.
+
     Args:
         rotations: (B, 55, 3, 3) at the start.
         betas: (B, K) at the start.
         transl: (B, 3) metres, at the start.
-        pelvis: (B, 3) metres, the pelvis joint at the start. Whitened translations are along
-            and across its ray.
-        whitened: whitened parameters; else raw ones (see the module).
+        pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its ray.
         frozen: groups of :data:`GROUPS` that are kept constant.
         sigmas: expected sizes of scale and depth offset.
         offset_free: (B,) bool, people with a free depth offset; None is all people.
@@ -118,7 +114,6 @@ class State:
         transl: Tensor,
         pelvis: Tensor,
         *,
-        whitened: bool = True,
         frozen: Sequence[str] = (),
         sigmas: StateSigmas = _DEFAULT_SIGMAS,
         offset_free: Tensor | None = None,
@@ -127,8 +122,7 @@ class State:
         if unknown:
             raise PhysicError(f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(GROUPS)}")
         people, device, dtype = len(rotations), rotations.device, rotations.dtype
-        self.whitened = whitened
-        self._start = Estimate(
+        self.start = Estimate(
             rotations.detach(),
             betas.detach(),
             transl.detach(),
@@ -136,7 +130,7 @@ class State:
             rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
-        pose_sigmas = [_POSE_SIGMAS[name.rpartition("_")[2]] for name in JOINT_NAMES[_BODY]]
+        pose_sigmas = [_POSE_SIGMAS[name.rpartition("_")[2]] for name in JOINT_NAMES[BODY]]
         self._sigmas: dict[str, Tensor | float] = {
             "root": _ROOT_SIGMA,
             "pose": torch.tensor(pose_sigmas, device=device, dtype=dtype),
@@ -148,7 +142,7 @@ class State:
         }
         self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
         self._offset_mask = self.offset_free.to(dtype)
-        self.values: dict[str, Tensor] = self._initial()
+        self.values: dict[str, Tensor] = self._initial_values()
         self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
         for group in self.free:
             self.values[group].requires_grad_()
@@ -156,41 +150,24 @@ class State:
         self._origin_columns = self._concatenate(self._origin)
         self._sizes = [self._origin[group][0].numel() if people else 0 for group in _OF_PEOPLE]
 
-    def _initial(self) -> dict[str, Tensor]:
+    def _initial_values(self) -> dict[str, Tensor]:
         """Return the free parameters at the start, by group."""
-        start = self._start
-        people = len(start.transl)
-        if self.whitened:
-            zeros = start.transl.new_zeros
-            return {
-                "root": zeros(people, 3),
-                "pose": zeros(people, 21, 3),
-                "hands": zeros(people, 30, 3),
-                "betas": zeros(start.betas.shape),
-                "translation": zeros(people, 3),
-                "scale": zeros(()),
-                "offset": zeros(people),
-            }
-        columns = start.rotations[..., :2]
+        people, zeros = len(self.start.transl), self.start.transl.new_zeros
         return {
-            "root": columns[:, 0].clone(),
-            "pose": columns[:, _BODY].clone(),
-            "hands": columns[:, _HANDS].clone(),
-            "betas": start.betas.clone(),
-            "translation": start.transl.clone(),
-            "scale": torch.ones_like(start.log_scale),
-            "offset": start.offset.clone(),
+            "root": zeros(people, 3),
+            "pose": zeros(people, 21, 3),
+            "hands": zeros(people, 30, 3),
+            "betas": zeros(self.start.betas.shape),
+            "translation": zeros(people, 3),
+            "scale": zeros(()),
+            "offset": zeros(people),
         }
 
     def unpack(self) -> Estimate:
         """Convert the free parameters to bodies and scene; differentiable."""
-        return self._unpack_whitened() if self.whitened else self._unpack_raw()
-
-    def _unpack_whitened(self) -> Estimate:
-        """Convert whitened parameters."""
-        start, values, sigmas = self._start, self.values, self._sigmas
-        first, body = start.rotations[:, :1], start.rotations[:, _BODY]
-        face, hands = start.rotations[:, _FACE], start.rotations[:, _HANDS]
+        start, values, sigmas = self.start, self.values, self._sigmas
+        first, body = start.rotations[:, :1], start.rotations[:, BODY]
+        face, hands = start.rotations[:, FACE], start.rotations[:, HANDS]
         # One call for all rotations. The root's is applied in the camera frame, the others in the frame of their joint.
         rotvecs = torch.cat(
             [
@@ -216,26 +193,10 @@ class State:
             values["offset"] * sigmas["offset"] * self._offset_mask,
         )
 
-    def _unpack_raw(self) -> Estimate:
-        """Convert raw parameters; two columns of a rotation are orthonormalised."""
-        import roma  # which imports torch._dynamo, for longer than a second
-
-        start, values = self._start, self.values
-        body_and_hands = [roma.special_gramschmidt(values[group]) for group in ("pose", "hands")]
-        first = roma.special_gramschmidt(values["root"])[:, None]
-        return Estimate(
-            torch.cat([first, body_and_hands[0], start.rotations[:, _FACE], body_and_hands[1]], 1),
-            values["betas"],
-            values["translation"],
-            values["scale"].clamp(min=1e-3).log(),
-            values["offset"] * self._offset_mask,
-        )
-
     def deviation(self) -> tuple[Tensor, Tensor]:
         """Return the deviation of people's parameters (B, P) and of the scene's scale () from the start.
 
-        Columns are all groups except the scale, in the order of :data:`GROUPS`. Units are expected sizes if whitened,
-        else those of the raw parameters.
+        Columns are all groups except the scale, in the order of :data:`GROUPS`. Units are expected sizes.
         """
         return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
 
@@ -257,7 +218,7 @@ class State:
 
     def pack(self) -> Tensor:
         """Return a copy of all free parameters in one vector (n,)."""
-        none = self._start.transl.new_zeros(0)
+        none = self.start.transl.new_zeros(0)
         return torch.cat([none, *(v.detach().reshape(-1) for v in self.parameters())])
 
     @torch.no_grad()
@@ -273,7 +234,7 @@ class State:
     @property
     def num_people(self) -> int:
         """Number of people B."""
-        return len(self._start.transl)
+        return len(self.start.transl)
 
     @torch.no_grad()
     def load_people(self, packed: Tensor, people: Tensor) -> None:
@@ -300,16 +261,3 @@ class State:
         if packed.shape != (sum(sizes),):
             raise PhysicError(f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}")
         return torch.split(packed, sizes)
-
-
-def build_unwhitened_state(context: JointContext, frozen: Sequence[str]) -> State:
-    """Build a state with unwhitened parameters, without depth offsets.
-
-    The groups ``frozen`` are constant, and the scale as well if there is neither scene nor floor.
-    """
-    problem = context.problem
-    constant = {*frozen, "offset"}
-    if not len(context.surface) and problem.floor_normal is None:
-        constant.add("scale")
-    start = (problem.rotations0, problem.betas0, problem.transl0, context.start.joints[:, 0])
-    return State(*start, whitened=False, frozen=sorted(constant))

@@ -23,7 +23,6 @@ __all__ = [
     "SelfOcclusion",
     "Visibility",
     "occluded_vertices",
-    "person_masks",
     "sample_mask_neighbours",
     "update_visibility",
 ]
@@ -107,7 +106,7 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
     """
     problem, options = context.problem, context.options
     vertices = bodies.vertices[:, context.ids]
-    masks = person_masks(context)
+    masks = problem.masks
     uv = project(vertices, problem.K)
     in_image = _in_image(uv, vertices, masks)
     in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * options.mask_tolerance).any(0)
@@ -128,16 +127,10 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
 @torch.no_grad()
 def occluded_vertices(context: JointContext, vertices: Tensor, self_occlusion: SelfOcclusion) -> Tensor:
     """Return which vertices (B, V, 3) are hidden by objects, other people or the own body: (B, V) bool."""
-    masks = person_masks(context)
+    masks = context.problem.masks
     uv = project(vertices, context.problem.K)
     near = sample_mask_neighbours(uv, masks, context.person_px * context.options.mask_tolerance).any(0)
     return ~(near & _in_image(uv, vertices, masks)) | self_occlusion(vertices)[1]
-
-
-def person_masks(context: JointContext) -> Tensor:
-    """Return the mask of each person (B, H, W) bool, or B copies of the union of all masks."""
-    masks = context.problem.masks
-    return masks.any(0, keepdim=True).expand_as(masks) if context.options.merge_masks else masks
 
 
 def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:

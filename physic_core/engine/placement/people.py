@@ -9,8 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.engine.joint.limbs import detected_joints, placement_keypoints
-from physic_core.engine.joint.released.reprojection import released_keypoint_weights
+from physic_core.engine.joint.limbs import detected_joints
 from physic_core.engine.placement.place import PeopleObservations, PersonPlacement, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.types import Skeleton
@@ -61,9 +60,7 @@ def place_people(
         settings: of stage 2.
         before: result with another floor; people whose placement does not depend on the floor are reused.
     """
-    columns = list(range(detections.keypoints.shape[1]))
-    if settings.method != "released":
-        columns = placement_keypoints(detections.skeleton)
+    columns = settings.method().keypoint_columns(detections.skeleton)
     used = replace(bodies, landmarks=bodies.landmarks[:, columns])
     known: list[PersonPlacement | None] = [None] * len(bodies.transl)
     if before is not None:
@@ -72,18 +69,16 @@ def place_people(
 
 
 def _evidence(detections: Detections, columns: list[int], settings: PlacementSettings) -> PeopleObservations:
-    weight, masks = detections.confidence, detections.masks
+    masks = detections.masks.to(detections.confidence.device)
+    weight = settings.method().weigh_keypoints(detections.skeleton, detections.keypoints, detections.confidence, masks)
     feet_seen = observed_joints(detections, settings)[:, _ANKLES].any(1)
     if detections.airborne is not None:
         feet_seen = feet_seen & ~detections.airborne.to(feet_seen.device)
-    if settings.method == "released":
-        on_device = masks.to(weight.device)
-        weight = released_keypoint_weights(detections.skeleton, detections.keypoints, weight, on_device)
     return PeopleObservations(
         keypoints=detections.keypoints[:, columns],
         confidence=weight[:, columns],
         points=detections.points,
-        masks=masks,
+        masks=detections.masks,
         feet_seen=feet_seen,
     )
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING
 
 from physic_core.engine.bounds import NotNegative, PositiveOrInfinite, Share
+
+if TYPE_CHECKING:
+    from physic_core.engine.placement.method import PlacementMethod
 
 __all__ = ["PlacementSettings"]
 
@@ -15,9 +18,6 @@ class PlacementSettings:
     """Settings of stage 2: human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
 
     Attributes:
-        method: "robust" minimises means of robust errors by Gauss-Newton. "paper" minimises the sums of squares of
-            Eq. 2-4 by Adam and L-BFGS, and never increases the reprojection error. "released" is the released code: its
-            reprojection loss, visibility and camera-facing angle.
         reprojection_weight: lambda_j2d of Eq. 3.
         chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
         min_confidence: keypoints below are ignored.
@@ -35,7 +35,6 @@ class PlacementSettings:
             (:mod:`physic_core.engine.placement.lifted_feet`), in photos whose segmenter labels surfaces.
     """
 
-    method: Literal["robust", "paper", "released"] = "robust"
     reprojection_weight: NotNegative = 1000.0
     chamfer_weight: NotNegative = 0.6
     min_confidence: Share = 0.3
@@ -47,7 +46,8 @@ class PlacementSettings:
     stand_reach_m: NotNegative = 0.45
     detect_lifted_feet: bool = False
 
-    @property
-    def robust(self) -> bool:
-        """Whether the placement method is "robust"."""
-        return self.method == "robust"
+    def method(self) -> PlacementMethod:
+        """Return what the stage does with these settings. An energy with other settings may have another method."""
+        from physic_core.engine.placement.method import PlacementMethod
+
+        return PlacementMethod(self)

@@ -1,4 +1,4 @@
-"""Solvers of stage 2: Gauss-Newton for preset "default"; Adam and L-BFGS as in the paper.
+"""Solvers of stage 2: a closed form for keypoints alone, and Gauss-Newton.
 
 The unknown x = (t, g) is a translation and a log depth offset. Camera frame, metres; float64 on the CPU.
 """
@@ -6,48 +6,22 @@ The unknown x = (t, g) is a translation and a log depth offset. Camera frame, me
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.released.reprojection import released_reprojection
-from physic_core.engine.placement.settings import PlacementSettings
-from physic_core.engine.placement.terms import (
-    FEWEST_KEYPOINTS,
-    NEAREST_M,
-    ChamferTerm,
-    PlacementProblem,
-    ReprojectionTerm,
-    Residuals,
-    Term,
-    TranslationPrior,
-)
-from physic_core.geometry.camera import project
+from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem, Residuals, Term
 from physic_core.geometry.robust import cauchy
 
-__all__ = [
-    "closed_form_translation",
-    "gauss_newton",
-    "reprojection_loss",
-    "restore_keypoint_fit",
-    "solve_adam",
-    "solve_lbfgs",
-    "term_energy",
-]
+__all__ = ["closed_form_translation", "gauss_newton", "term_energy"]
 
 ITERATIONS = 30
-"""Largest number of Gauss-Newton steps, and number of Adam steps on Eq. 2 (paper Sec. 4.1)."""
-
-# Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
-_LEARNING_RATE = 1e-2
-_LBFGS_STEPS, _LBFGS_INNER = 2, 15
-_LINE_SEARCH: str | None = "strong_wolfe"  # the printed unit step diverges on the released energy
+"""Largest number of Gauss-Newton steps."""
 
 _CONVERGED_M = 1e-5
 _HALVINGS = 6
 _MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
-_DOUBLINGS = 40
 
 
 def closed_form_translation(person: PlacementProblem) -> Tensor:
@@ -128,69 +102,3 @@ def term_energy(term: Term, x: Tensor) -> float:
     """Return the energy of one term at x = (t, g), (4,)."""
     rows = term.residuals(x)
     return _energy(rows, [r.scale for r in rows])
-
-
-def solve_adam(person: PlacementProblem, settings: PlacementSettings) -> Tensor:
-    """Minimise Eq. 2 by Adam, as in the paper."""
-    move = torch.zeros(3, dtype=torch.float64, requires_grad=True)
-    optimizer = torch.optim.Adam([move], lr=_LEARNING_RATE)
-    for _ in range(ITERATIONS):
-        optimizer.zero_grad()
-        reprojection_loss(person, move, settings).backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
-    return torch.cat((move.detach(), torch.zeros(1, dtype=torch.float64)))
-
-
-def solve_lbfgs(person: PlacementProblem, x: Tensor, chamfer: ChamferTerm, settings: PlacementSettings) -> Tensor:
-    """Minimise Eq. 3 by L-BFGS, as in the paper, but with a line search."""
-    move = x[:3].clone().requires_grad_()
-    optimizer = torch.optim.LBFGS([move], lr=1.0, max_iter=_LBFGS_INNER, line_search_fn=_LINE_SEARCH)
-
-    def energy() -> Tensor:
-        optimizer.zero_grad()
-        of_vertex, of_point = chamfer.matched(torch.cat((move.detach(), x[3:])))
-        total = chamfer.weights[0] * (chamfer.vertices + move - of_vertex).square().sum()
-        total = total + chamfer.weights[1] * (of_point + move - chamfer.points).square().sum()
-        if len(person.keypoints) >= FEWEST_KEYPOINTS:
-            total = total + settings.reprojection_weight * reprojection_loss(person, move, settings)
-        total.backward()  # type: ignore[no-untyped-call]
-        return total
-
-    for _ in range(_LBFGS_STEPS):
-        optimizer.step(energy)  # type: ignore[no-untyped-call]
-    return torch.cat((move.detach(), x[3:]))
-
-
-def restore_keypoint_fit(
-    person: PlacementProblem, x: Tensor, stiffness: float, settings: PlacementSettings, fits: Callable[[Tensor], bool]
-) -> Tensor:
-    """Move x towards the minimum of the keypoint errors until ``fits(x)`` is true; return zeros if this fails.
-
-    Minimises ``stiffness |t - x|^2`` plus the reprojection term with increasing weight. Up to a constant, the first
-    part is Eq. 4 with fixed pairs.
-
-    Args:
-        person: with enough keypoints.
-        x: (4,) minimum of Eq. 3.
-        stiffness: weight of the squared distance from ``x``.
-        settings: of stage 2.
-        fits: returns whether the keypoints fit at a translation.
-    """
-    tied, reprojection = TranslationPrior(x, stiffness), ReprojectionTerm(person, settings)
-    for _ in range(_DOUBLINGS):
-        if fits(x):
-            return x
-        reprojection.weight = 2 * reprojection.weight
-        x = gauss_newton([tied, reprojection], x, (0, 1, 2))
-    return torch.zeros_like(x)
-
-
-def reprojection_loss(person: PlacementProblem, move: Tensor, settings: PlacementSettings) -> Tensor:
-    """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
-    seen = project(person.landmarks + move, person.K)
-    if settings.method == "released":
-        one = (seen[None], person.keypoints[None], person.confidence[None])
-        return released_reprojection(*one, person.size, person.people).sum()
-    error = (seen - person.keypoints) / person.size
-    total = (person.confidence * error.square().sum(-1)).sum()
-    return total / person.confidence.sum() if settings.robust else total

@@ -6,13 +6,12 @@ Float64, CPU, camera frame, metres and pixels.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.placement.human_points import MAX_POINTS, subsample
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height_over_plane
@@ -26,7 +25,6 @@ __all__ = [
     "ReprojectionTerm",
     "Residuals",
     "Term",
-    "TranslationPrior",
 ]
 
 FEWEST_KEYPOINTS = 3
@@ -54,7 +52,7 @@ class PlacementProblem(NamedTuple):
     soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
     plane: Tensor  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
-    people: int = 1  # in the image
+    people: int = 1  # in the image, for "release"
 
     @property
     def on_floor(self) -> bool:
@@ -72,13 +70,15 @@ class Residuals(NamedTuple):
 
 
 class ReprojectionTerm:
-    """Reprojection error (Eq. 2) relative to the person's or image's size, times lambda_j2d."""
+    """Reprojection error (Eq. 2) relative to the person's or image's size.
 
-    def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
-        self.person = person
-        total = person.confidence.sum() if settings.robust else 1.0
-        self.weight = settings.reprojection_weight * person.confidence / total
-        self.scale = settings.robust_px_share
+    Args:
+        weight: (N,) of each keypoint.
+        scale: of the robust loss of relative errors; "inf" is least squares.
+    """
+
+    def __init__(self, person: PlacementProblem, weight: Tensor, scale: float) -> None:
+        self.person, self.weight, self.scale = person, weight, scale
 
     def residuals(self, x: Tensor) -> list[Residuals]:
         moved = self.person.landmarks + x[:3]
@@ -93,16 +93,18 @@ class ReprojectionTerm:
 
 
 class ChamferTerm:
-    """Bidirectional Chamfer distance (Eq. 4) of camera-facing vertices and the person's points, times lambda_d."""
+    """Bidirectional Chamfer distance (Eq. 4) of camera-facing vertices and the person's points.
 
-    def __init__(self, person: PlacementProblem, seen: Tensor, settings: PlacementSettings) -> None:
-        self.vertices = subsample(person.vertices[seen], MAX_POINTS) if settings.robust else person.vertices[seen]
-        self.points = person.points
-        self.vertex_tree, self.point_tree = cKDTree(self.vertices.numpy()), cKDTree(self.points.numpy())
-        # Means do not depend on the resolution; Eq. 4 is printed as sums.
-        counts = (len(self.vertices), len(self.points))
-        self.weights = [settings.chamfer_weight / (n if settings.robust else 1) for n in counts]
-        self.scale = settings.robust_m
+    Args:
+        vertices: (F, 3) camera-facing vertices.
+        points: (M, 3) of the person.
+        weights: of each vertex and of each point.
+        scale: of the robust loss, metres; "inf" is least squares.
+    """
+
+    def __init__(self, vertices: Tensor, points: Tensor, weights: tuple[float, float], scale: float) -> None:
+        self.vertices, self.points, self.weights, self.scale = vertices, points, weights, scale
+        self.vertex_tree, self.point_tree = cKDTree(vertices.numpy()), cKDTree(points.numpy())
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3) of each point."""
@@ -151,16 +153,8 @@ class FloorTerm:
         ]
 
 
-class TranslationPrior:
-    """Quadratic prior of the translation t: ``weight |t - place|^2``, with the preferred translation ``place``."""
-
-    def __init__(self, place: Tensor, weight: float) -> None:
-        self.place, self.weight = place, weight
+class Term(Protocol):
+    """Summand of the energy of stage 2."""
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        slope = torch.eye(4, dtype=torch.float64)[:3][None]
-        weight = x.new_tensor([self.weight])
-        return [Residuals((x - self.place)[None, :3], slope, weight, math.inf)]
-
-
-Term = ReprojectionTerm | ChamferTerm | FloorTerm | TranslationPrior
+        """Return the residuals at x (4,)."""

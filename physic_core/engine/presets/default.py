@@ -12,9 +12,12 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, VisibilitySettings
+from physic_core.engine.joint.schedule import minimise_with_late_terms
+from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, Progress, VisibilitySettings
 from physic_core.engine.joint.state import State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
@@ -88,9 +91,9 @@ class DefaultOptimisation(JointSettings):
             people_by_size=True,
         )
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
-        return weighted_keypoints(problem, person_px, observed, self.reprojection)
+        return weighted_keypoints(problem, person_px, self.reprojection)
 
     def initial_state(self, context: JointContext) -> State:
         """Return whitened parameters, with a depth offset for each person."""
@@ -138,6 +141,7 @@ class DefaultOptimisation(JointSettings):
             BalanceTerm(self.balance, context, contact),
         ]
 
-    def late_terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """Return the people term, which needs all of them near their places."""
-        return [PeopleTerm(self.contact, self.penetration, context)]
+    def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
+        """Minimise the energy; the people term is added at the end, since it needs all of them near their places."""
+        late = [PeopleTerm(self.contact, self.penetration, energy.context)]
+        return minimise_with_late_terms(energy, self.optimiser, late, progress)

@@ -14,34 +14,19 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
-from physic_core.engine.scene.cleaning import KNN_SHARE, edge_ratio, outlier_mask
-from physic_core.engine.scene.floor import (
-    feet_on_floor,
-    floor_diagnostics,
-    floor_grid,
-    search_floor,
-)
+from physic_core.engine.scene.camera import Cameras, scene_camera
+from physic_core.engine.scene.floor import feet_on_floor, floor_diagnostics
+from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.settings import SceneSettings
 from physic_core.errors import BackendOutputError
-from physic_core.geometry.alignment import (
-    Alignment,
-    AlignmentOptions,
-    align,
-    apply_alignment,
-    released_alignment_options,
-)
+from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.floor import FloorEvidence, PlaneFit
-from physic_core.geometry.plane import height_over_plane, sample_plane
-from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, normals
-from physic_core.geometry.published_pointmap import published_normal_outliers, published_normals
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["ALIGN_TOLERANCE", "MIN_ALIGN_INLIER_SHARE", "SceneState", "alignment_diagnostics", "build_scene"]
-
-ALIGN_TOLERANCE = 0.1
-"""Largest difference of point map and metric depth at an inlier, as a share of the depth."""
+__all__ = ["MIN_ALIGN_INLIER_SHARE", "SceneState", "alignment_diagnostics", "build_scene"]
 
 MIN_ALIGN_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
@@ -116,13 +101,12 @@ def build_scene(
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
     settings, evidence = settings or SceneSettings(), floor_evidence or FloorEvidence()
-    cameras = cameras or Cameras()
-    if settings.intrinsics == "both":
-        points, metric_depth, cameras = convert_to_common_camera(points, metric_depth, cameras)
-    alignment = _align_to_metric(points, valid, unknown, metric_depth, cameras, settings)
-    placed, known, camera = _metric_points(points, valid, metric_depth, alignment, cameras, settings)
-    surface, edges, outliers = _surface(placed, known, settings)
-    search = search_floor(placed, known & ~outliers, surface, evidence, settings.floor)
+    method = settings.method()
+    points, metric_depth, cameras = method.share_camera(points, metric_depth, cameras or Cameras())
+    alignment = _align_to_metric(points, valid, unknown, metric_depth, cameras, method)
+    placed, known, camera = _metric_points(points, valid, metric_depth, alignment, cameras, method)
+    surface, edges, outliers = method.surface(placed, known)
+    search = method.search_floor(placed, known & ~outliers, surface, evidence)
     floor = search.plane
     if floor is not None:
         # A floor at a grazing angle resembles a depth edge: keep points on its plane.
@@ -136,11 +120,9 @@ def build_scene(
     clean = known & ~edges & ~outliers
     if floor is None:
         floor_points = placed.new_zeros((0, 3))
-    elif settings.floor == "metric":
-        floor_points = floor_grid(floor, placed[known])
     else:
         feet = feet_on_floor(floor, evidence.feet_px, camera, settings.far_m)
-        floor_points = sample_plane(floor.normal, floor.offset, placed[clean], centres=feet)
+        floor_points = method.sample_floor(floor, placed[known], placed[clean], feet)
     return SceneState(
         points=placed,
         normals=surface,
@@ -170,7 +152,7 @@ def _align_to_metric(
     unknown: AffineAmbiguity,
     metric_depth: Tensor,
     cameras: Cameras,
-    settings: SceneSettings,
+    method: SceneMethod,
 ) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
     metric_valid = _positive(metric_depth)
@@ -185,10 +167,8 @@ def _align_to_metric(
         target = depth_to_pointmap(depth, camera.to(depth))
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
-    as_printed = settings.align_residual == "metric"
-    options = released_alignment_options(ALIGN_TOLERANCE) if as_printed else AlignmentOptions(ALIGN_TOLERANCE)
     axes: Literal["xyz", "z"] = "z" if camera is None else "xyz"
-    return align(points, valid, target, metric_valid, unknown, options=options, axes=axes)
+    return align(points, valid, target, metric_valid, unknown, options=method.alignment, axes=axes)
 
 
 def _metric_points(
@@ -197,37 +177,21 @@ def _metric_points(
     metric_depth: Tensor,
     alignment: Alignment,
     cameras: Cameras,
-    settings: SceneSettings,
+    method: SceneMethod,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 
-    They come from the metric depth alone if ``settings.source`` selects it, or if the alignment has no inliers.
+    They come from the metric depth alone if the method selects it, or if the alignment has no inliers.
     """
-    if alignment.inlier_share > 0 and settings.source == "pointmap":
+    if method.uses_pointmap and alignment.inlier_share > 0:
         placed, known = apply_alignment(points, alignment), valid
     else:
-        placed = depth_to_pointmap(metric_depth, scene_camera(points, valid, cameras, "metric"))
+        placed = depth_to_pointmap(metric_depth, scene_camera(points, valid, cameras))
         known = _positive(metric_depth)
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
-    camera = scene_camera(placed, known, cameras, settings.intrinsics)
-    if cameras.given is not None or settings.intrinsics != "pointmap":
-        placed = depth_to_pointmap(placed[..., 2], camera)
+    placed, camera = method.place_on_rays(placed, known, cameras)
     placed = torch.where(known[..., None], placed, 0.0)
-    return placed, known & (placed[..., 2] <= settings.far_m), camera
-
-
-def _surface(points: Tensor, known: Tensor, settings: SceneSettings) -> tuple[Tensor, Tensor, Tensor]:
-    """Return normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
-    rows, columns = known.shape
-    ratio = edge_ratio(settings.outliers, rows, columns)
-    released = settings.normals == "released"
-    surface = published_normals(points, known) if released else normals(points, known, ratio)
-    edges = depth_edges(points[..., 2], known, ratio)
-    outliers = outlier_mask(points, known & ~edges, settings.outliers)
-    if released:
-        kept = known & ~edges & ~outliers
-        outliers[kept] = published_normal_outliers(points[kept], surface[kept], int(KNN_SHARE * min(rows, columns)))
-    return surface, edges, outliers
+    return placed, known & (placed[..., 2] <= method.settings.far_m), camera
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:

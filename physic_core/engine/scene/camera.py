@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import torch
 from torch import Tensor
@@ -58,26 +57,20 @@ def convert_to_common_camera(points: Tensor, depth: Tensor, cameras: Cameras) ->
     return points, depth, replace(cameras, metric_depth=common)
 
 
-def scene_camera(
-    points: Tensor,
-    valid: Tensor,
-    cameras: Cameras,
-    preferred: Literal["both", "metric", "pointmap"] = "both",
-) -> Tensor:
-    """Return the intrinsics (3, 3) float64: given ones, else of the preferred source, else from the point map.
+def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
+    """Return the intrinsics (3, 3) float64: given ones, else those of the metric depth, else from the point map.
 
     Args:
         points: (H, W, 3) point map, any unit.
         valid: (H, W) bool.
         cameras: of the photo.
-        preferred: see ``SceneSettings.intrinsics``.
 
     Raises:
         BackendOutputError: the camera cannot be estimated from the point map.
     """
     if cameras.given is not None:
         return cameras.given.to(points.device, torch.float64)
-    if cameras.metric_depth is not None and preferred != "pointmap":
+    if cameras.metric_depth is not None:
         return cameras.metric_depth.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
     return intrinsics_matrix(fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device))

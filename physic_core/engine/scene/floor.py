@@ -1,34 +1,20 @@
-"""Floor plane of stage 1: fit it by the configured method, and sample points on it."""
+"""Floor plane of stage 1: of a relative point map, feet on it, and its diagnostics."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 from torch import Tensor
 
-from physic_core.geometry import floor as disparity_floor
-from physic_core.geometry import floor_metric
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit, fit_floor
-from physic_core.geometry.published_pointmap import published_floor_grid
 
-__all__ = [
-    "feet_on_floor",
-    "fit_relative_floor",
-    "floor_diagnostics",
-    "floor_grid",
-    "min_inlier_share",
-    "search_floor",
-]
-
-Strategy = Literal["disparity", "metric", "off"]
-
-_GRID_SIDE = 100  # floor points along each side, as released
+__all__ = ["feet_on_floor", "fit_relative_floor", "floor_diagnostics"]
 
 
 def fit_relative_floor(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: Strategy = "disparity"
+    points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: str = "disparity"
 ) -> PlaneFit | None:
     """Fit the floor to a relative point map of any unit; return None if no floor is found.
 
@@ -39,27 +25,6 @@ def fit_relative_floor(
         strategy: see ``SceneSettings.floor``; all but "off" fit in inverse depth, since the scale is unknown.
     """
     return None if strategy == "off" else fit_floor(points, valid, evidence).plane
-
-
-def search_floor(
-    points: Tensor, valid: Tensor, normals: Tensor, evidence: FloorEvidence, strategy: Strategy
-) -> FloorSearch:
-    """Find the floor in a metric point map (H, W, 3) with normals (H, W, 3), by a method of ``SceneSettings.floor``."""
-    if strategy == "off":
-        return FloorSearch(None, "switched_off")
-    if strategy == "metric":
-        return floor_metric.fit_floor_metric(points, normals, valid, evidence.mask)
-    return fit_floor(points, valid, evidence, normals)
-
-
-def min_inlier_share(strategy: Strategy) -> float:
-    """Return the minimum share of inliers for the acceptance of a floor."""
-    return floor_metric.MIN_INLIER_SHARE if strategy == "metric" else disparity_floor.MIN_INLIER_SHARE
-
-
-def floor_grid(floor: PlaneFit, scene: Tensor) -> Tensor:
-    """Sample 10000 floor points (10000, 3) over the extent of the scene (P, 3), metres, as in the released code."""
-    return published_floor_grid(floor.normal, floor.offset, scene, _GRID_SIDE)
 
 
 def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:

@@ -35,32 +35,32 @@ _NO_FLOOR = {
 
 def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
     """Run the self-checks of the photo."""
-    from physic_core.engine.placement import human_points
-    from physic_core.engine.scene import build
+    from physic_core.engine.placement.human_points import MIN_ALIGN_INLIER_SHARE as MIN_PHOTO_SHARE
+    from physic_core.engine.scene.build import MIN_ALIGN_INLIER_SHARE as MIN_SCENE_SHARE
 
     report = solution.diagnostics
-    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
+    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene.method()
     yield check_value(
         "scene_alignment",
-        None if scene.source == "metric_depth" else share,
+        share if scene.uses_pointmap else None,
         f"the scene's scale is doubtful: point map and metric depth agree on {share:.0%} of the pixels within "
-        f"{build.ALIGN_TOLERANCE:.0%}: try another backend for metric depth or point map"
+        f"{scene.alignment.tolerance:.0%}: try another backend for metric depth or point map"
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
         unmeasured="the settings of the engine use the metric depth alone",
-        threshold=build.MIN_ALIGN_INLIER_SHARE,
+        threshold=MIN_SCENE_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"] if "placement" in report else None
     yield check_value(
         "photo_alignment",
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
-        f"{share:.0%} of the background within {human_points.ALIGN_TOLERANCE:.0%}: "
+        f"{share:.0%} of the background within {settings.placement.method().alignment.tolerance:.0%}: "
         "try another backend for inpainting or point map"
         if share
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
         unmeasured=_NO_PEOPLE,
-        threshold=human_points.MIN_ALIGN_INLIER_SHARE,
+        threshold=MIN_PHOTO_SHARE,
     )
     yield from _check_floor(report["scene"]["floor"], settings)
     yield _check_tilt(solution)
@@ -75,8 +75,6 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
 
 
 def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterator[CheckResult]:
-    from physic_core.engine.scene.floor import min_inlier_share
-
     reason = report["reason"]
     instead = "people are not held to the ground, and heights are unknown"
     if report.get("source") == "people":
@@ -89,7 +87,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         "use a photo that shows the ground at the feet",
         unmeasured="the settings of the engine search no floor",
         failed=reason != "found",
-        threshold=min_inlier_share(settings.scene.floor),
+        threshold=settings.scene.method().min_floor_share,
     )
     wrong = report["mask_reason"]
     followed = report.get("source") == "floor mask"

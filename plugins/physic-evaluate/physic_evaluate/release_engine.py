@@ -105,11 +105,11 @@ def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
         InputError: there is no SMPL-X file.
     """
     from physic_core.engine.joint.solve import optimize
-    from physic_core.engine.presets import PRESETS
+    from physic_core.engine.presets import DEFAULT
 
     arrays = archive_arrays(file)
     problem = release_problem(arrays, file, bodies)
-    result = optimize(problem, PRESETS["default"].joint.without("depth"))
+    result = optimize(problem, DEFAULT.joint.without("depth"))
     vertices = result.vertices.detach().cpu().numpy()
     K, points, normals = release_scene(arrays, file)
     points = result.scene_scale * points

@@ -12,7 +12,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
-from physic_core.engine.joint.visibility import person_masks, sample_mask_neighbours
+from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.errors import PhysicError
 from physic_core.geometry.visibility import inside_image
 
@@ -72,9 +72,8 @@ class DepthTerm:
         """Select visible vertices away from the mask's border, and weigh them by their area in pixels."""
         context, visibility = self._context, snapshot.visibility
         self.log_map_depth, known = _sample(context.log_depth, visibility.uv)
-        well_inside = sample_mask_neighbours(visibility.uv, person_masks(context), context.person_px * _EDGE_SHARE).all(
-            0
-        )
+        edge_px = context.person_px * _EDGE_SHARE
+        well_inside = sample_mask_neighbours(visibility.uv, context.problem.masks, edge_px).all(0)
         shown = visibility.unobstructed & known & well_inside & visibility.eligible
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)

@@ -12,7 +12,6 @@ from physic_core.engine.bounds import NotNegative, Positive, Share
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.limbs import keypoints_of_observed_limbs
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.robust_sum import offset_loss
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
@@ -21,10 +20,10 @@ from physic_core.geometry.visibility import inside_image
 __all__ = [
     "ReprojectionSettings",
     "ReprojectionTerm",
-    "confident_keypoints",
     "finite_keypoints",
     "reprojection_energy",
     "weighted_keypoints",
+    "weights_inside_image",
 ]
 
 _INVISIBLE_WEIGHT = 0.4  # of keypoints on invisible limbs, which detectors extrapolate from the visible ones
@@ -54,9 +53,7 @@ class ReprojectionSettings:
         return partial(robust_loss, "cauchy", c=self.outlier_sigmas)
 
 
-def reprojection_energy(
-    projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss, *, per_axis: bool = False
-) -> Tensor:
+def reprojection_energy(projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss) -> Tensor:
     """Return the energy L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) / unit|^2)``, unit in px.
 
     Args:
@@ -64,19 +61,16 @@ def reprojection_energy(
         observed: (B, J, 2) px, finite.
         weight: (B, J), 0 for keypoints that are left out.
         unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and height.
-        per_axis: the robust loss is applied to each axis.
     """
     error = (projected - observed) / unit[:, None]
-    return (weight * offset_loss(error.square(), rho, per_axis=per_axis)).sum(-1)
+    return (weight * rho(error.square().sum(-1))).sum(-1)
 
 
 class ReprojectionTerm(Term):
     """Reprojection term L_j2d of all keypoints, with the arguments of :func:`reprojection_energy`."""
 
-    def __init__(
-        self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss, *, per_axis: bool = False
-    ) -> None:
-        self._context, self._weight, self._unit, self._rho, self._per_axis = context, weight, unit, rho, per_axis
+    def __init__(self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss) -> None:
+        self._context, self._weight, self._unit, self._rho = context, weight, unit, rho
         self.weights = {"reprojection": context.keypoints.weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
@@ -85,9 +79,7 @@ class ReprojectionTerm(Term):
             return {}
         keypoints = self._context.keypoints
         projected = project(bodies.keypoints, self._context.problem.K)
-        energy = reprojection_energy(
-            projected, keypoints.points, keypoints.weight, self._unit, self._rho, per_axis=self._per_axis
-        )
+        energy = reprojection_energy(projected, keypoints.points, keypoints.weight, self._unit, self._rho)
         return {"reprojection": self._weight * energy}
 
 
@@ -99,36 +91,26 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(
-    problem: JointProblem, person_px: Tensor, observed: Tensor, settings: ReprojectionSettings
-) -> Keypoints:
+def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> Keypoints:
     """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs.
 
     Args:
         problem: with finite people only.
         person_px: (B,) stature in px.
-        observed: (B, 55) bool, visible joints.
+        settings: of the term.
     """
     points, confidence = finite_keypoints(problem)
     height, width = problem.masks.shape[-2:]
-    seen = keypoints_of_observed_limbs(problem.skeleton, observed)
+    seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed.bool())
     weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
     from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
     off_border = from_border > _BORDER_SHARE * person_px[:, None]
     weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence * off_border)
-    weight = _weights_inside_image(problem, points, weight)
+    weight = weights_inside_image(problem, points, weight)
     return Keypoints(points, weight, seen & (weight >= settings.min_confidence))
 
 
-def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> Keypoints:
-    """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
-    points, confidence = finite_keypoints(problem)
-    weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
-    weight = _weights_inside_image(problem, points, weight)
-    return Keypoints(points, weight, weight >= min_confidence)
-
-
-def _weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:
+def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:
     """Return the weights (B, J), multiplied by those of the skeleton, and 0 for keypoints outside the image."""
     weight = weight * inside_image(points, *problem.masks.shape[-2:])
     skeleton = problem.skeleton

@@ -117,14 +117,12 @@ def measure_speed(
     Raises:
         ConfigError: a section, size or preset does not exist, or ``repeats`` is below 1.
     """
+    from physic_core import engine_preset
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
-    from physic_core.engine.presets import PRESETS
 
     _check(repeats, sections, sizes, people)
-    if preset not in PRESETS:
-        raise ConfigError(f"no engine preset named {preset!r}: there are {', '.join(sorted(PRESETS))}")
-    bench = _SpeedBenchmark(load_body("embedded"), PRESETS[preset].joint, repeats, size, seed)
+    bench = _SpeedBenchmark(load_body("embedded"), engine_preset(preset).joint, repeats, size, seed)
     measures: dict[str, Callable[[], tuple[list[SpeedRow], list[str]]]] = {
         "floor": bench.floor,
         "nearest": bench.nearest,

@@ -38,10 +38,7 @@ def nearest_rows(
     vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
     some = vertices.reshape(-1, 3)[:: -(-vertices[..., 0].numel() // _SAMPLE)]
     whole = NearestPointSearch(points, normals, _RADIUS_M, "brute")
-    names: dict[str, Strategy] = {
-        "k-d tree, bounded (default)": "kdtree",
-        "grid of 128^3 nodes, each searched when first met": "grid",
-    }
+    names: dict[str, Strategy] = {"k-d tree, bounded (default)": "kdtree"}
 
     def search(strategy: Strategy) -> None:
         scene = _gather(points, normals, vertices, strategy)

@@ -60,7 +60,7 @@ def ablation_rows(preset: str) -> tuple[Row, ...]:
     Raises:
         ConfigError: the engine has no such preset.
     """
-    from physic_core.engine.presets.ablation import rows
+    from physic_testing.bench.ablation import rows
 
     settings = rows(preset)
     return (Row(START, "start (the estimators' own)", None), *(Row(_KEYS[n], n, settings[n]) for n in _KEYS))
@@ -76,10 +76,11 @@ def select_rows(preset: str, keys: Sequence[str]) -> tuple[Row, ...]:
     Raises:
         ConfigError: no row or preset has this key.
     """
-    from physic_core.engine.presets import PRESETS
+    from physic_core import engine_preset, engine_preset_names
 
     rows = ablation_rows(preset)
-    others = tuple(Row(name, f"preset {name}", found) for name, found in PRESETS.items() if name not in _KEYS.values())
+    names = [name for name in engine_preset_names() if name not in _KEYS.values()]
+    others = tuple(Row(name, f"preset {name}", engine_preset(name)) for name in names)
     known = [row.key for row in (*rows, *others)]
     for key in keys:
         if key not in known:

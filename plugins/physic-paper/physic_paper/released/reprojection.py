@@ -6,6 +6,7 @@ The sum is divided by 133 for every joint set, so that each keypoint has the sam
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
@@ -14,10 +15,15 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints
 from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import near_mask
 from physic_core.types.skeletons import Skeleton, is_finger
 
-__all__ = ["ReleasedReprojectionTerm", "released_keypoint_weights", "released_keypoints", "released_reprojection"]
+__all__ = [
+    "ReleasedReprojectionTerm",
+    "near_mask",
+    "released_keypoint_weights",
+    "released_keypoints",
+    "released_reprojection",
+]
 
 _LEAST_CONFIDENCE = 0.5
 _LEAST_HAND_CONFIDENCE = 0.7
@@ -98,6 +104,19 @@ class ReleasedReprojectionTerm(Term):
         people = len(projected)
         error = released_reprojection(projected, keypoints.points, keypoints.weight, self._size, people)
         return {"reprojection": self._weight * error} if self._weight else {}
+
+
+def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
+    """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (..., 2): (...) bool.
+
+    An integral image makes the time independent of ``reach``.
+    """
+    height, width = mask.shape
+    sums = F.pad(mask.long().cumsum(0).cumsum(1), (1, 0, 1, 0))
+    u, v = uv.round().long().unbind(-1)
+    left, right = (u - reach).clamp(0, width), (u + reach + 1).clamp(0, width)
+    top, bottom = (v - reach).clamp(0, height), (v + reach + 1).clamp(0, height)
+    return (sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]) > 0
 
 
 def _is_body_or_foot(name: str) -> bool:

@@ -13,27 +13,27 @@ import pytest
 import torch
 from torch import Tensor
 
+from physic_core import engine_preset
 from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.limbs import limb_part_indices
-from physic_core.engine.joint.released.reprojection import released_keypoint_weights
-from physic_core.engine.joint.released.visibility import mean_face_normals, visible_part_shares
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
-from physic_core.engine.presets import PRESETS
 from physic_core.engine.scene.build import build_scene
 from physic_core.engine.scene.camera import Cameras
-from physic_core.engine.scene.cleaning import outlier_mask
 from physic_core.geometry.floor import FloorEvidence
-from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.published_pointmap import published_normals
 from physic_core.types import SKELETONS
+from physic_paper.grid_search import GridSearch
+from physic_paper.outliers import image_outliers
+from physic_paper.released.pointmap import published_normals
+from physic_paper.released.reprojection import released_keypoint_weights
+from physic_paper.released.visibility import mean_face_normals, visible_part_shares
 
 from .published import JOINT_SETS, SKELETON, Published
 
-FILE = Path(__file__).parents[3] / "shared" / "data" / "release" / "problem_one.npz"
-RELEASE = PRESETS["release"]
+FILE = Path(__file__).parents[4] / "shared" / "data" / "release" / "problem_one.npz"
+RELEASE = engine_preset("release")
 TERMS = ("j2d", "depth", "contact", "penetration", "reg")
 WEIGHTS = {"j2d": 10_000.0, "depth": 0.005, "contact": 0.7, "penetration": 0.3, "reg": 45.0}
 STATES = (
@@ -162,7 +162,7 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published: Published) -> N
 
 def test_nearest_points_are_those_of_the_published_grid(published: Published) -> None:
     points = torch.cat([published.scene[0], published.floor])
-    scene = NearestPointSearch(points, torch.zeros_like(points), 10.0, RELEASE.joint.energy_options.nearest)
+    scene = GridSearch(points, torch.zeros_like(points), 10.0)
     query = published["one/in/knn/query"]
     found = scene.query(query)
     same = found.index == published["one/out/knn/s1.0/idx"].long()
@@ -259,8 +259,9 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
 def test_outliers_are_the_published_ones(published: Published) -> None:
     points = published.points()
     valid = torch.isfinite(points).all(-1)
-    drop = outlier_mask(torch.where(valid[..., None], points, 0.0), valid, RELEASE.scene.outliers)
-    assert torch.equal(valid & ~drop, published.bits("one/out/pre/inlier_points"))
+    kept = valid.clone()
+    kept[valid] = ~image_outliers(points[valid], *valid.shape)
+    assert torch.equal(kept, published.bits("one/out/pre/inlier_points"))
     person = published.human_map()
     kept = human_points(
         person, torch.isfinite(person).all(-1), published.bits("one/in/person_pixel"), RELEASE.placement

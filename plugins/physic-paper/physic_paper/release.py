@@ -34,19 +34,19 @@ from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.released.regularisation import ReleasedRegularisationTerm
-from physic_core.engine.joint.released.reprojection import ReleasedReprojectionTerm, released_keypoints
-from physic_core.engine.joint.released.visibility import update_released_visibility
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
-from physic_core.engine.joint.terms.chamfer import ChamferTerm
-from physic_core.engine.joint.terms.point_contact import PointContactTerm
-from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
-from physic_core.engine.joint.terms.printed_regularisation import PrintedRegularisationSettings
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
-from physic_core.engine.presets.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings
 from physic_core.geometry.robust import robust_loss
+from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings
+from physic_paper.released.regularisation import ReleasedRegularisationTerm
+from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
+from physic_paper.released.visibility import update_released_visibility
+from physic_paper.terms.chamfer import ChamferTerm, human_points_of
+from physic_paper.terms.point_contact import PointContactTerm
+from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
+from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings
 
 __all__ = ["ReleaseOptimisation", "ReleaseReprojectionSettings"]
 
@@ -89,10 +89,15 @@ class ReleaseOptimisation(PaperOptimisation):
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """Options of the energy: as in the paper, with the masks and the facing angle of the released code."""
-        return replace(super().energy_options, facing_deg=_FACING_DEG, merge_masks=True)
+        """Options of the energy: as in the paper, with the facing angle of the released code."""
+        return replace(super().energy_options, facing_deg=_FACING_DEG)
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem with all limbs visible, and the union of all masks as the mask of each person."""
+        masks = problem.masks.any(0, keepdim=True).expand_as(problem.masks)
+        return replace(super().prepare(problem), masks=masks, human_points=human_points_of(problem))
+
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints with the keypoint weights of the released code."""
         return released_keypoints(problem)
 

@@ -38,7 +38,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
@@ -48,20 +48,22 @@ from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import AdamSettings, JointSettings
-from physic_core.engine.joint.state import State, build_unwhitened_state
+from physic_core.engine.joint.settings import JointSettings
+from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.chamfer import ChamferSettings, ChamferTerm
-from physic_core.engine.joint.terms.point_contact import PointContactSettings, PointContactTerm
-from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
-from physic_core.engine.joint.terms.printed_regularisation import (
-    PrintedRegularisationSettings,
-    PrintedRegularisationTerm,
-)
-from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
+from physic_core.engine.joint.terms.reprojection import ReprojectionTerm
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
+from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
+from physic_paper.adam import AdamSettings
+from physic_paper.grid_search import GridSearch
+from physic_paper.terms.chamfer import ChamferSettings, ChamferTerm
+from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
+from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
+from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
+from physic_paper.terms.reprojection import confident_keypoints
+from physic_paper.unwhitened_state import build_unwhitened_state
 
 __all__ = ["CONTACT_RANGE_M", "PaperOptimisation", "PaperReprojectionSettings", "PaperVisibilitySettings"]
 
@@ -121,23 +123,33 @@ class PaperOptimisation(JointSettings):
     penetration: PointPenetrationSettings = field(default_factory=PointPenetrationSettings)
     regularisation: PrintedRegularisationSettings = field(default_factory=PrintedRegularisationSettings)
 
+    nearest_every_step: ClassVar[bool] = True
+
     @property
     def energy_options(self) -> EnergyOptions:
-        """Options of the energy: all limbs count as visible, and samples of the floor are scene points."""
+        """Options of the energy: all vertices, and samples of the floor are scene points."""
         return EnergyOptions(
             search_radius_m=max(CONTACT_RANGE_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,
             mask_tolerance=0.0,
             vertex_spacing_m=0.0,
-            count_vertices=True,
-            observed_limbs_only=False,
             static_contacts=self.contact.source == "static",
-            floor="points",
-            nearest="grid",
-            nearest_every_step=True,
+            floor_samples=True,
         )
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem with all limbs visible."""
+        return replace(problem, observed=torch.ones_like(problem.observed))
+
+    def weigh_vertices(self, area_m2: Tensor) -> Tensor:
+        """Return 1 for each vertex."""
+        return torch.ones_like(area_m2)
+
+    def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
+        """Return the grid over the whole scene, since its nodes depend on the extent of the scene."""
+        return GridSearch(context.surface, context.surface_normals, context.options.search_radius_m)
+
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
         found = confident_keypoints(problem, _MIN_CONFIDENCE)
         if self.reprojection.reduction == "sum":

@@ -14,7 +14,7 @@ Deviations from the publication:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
@@ -22,18 +22,22 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import FrozenGroups, NotNegative
+from physic_core.engine.joint.acceptance import term_totals
 from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings, LbfgsSettings
-from physic_core.engine.joint.state import State, build_unwhitened_state
+from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, Progress
+from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
-from physic_core.engine.joint.terms.point_contact import PointContactTerm
-from physic_core.engine.joint.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
-from physic_core.engine.joint.terms.printed_regularisation import ParameterPriorTerm
-from physic_core.engine.joint.terms.reprojection import ReprojectionTerm, confident_keypoints
 from physic_core.geometry.robust import robust_loss
+from physic_paper.terms.point_contact import PointContactTerm
+from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
+from physic_paper.terms.printed_regularisation import ParameterPriorTerm
+from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
+from physic_paper.unwhitened_state import build_unwhitened_state
 
 __all__ = ["ProxContactSettings", "ProxOptimisation", "ProxPriorSettings", "ProxReprojectionSettings"]
 
@@ -44,6 +48,7 @@ _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
 _CONTACT_ANGLE_DEG = 45.0
 _VERTICES_PER_DM2 = 60.0  # vertices per square decimetre of the mesh that PROX sums over
 _POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; halved, since a rotation is two columns
+_ALONE_SHARE = 0.75  # of the steps, before contact and penetration are added
 _FACING_DEG, _MASK_TOLERANCE, _VERTEX_SPACING_M = 70.0, 0.01, 0.02
 
 
@@ -106,23 +111,24 @@ class ProxOptimisation(JointSettings):
     prior: ProxPriorSettings = field(default_factory=ProxPriorSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
 
-    scene_start_share: ClassVar[float] = 0.75
+    nearest_every_step: ClassVar[bool] = True
 
     @property
     def energy_options(self) -> EnergyOptions:
-        """Options of the energy: static contacts, all limbs count as visible, and no floor."""
+        """Options of the energy: static contacts."""
         return EnergyOptions(
             search_radius_m=max(_SEARCH_RADIUS_M, self.penetration.max_depth_m),
             facing_deg=_FACING_DEG,
             mask_tolerance=_MASK_TOLERANCE,
             vertex_spacing_m=_VERTEX_SPACING_M,
-            observed_limbs_only=False,
             static_contacts=True,
-            floor="ignored",
-            nearest_every_step=True,
         )
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor, observed: Tensor) -> Keypoints:
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem with all limbs visible and without a floor."""
+        return replace(problem, observed=torch.ones_like(problem.observed), floor_normal=None)
+
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints, weighted by squared confidence."""
         return confident_keypoints(problem, power=2.0)
 
@@ -132,16 +138,15 @@ class ProxOptimisation(JointSettings):
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of PROX without self-penetration and bending prior."""
-        unit = torch.full_like(context.person_px[:, None], max(context.problem.masks.shape[-2:]) / _FULL_HD_PX)
+        unit = max(context.problem.masks.shape[-2:]) / _FULL_HD_PX
         others = dict.fromkeys(("root", "translation", "offset"), 0.0)
         p = self.prior
         return [
-            ReprojectionTerm(
+            ReprojectionByAxisTerm(
                 context,
                 self.reprojection.weight,
                 unit,
                 partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
-                per_axis=True,
             ),
             PointContactTerm(
                 context,
@@ -162,3 +167,26 @@ class ProxOptimisation(JointSettings):
             ),
             LimitTerm(self.limits),
         ]
+
+    def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
+        """Minimise the energy from its present state, in place, at first without contact and penetration."""
+        alone = round(_ALONE_SHARE * self.optimiser.steps)
+        if not alone:
+            return super().minimise(energy, progress)
+        origin, terms = energy.state.pack(), energy.terms
+        energy.terms = tuple(t for t in terms if not isinstance(t, PointContactTerm | PointPenetrationTerm))
+        first = replace(self.optimiser, steps=alone).minimise(
+            energy, None if progress is None else lambda share: progress(_ALONE_SHARE * share)
+        )
+        energy.terms = terms
+        energy.refresh()
+        second = replace(self.optimiser, steps=self.optimiser.steps - alone).minimise(
+            energy, None if progress is None else lambda share: progress(_ALONE_SHARE + (1 - _ALONE_SHARE) * share)
+        )
+        final = energy.state.pack()
+        energy.state.load(origin)
+        with torch.no_grad():
+            start = term_totals(energy())
+        energy.state.load(final)
+        evaluations, steps = first.evaluations + second.evaluations, first.steps + second.steps
+        return replace(second, start=start, evaluations=evaluations, steps=steps)

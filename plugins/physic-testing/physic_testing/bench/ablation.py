@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from physic_core.engine.presets import PRESETS
+from physic_core import engine_preset
 from physic_core.engine.settings import EngineSettings, with_overrides
-from physic_core.errors import ConfigError
 
 __all__ = ["ABLATION", "Row", "rows"]
 
@@ -32,7 +31,7 @@ class Row:
 
     def settings(self, full: EngineSettings) -> EngineSettings:
         """Return the settings of this row, given those of the full model."""
-        base = full if self.preset is None else PRESETS[self.preset]
+        base = full if self.preset is None else engine_preset(self.preset)
         return with_overrides(base, self.overrides)
 
 
@@ -42,9 +41,8 @@ def rows(base_preset: str = "default") -> dict[str, EngineSettings]:
     Raises:
         ConfigError: unknown preset.
     """
-    if base_preset not in PRESETS:
-        raise ConfigError(f"no engine preset named '{base_preset}'; there are: {', '.join(sorted(PRESETS))}")
-    return {row.name: row.settings(PRESETS[base_preset]) for row in ABLATION}
+    full = engine_preset(base_preset)
+    return {row.name: row.settings(full) for row in ABLATION}
 
 
 def _without(*parts: Overrides) -> dict[str, dict[str, Any]]:

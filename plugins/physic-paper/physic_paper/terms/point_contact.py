@@ -12,8 +12,8 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.contact_state import ContactState
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.robust_sum import offset_loss
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
+from physic_paper.terms.reprojection import offset_loss
 
 __all__ = ["PointContactSettings", "PointContactTerm", "squared_offsets"]
 

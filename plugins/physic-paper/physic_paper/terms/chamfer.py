@@ -16,7 +16,7 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["ChamferSettings", "ChamferTerm", "HumanPoints", "chamfer_energy"]
+__all__ = ["ChamferSettings", "ChamferTerm", "HumanPoints", "chamfer_energy", "human_points_of"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,15 @@ def chamfer_energy(
     return to_points + point_weight * to_vertices
 
 
+def human_points_of(problem: JointProblem) -> tuple[Tensor, ...] | None:
+    """Return the human points of each person (m, 3), metres; unprojected from the depth map if there are none."""
+    depth = problem.human_depth
+    if problem.human_points is not None or depth is None:
+        return problem.human_points
+    points = unproject(pixel_grid(depth.shape[0], depth.shape[1], depth), depth, problem.K)
+    return tuple(points[mask & (depth > 0)] for mask in problem.masks)
+
+
 @dataclass(frozen=True)
 class HumanPoints(ShortRepr):
     """Points of each person in the unscaled scene, with k-d trees.
@@ -70,18 +79,13 @@ class HumanPoints(ShortRepr):
         Raises:
             PhysicError: the problem has neither.
         """
-        if problem.human_points is not None:
-            clouds = list(problem.human_points)
-        elif problem.human_depth is not None:
-            depth = problem.human_depth
-            points = unproject(pixel_grid(depth.shape[0], depth.shape[1], depth), depth, problem.K)
-            clouds = [points[mask & (depth > 0)] for mask in problem.masks]
-        else:
+        known = human_points_of(problem)
+        if known is None:
             raise PhysicError(
                 "the depth term compares point clouds, but there are neither human_points nor human_depth: give one,"
                 " or set engine.joint.depth.weight = 0"
             )
-        clouds = [c[torch.isfinite(c).all(-1)] for c in clouds]
+        clouds = [c[torch.isfinite(c).all(-1)] for c in known]
         step = [max(1, -(-len(c) // most)) if most else 1 for c in clouds]
         picked = tuple(c[::k] for c, k in zip(clouds, step, strict=True))
         share = tuple(len(c) / max(1, len(p)) for c, p in zip(clouds, picked, strict=True))

@@ -20,7 +20,6 @@ from physic_core.body.parameters import parameters_from_rotations
 from physic_core.body.parts import PART_NAMES
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.geometry.published_pointmap import published_normals
 from physic_core.pipeline.estimate import Estimates
 from physic_core.types import (
     SKELETONS,
@@ -33,6 +32,7 @@ from physic_core.types import (
     Pointmap,
     Skeleton,
 )
+from physic_paper.released.pointmap import published_normals
 
 _WHOLE = SKELETONS["coco_wholebody133"]
 SKELETON = Skeleton("wholebody131", tuple(name for name in _WHOLE.names if not name.endswith("hand_root")))

@@ -1,0 +1,74 @@
+"""Presets of the engine by name: the core's "default", and the energies of installed plugins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.configuration.problems import did_you_mean
+from physic_core.discovery.catalog import ENERGIES, how_to_install
+from physic_core.discovery.installed import Installed, find_installed, import_target, why_unavailable
+from physic_core.discovery.records import EnergyRecord
+from physic_core.errors import ConfigError, PluginError
+
+if TYPE_CHECKING:
+    from physic_core.engine.settings import EngineSettings
+
+__all__ = ["DEFAULT_ENERGY", "check_engine_preset", "engine_preset", "engine_preset_names"]
+
+DEFAULT_ENERGY = "default"
+"""Name of the core's preset."""
+
+
+def engine_preset_names() -> tuple[str, ...]:
+    """Return the names of the core's preset and of those of installed plugins, sorted."""
+    return tuple(sorted({DEFAULT_ENERGY, *(energy.record.name for energy in find_installed(EnergyRecord))}))
+
+
+def check_engine_preset(name: str) -> None:
+    """Check that there is one preset of this name, without importing it.
+
+    Raises:
+        ConfigError: no preset has this name, or several plugins offer it; the message names the distribution of a
+            known one.
+    """
+    if name != DEFAULT_ENERGY:
+        _find(name)
+
+
+def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
+    """Return the settings of the engine of a preset, such as "default".
+
+    Raises:
+        ConfigError: no preset has this name, or several plugins offer it.
+        PluginError: the plugin cannot be imported, or its record names no settings.
+    """
+    # The terms of stage 3 import torch, which a configuration without engine settings does not need.
+    from physic_core.engine.presets import DEFAULT
+    from physic_core.engine.settings import EngineSettings
+
+    if name == DEFAULT_ENERGY:
+        return DEFAULT
+    found = _find(name)
+    settings = import_target(found, "energy")
+    if not isinstance(settings, EngineSettings):
+        raise PluginError(
+            f"the energy '{name}' of {found.origin} should be an EngineSettings, got {type(settings).__name__}"
+        )
+    return settings
+
+
+def _find(name: str) -> Installed[EnergyRecord]:
+    installed = find_installed(EnergyRecord)
+    found = [energy for energy in installed if energy.record.name == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        owners = " and ".join(sorted(energy.origin.distribution for energy in found))
+        raise ConfigError(f"the engine preset '{name}' is offered by {owners}: uninstall one of them")
+    if name in ENERGIES:
+        owner = ENERGIES[name]
+        raise ConfigError(
+            f"the engine preset '{name}' needs {owner}, which is {why_unavailable(owner)}: {how_to_install(owner)}"
+        )
+    names = sorted({DEFAULT_ENERGY, *ENERGIES, *(energy.record.name for energy in installed)})
+    raise ConfigError(f"no engine preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")

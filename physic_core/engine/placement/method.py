@@ -1,0 +1,233 @@
+"""What stage 2 does in each of its steps. An energy may replace some of them by a subclass.
+
+The default minimises for each person, by Gauss-Newton steps with nearest points updated at each step,
+
+    lambda_j2d mean_j rho(|pi(J_j + t) - u_j|^2 / size^2)
+    + lambda_d (mean_v min_p rho(|v + t - e^g p|^2) + mean_p min_v rho(|e^g p - v - t|^2))
+    + floor_weight rho(h(t)^2) + offset cost (g / sigma)^2
+
+over the translation t and the depth offset g. g is free if the person's feet are visible and there is a floor.
+Monocular depth places people farther away than the floor under their feet, so without g the body leaves the floor. If
+both feet without g are well above the floor, the person is on furniture or steps, and g is 0. Means and relative sizes
+make all terms independent of the resolution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.limbs import placement_keypoints
+from physic_core.engine.placement.background import dilate, nearness_to_people
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton, term_energy
+from physic_core.engine.placement.terms import (
+    FEWEST_KEYPOINTS,
+    NEAREST_M,
+    ChamferTerm,
+    FloorTerm,
+    PlacementProblem,
+    ReprojectionTerm,
+    Term,
+)
+from physic_core.engine.scene.cleaning import edge_ratio
+from physic_core.geometry.alignment import AlignmentOptions
+from physic_core.geometry.camera import project
+from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.pointmap import depth_edges, isolated_pixels
+from physic_core.geometry.visibility import facing, inside_mask
+from physic_core.types import Skeleton
+
+__all__ = ["ALIGN_TOLERANCE", "FEWEST_POINTS", "MAX_POINTS", "Fit", "PlacementMethod"]
+
+ALIGN_TOLERANCE = 0.15
+"""Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
+one surface."""
+
+FEWEST_POINTS = 50
+"""Least number of human points and of camera-facing vertices for Eq. 4."""
+
+MAX_POINTS = 3000
+"""Largest number of points of a person; the time of Eq. 4 is proportional to it."""
+
+_MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
+_FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
+_STAND_REACH_SHARE = 0.15  # upper limit of ``stand_reach_m`` as a share of the distance from the camera
+_ROUNDS = 2  # selections of camera-facing vertices
+_MOVED_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Translation and log depth offset by Eq. 3-4.
+
+    Attributes:
+        x: (4,).
+        seen: (V,) bool, the camera-facing vertices of Eq. 4.
+        chamfer_m: median distance before and after; None with too few points or vertices.
+        grounded: False for a person on furniture or steps.
+    """
+
+    x: Tensor
+    seen: Tensor
+    chamfer_m: tuple[float, float] | None = None
+    grounded: bool = True
+
+    @property
+    def pairs(self) -> Tensor | None:
+        """``seen``, or None if Eq. 4 was not used."""
+        return None if self.chamfer_m is None else self.seen
+
+
+class PlacementMethod:
+    """Steps of stage 2, for preset "default".
+
+    Attributes:
+        alignment: options of the alignment of the photo's point map to the scene.
+    """
+
+    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
+
+    def __init__(self, settings: PlacementSettings) -> None:
+        self.settings = settings
+
+    def grow_mask(self, people: Tensor) -> Tensor:
+        """Return the pixels (H, W) bool that are no background, from the mask of all people."""
+        return dilate(people, round(_MASK_GROWTH * max(people.shape)))
+
+    def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
+        """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None is uniform."""
+        return nearness_to_people(depth, valid, people, background)
+
+    def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
+        """Return the points (M, 3) of one person.
+
+        Args:
+            cloud: (h, w, 3) crop of the photo's point map, metres; 0 where unknown.
+            known: (h, w) bool.
+            inside: (h, w) bool, the person's mask.
+            size: (H, W) of the photo.
+        """
+        ratio = edge_ratio(size[0], size[1])
+        # Depth edges need pixels outside the mask, as networks mix person and background at its rim.
+        own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
+        return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)])
+
+    def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
+        """Return the normals (B, V, 3) of the estimated bodies."""
+        return vertex_normals(vertices, faces)
+
+    def keypoint_columns(self, skeleton: Skeleton) -> list[int]:
+        """Return the indices of the keypoints that are used."""
+        return placement_keypoints(skeleton)
+
+    def weigh_keypoints(self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+        """Return the weight (B, J) of keypoints (B, J, 2), px, for people with masks (B, H, W)."""
+        return confidence
+
+    def mask(self, masks: Tensor, person: int) -> Tensor:
+        """Return the pixels (H, W) bool in which a person's vertices count as visible, from all masks (B, H, W)."""
+        own: Tensor = masks[person]
+        return own
+
+    def error_unit(self, keypoints: Tensor, mask: Tensor) -> Tensor:
+        """Return the size (2,) in px that reprojection errors are divided by: the diagonal of the person's box."""
+        corners = keypoints
+        if bool(mask.any()):
+            rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+            ends = [[int(columns[0]), int(rows[0])], [int(columns[-1]), int(rows[-1])]]
+            corners = torch.cat((corners, torch.tensor(ends, dtype=torch.float64)))
+        if not len(corners):
+            return torch.ones(2, dtype=torch.float64)
+        diagonal: Tensor = torch.linalg.vector_norm(corners.amax(0) - corners.amin(0)).clamp(min=1.0)
+        return diagonal.expand(2)
+
+    def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
+        """Return which vertices (V, 3), moved to a place, face the camera: (V,) bool."""
+        return facing(person.normals, moved, _FACING_DEG)
+
+    def camera_facing(self, person: PlacementProblem, x: Tensor) -> Tensor:
+        """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
+        moved = person.vertices + x[:3]
+        seen = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
+        return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
+
+    def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
+        """Return the term of Eq. 2, times lambda_j2d."""
+        weight = self.settings.reprojection_weight * person.confidence / person.confidence.sum()
+        return ReprojectionTerm(person, weight, self.settings.robust_px_share)
+
+    def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
+        """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times lambda_d."""
+        vertices, weight = _subsample(person.vertices[seen]), self.settings.chamfer_weight
+        weights = weight / len(vertices), weight / len(person.points)
+        return ChamferTerm(vertices, person.points, weights, self.settings.robust_m)
+
+    def has_offset(self, person: PlacementProblem) -> bool:
+        """Return whether the person's depth offset is free."""
+        return person.on_floor and self.settings.depth_offset_sigma > 0
+
+    def fit_keypoints(self, person: PlacementProblem) -> Tensor:
+        """Solve Eq. 2: return x (4,)."""
+        return gauss_newton([self.reprojection_term(person)], closed_form_translation(person), (0, 1, 2))
+
+    def fit_points(self, person: PlacementProblem, x: Tensor) -> Fit:
+        """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has moved."""
+        seen = self.camera_facing(person, x)
+        if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
+            return Fit(x, seen)
+        chamfer = self.chamfer_term(person, seen)
+        before = chamfer.median(x)
+        enough = len(person.keypoints) >= FEWEST_KEYPOINTS
+        others: list[Term] = [self.reprojection_term(person)] if enough else []
+        grounded = not self._is_on_furniture(person, x, [chamfer, *others])
+        offset = grounded and self.has_offset(person)
+        if offset:
+            others.insert(0, FloorTerm(person, self.settings))
+        for _ in range(_ROUNDS):
+            last = x
+            x = gauss_newton([chamfer, *others], x, (0, 1, 2, 3) if offset else (0, 1, 2))
+            again = self.camera_facing(person, x)
+            if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
+                break
+            seen, chamfer = again, self.chamfer_term(person, again)
+        return Fit(x, seen, (before, chamfer.median(x)), grounded)
+
+    def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
+        """Return the final x (4,)."""
+        return fit.x
+
+    def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
+        """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") place."""
+        terms: dict[str, Term] = {}
+        if not bool(torch.isfinite(person.vertices).all()):
+            return {}
+        if len(person.keypoints) >= FEWEST_KEYPOINTS:
+            terms["reprojection"] = self.reprojection_term(person)
+        if fit.pairs is not None:
+            terms["chamfer"] = self.chamfer_term(person, fit.pairs)
+            if self.has_offset(person):
+                terms["floor"] = FloorTerm(person, self.settings)
+        ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
+        return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
+
+    def _is_on_furniture(self, person: PlacementProblem, x: Tensor, terms: list[Term]) -> bool:
+        """Return whether a fit without depth offset has both feet well above the floor."""
+        if not self.settings.stand_reach_m or not self.has_offset(person):
+            return False
+        fixed = gauss_newton(terms, x, (0, 1, 2))
+        lower = float(height_over_plane(person.soles + fixed[:3], person.plane[:3], person.plane[3]).min())
+        away = float((person.vertices[:, 2] + fixed[2]).median())
+        return lower > min(self.settings.stand_reach_m, _STAND_REACH_SHARE * away)
+
+
+def _subsample(points: Tensor) -> Tensor:
+    """Return at most :data:`MAX_POINTS` of points (N, 3), evenly spaced by index."""
+    last = len(points) - 1
+    if last < MAX_POINTS:
+        return points
+    return points[torch.linspace(0, last, MAX_POINTS, dtype=torch.float64, device=points.device).round().long()]

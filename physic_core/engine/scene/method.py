@@ -1,0 +1,78 @@
+"""What stage 1 does in each of its steps. An energy may replace some of them by a subclass."""
+
+from __future__ import annotations
+
+from typing import ClassVar, NamedTuple
+
+from torch import Tensor
+
+from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
+from physic_core.engine.scene.cleaning import edge_ratio
+from physic_core.engine.scene.settings import SceneSettings
+from physic_core.geometry.alignment import AlignmentOptions
+from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSearch, PlaneFit, fit_floor
+from physic_core.geometry.plane import sample_plane
+from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, normals
+
+__all__ = ["ALIGN_TOLERANCE", "PixelSurface", "SceneMethod"]
+
+ALIGN_TOLERANCE = 0.1
+"""Largest difference of point map and metric depth at an inlier, as a share of the depth."""
+
+
+class PixelSurface(NamedTuple):
+    """Surface at each pixel: normals (H, W, 3), depth edges (H, W) bool, and outliers (H, W) bool outside edges."""
+
+    normals: Tensor
+    edges: Tensor
+    outliers: Tensor
+
+
+class SceneMethod:
+    """Steps of stage 1, for preset "default".
+
+    Attributes:
+        uses_pointmap: whether the scene is the aligned point map, and not the metric depth alone.
+        alignment: options of Eq. 1.
+        min_floor_share: least share of inliers of an accepted floor.
+    """
+
+    uses_pointmap: ClassVar[bool] = True
+    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
+    min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
+
+    def __init__(self, settings: SceneSettings) -> None:
+        self.settings = settings
+
+    def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
+        """Return point map (H, W, 3), metric depth (H, W) and cameras, converted to one camera."""
+        return convert_to_common_camera(points, depth, cameras)
+
+    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
+        """Return the metric points (H, W, 3) on the rays of their pixels, and the camera (3, 3) of these rays."""
+        camera = scene_camera(points, valid, cameras)
+        return depth_to_pointmap(points[..., 2], camera), camera
+
+    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+        """Return the normals, and the removed pixels, of metric points (H, W, 3) that are known (H, W) bool."""
+        ratio = edge_ratio(*known.shape)
+        edges = depth_edges(points[..., 2], known, ratio)
+        outliers = isolated_pixels(points[..., 2], known & ~edges, ratio)
+        return PixelSurface(normals(points, known, ratio), edges, outliers)
+
+    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
+        """Find the floor in valid metric points (H, W, 3) with normals (H, W, 3)."""
+        if self.settings.floor == "off":
+            return FloorSearch(None, "switched_off")
+        return fit_floor(points, valid, evidence, surface)
+
+    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None) -> Tensor:
+        """Return points (F, 3) on the floor.
+
+        Args:
+            floor: of the scene.
+            known: (M, 3) all points of the scene.
+            clean: (N, 3) those that are neither edges nor outliers.
+            feet: (K, 3) on the floor, or None.
+        """
+        return sample_plane(floor.normal, floor.offset, clean, centres=feet)

@@ -1,0 +1,36 @@
+"""Outliers of points by the mean distance to their nearest neighbours (paper Sec. 4.1)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from physic_core.geometry.neighbors import nearest_other_points
+
+__all__ = ["KNN_SHARE", "image_outliers", "knn_outliers"]
+
+KNN_SHARE = 0.05
+"""Number of neighbours, the point itself among them, as a share of the short image side; as released."""
+
+_SIGMA = 1.45  # outlier threshold over the mean, in standard deviations; as released
+
+
+def knn_outliers(points: Tensor, neighbors: int, sigma: float = _SIGMA) -> Tensor:
+    """Return points with an unusually large mean squared distance to their neighbours (paper Sec. 4.1): (M,) bool.
+
+    Args:
+        points: (M, 3), any unit, finite.
+        neighbors: k, the point itself not counted.
+        sigma: threshold over the mean of that distance, in standard deviations.
+    """
+    if min(neighbors, len(points) - 1) < 1:
+        return torch.zeros(len(points), dtype=torch.bool, device=points.device)
+    distance, _ = nearest_other_points(points, neighbors)
+    spread = distance.square().mean(1)
+    return spread > spread.mean() + sigma * spread.std(correction=0)
+
+
+def image_outliers(points: Tensor, rows: int, columns: int) -> Tensor:
+    """Return which of points (M, 3) of an image of this size are outliers: (M,) bool."""
+    # The released code counts the point itself among its neighbours.
+    return knn_outliers(points, max(1, int(KNN_SHARE * min(rows, columns)) - 1))

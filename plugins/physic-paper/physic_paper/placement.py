@@ -1,0 +1,180 @@
+"""Stage 2 of presets "paper", "release" and "prox"."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative, PositiveOrInfinite, Share
+from physic_core.engine.placement.method import ALIGN_TOLERANCE, FEWEST_POINTS, Fit, PlacementMethod
+from physic_core.engine.placement.place import median_reprojection_px
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.placement.solvers import term_energy
+from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, ChamferTerm, PlacementProblem, ReprojectionTerm
+from physic_core.geometry.alignment import AlignmentOptions
+from physic_core.geometry.camera import project
+from physic_core.types import Skeleton
+from physic_paper.outliers import image_outliers
+from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
+from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals
+from physic_paper.scene import released_alignment_options
+from physic_paper.translation import restore_keypoint_fit, solve_adam, solve_lbfgs
+
+__all__ = ["PaperPlacement", "PaperPlacementMethod", "ReleasePlacement", "ReleasePlacementMethod"]
+
+_RELEASED_FACING_DEG = 80.0
+
+
+@dataclass(frozen=True)
+class PaperPlacement(PlacementSettings):
+    """Settings of stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
+
+    The reprojection error is never increased.
+
+    Attributes:
+        depth_offset_sigma: not used.
+        floor_weight: not used.
+        stand_reach_m: not used.
+    """
+
+    reprojection_weight: NotNegative = 5000.0
+    min_confidence: Share = 0.5
+    seen_confidence: Share = 1.0
+    robust_px_share: PositiveOrInfinite = math.inf
+    robust_m: PositiveOrInfinite = math.inf
+    depth_offset_sigma: NotNegative = 0.0
+    floor_weight: NotNegative = 0.0
+    stand_reach_m: NotNegative = 0.0
+
+    def method(self) -> PlacementMethod:
+        """Return the printed method."""
+        return PaperPlacementMethod(self)
+
+
+@dataclass(frozen=True)
+class ReleasePlacement(PaperPlacement):
+    """Settings of stage 2 as released: its reprojection loss, visibility and camera-facing angle."""
+
+    def method(self) -> PlacementMethod:
+        """Return the released method."""
+        return ReleasePlacementMethod(self)
+
+
+class PaperPlacementMethod(PlacementMethod):
+    """Steps of stage 2 as printed."""
+
+    alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
+
+    def grow_mask(self, people: Tensor) -> Tensor:
+        """Return the mask of all people."""
+        return people
+
+    def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
+        """Return None: all background counts the same."""
+        return None
+
+    def clean_points(self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]) -> Tensor:
+        """Return all points of the person but outliers by the distance to their neighbours."""
+        points = cloud[known & inside]
+        return points[~image_outliers(points, size[0], size[1])]
+
+    def error_unit(self, keypoints: Tensor, mask: Tensor) -> Tensor:
+        """Return width and height of the photo (2,), px."""
+        rows, columns = mask.shape
+        return torch.tensor([columns, rows], dtype=torch.float64)
+
+    def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
+        """Return the sum of Eq. 2."""
+        weight = self.settings.reprojection_weight * person.confidence
+        return ReprojectionTerm(person, weight, self.settings.robust_px_share)
+
+    def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
+        """Return the sums of Eq. 4 over all vertices and points."""
+        weight = self.settings.chamfer_weight
+        return ChamferTerm(person.vertices[seen], person.points, (weight, weight), self.settings.robust_m)
+
+    def has_offset(self, person: PlacementProblem) -> bool:
+        """Return False: people have no depth offset."""
+        return False
+
+    def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
+        """Return the unweighted reprojection loss L_j2d () after a translation (3,), metres."""
+        error = (project(person.landmarks + move, person.K) - person.keypoints) / person.size
+        return (person.confidence * error.square().sum(-1)).sum()
+
+    def fit_keypoints(self, person: PlacementProblem) -> Tensor:
+        """Solve Eq. 2 by Adam."""
+        return solve_adam(lambda move: self.reprojection_loss(person, move))
+
+    def fit_points(self, person: PlacementProblem, x: Tensor) -> Fit:
+        """Solve Eq. 3 by L-BFGS, with the camera-facing vertices at the start."""
+        seen = self.camera_facing(person, x)
+        if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
+            return Fit(x, seen)
+        chamfer = self.chamfer_term(person, seen)
+        before, weight = chamfer.median(x), self.settings.reprojection_weight
+        enough = len(person.keypoints) >= FEWEST_KEYPOINTS
+        x = solve_lbfgs(x, chamfer, (lambda move: weight * self.reprojection_loss(person, move)) if enough else None)
+        return Fit(x, seen, (before, chamfer.median(x)))
+
+    def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
+        """Return x (4,), moved towards the keypoints until their error is no larger than at the start."""
+        if len(person.keypoints) < FEWEST_KEYPOINTS:
+            return fit.x
+        came, term = torch.zeros_like(fit.x), self.reprojection_term(person)
+        largest = term_energy(term, came), median_reprojection_px(person, came) or 0.0
+
+        def fits(at: Tensor) -> bool:
+            return term_energy(term, at) <= largest[0] and (median_reprojection_px(person, at) or 0.0) <= largest[1]
+
+        # The total weight of all pairs of Eq. 4. Without points its value has no effect.
+        pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
+        stiffness = self.settings.chamfer_weight * pairs
+        return restore_keypoint_fit(self.reprojection_term(person), fit.x, stiffness, fits)
+
+
+class ReleasePlacementMethod(PaperPlacementMethod):
+    """Steps of stage 2 as released."""
+
+    def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
+        """Return means of the unit normals of adjacent faces."""
+        return mean_face_normals(vertices, faces)
+
+    def keypoint_columns(self, skeleton: Skeleton) -> list[int]:
+        """Return all keypoints."""
+        return list(range(len(skeleton)))
+
+    def weigh_keypoints(self, skeleton: Skeleton, keypoints: Tensor, confidence: Tensor, masks: Tensor) -> Tensor:
+        """Return the weights of the released code."""
+        return released_keypoint_weights(skeleton, keypoints, confidence, masks)
+
+    def mask(self, masks: Tensor, person: int) -> Tensor:
+        """Return the union of all masks: a person hidden behind another counts as visible."""
+        return masks.any(0)
+
+    def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
+        """Return the vertices whose normal is opposite to the optical axis."""
+        return is_opposite_optical_axis(person.normals, _RELEASED_FACING_DEG)
+
+    def reprojection_loss(self, person: PlacementProblem, move: Tensor) -> Tensor:
+        """Return the released loss () after a translation (3,), metres."""
+        one = (project(person.landmarks + move, person.K)[None], person.keypoints[None], person.confidence[None])
+        return released_reprojection(*one, person.size, person.people).sum()
+
+    def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
+        """Return the minimum of Eq. 3."""
+        return fit.x
+
+    def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
+        """Return the losses, that of the keypoints as released."""
+        losses, weight = super().losses(person, fit), self.settings.reprojection_weight
+        if "reprojection" in losses:
+            ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
+            losses["reprojection"] = {
+                end: weight * float(self.reprojection_loss(person, at[:3])) for end, at in ends.items()
+            }
+        return losses

@@ -1,0 +1,134 @@
+"""Stage 1 of presets "paper", "release" and "prox"."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
+from physic_core.engine.scene.camera import Cameras, scene_camera
+from physic_core.engine.scene.method import ALIGN_TOLERANCE, PixelSurface, SceneMethod
+from physic_core.engine.scene.settings import SceneSettings
+from physic_core.geometry.alignment import AlignmentOptions
+from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
+from physic_core.geometry.pointmap import normals
+from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
+from physic_paper.outliers import KNN_SHARE, image_outliers
+from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
+
+__all__ = ["PaperScene", "ProxScene", "ReleaseScene", "released_alignment_options"]
+
+_GRID_SIDE = 100  # floor points along each side, as released
+
+
+def released_alignment_options(tolerance: float) -> AlignmentOptions:
+    """Return the alignment options of the paper (Eq. 1), with the 20 hypotheses of the released code."""
+    return AlignmentOptions(tolerance, hypotheses=20, residual="metric")
+
+
+@dataclass(frozen=True)
+class PaperScene(SceneSettings):
+    """Settings of stage 1 as printed: the camera is the point map's, and points are not moved.
+
+    Attributes:
+        floor: "metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor points. "off"
+            finds no floor.
+    """
+
+    far_m: PositiveOrInfinite = math.inf
+    floor: Literal["metric", "off"] = "metric"  # type: ignore[assignment]  # its own search
+    floor_under_people: bool = False
+    carve_m: NotNegative = 0.0
+
+    def method(self) -> SceneMethod:
+        """Return the printed method."""
+        return PaperSceneMethod(self)
+
+
+@dataclass(frozen=True)
+class ReleaseScene(PaperScene):
+    """Settings of stage 1 as released: as printed, with its normals, and without points of unusual normals."""
+
+    def method(self) -> SceneMethod:
+        """Return the released method."""
+        return ReleaseSceneMethod(self)
+
+
+@dataclass(frozen=True)
+class ProxScene(SceneSettings):
+    """Settings of stage 1 as in the paper's comparison with PROX: the metric depth alone, without a floor."""
+
+    floor: Literal["disparity", "off"] = "off"
+    floor_under_people: bool = False
+    carve_m: NotNegative = 0.0
+
+    def method(self) -> SceneMethod:
+        """Return the method of the comparison."""
+        return ProxSceneMethod(self)
+
+
+class PaperSceneMethod(SceneMethod):
+    """Steps of stage 1 as printed."""
+
+    alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
+    min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
+
+    def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
+        """Return the arguments: each map keeps its camera."""
+        return points, depth, cameras
+
+    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
+        """Return the points, moved for a given camera only, and that camera or the median of the point map's."""
+        if cameras.given is not None:
+            return super().place_on_rays(points, valid, cameras)
+        return points, scene_camera(points, valid, replace(cameras, metric_depth=None))
+
+    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+        """Return normals over depth edges, no edges, and outliers by the distance to their neighbours."""
+        return PixelSurface(
+            normals(points, known, math.inf), torch.zeros_like(known), _outliers_by_distance(points, known)
+        )
+
+    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
+        """Find the floor in metres, on the points of its mask."""
+        if self.settings.floor == "off":
+            return FloorSearch(None, "switched_off")
+        return fit_floor_metric(points, surface, valid, evidence.mask)
+
+    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None) -> Tensor:
+        """Return 10000 points of a grid over the extent of the scene."""
+        return published_floor_grid(floor.normal, floor.offset, known, _GRID_SIDE)
+
+
+class ReleaseSceneMethod(PaperSceneMethod):
+    """Steps of stage 1 as released."""
+
+    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+        """Return the released normals, and outliers by their distances and by their normals."""
+        outliers = _outliers_by_distance(points, known)
+        found = published_normals(points, known)
+        kept = known & ~outliers
+        outliers[kept] = published_normal_outliers(points[kept], found[kept], int(KNN_SHARE * min(known.shape)))
+        return PixelSurface(found, torch.zeros_like(known), outliers)
+
+
+class ProxSceneMethod(SceneMethod):
+    """Steps of stage 1 for PROX."""
+
+    uses_pointmap: ClassVar[bool] = False
+
+    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+        """Return normals over depth edges; nothing is removed."""
+        none = torch.zeros_like(known)
+        return PixelSurface(normals(points, known, math.inf), none, none)
+
+
+def _outliers_by_distance(points: Tensor, known: Tensor) -> Tensor:
+    """Return the outliers (H, W) bool among known points (H, W, 3)."""
+    outliers = torch.zeros_like(known)
+    outliers[known] = image_outliers(points[known], *known.shape)
+    return outliers

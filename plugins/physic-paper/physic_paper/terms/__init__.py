@@ -1,0 +1,1 @@
+"""Terms of the energies, one file each: settings, equation and weights."""

@@ -1,0 +1,50 @@
+"""Keypoints weighted by confidence, and the reprojection term of PROX."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
+from physic_core.engine.joint.terms.reprojection import finite_keypoints, weights_inside_image
+from physic_core.geometry.camera import project
+
+__all__ = ["ReprojectionByAxisTerm", "confident_keypoints", "offset_loss"]
+
+
+def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> Keypoints:
+    """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
+    points, confidence = finite_keypoints(problem)
+    weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
+    weight = weights_inside_image(problem, points, weight)
+    return Keypoints(points, weight, weight >= min_confidence)
+
+
+def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:
+    """Return the robust loss of offsets from squared components (..., D): of the length, or summed over the axes."""
+    return rho(squared).sum(-1) if per_axis else rho(squared.sum(-1))
+
+
+class ReprojectionByAxisTerm(Term):
+    """Reprojection term with a robust loss of each axis: ``sum_j w_j sum_a rho(((pi(J_j) - J^_j)_a / unit)^2)``.
+
+    Args:
+        weight: of the term; 0 removes it.
+        unit: px, the error of size 1.
+        rho: robust loss.
+    """
+
+    def __init__(self, context: JointContext, weight: float, unit: float, rho: RobustLoss) -> None:
+        self._context, self._weight, self._unit, self._rho = context, weight, unit, rho
+        self.weights = {"reprojection": context.keypoints.weight}
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """Return the energy "reprojection"."""
+        if not self._weight:
+            return {}
+        keypoints = self._context.keypoints
+        error = (project(bodies.keypoints, self._context.problem.K) - keypoints.points) / self._unit
+        loss = offset_loss(error.square(), self._rho, per_axis=True)
+        return {"reprojection": self._weight * (keypoints.weight * loss).sum(-1)}

@@ -1,0 +1,34 @@
+"""Outliers of points by the mean distance to their nearest neighbours."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from physic_paper.outliers import knn_outliers
+
+
+def random(*shape: int, seed: int = 0) -> Tensor:
+    return torch.rand(*shape, dtype=torch.float64, generator=torch.Generator().manual_seed(seed))
+
+
+def test_knn_outliers_are_those_of_all_pairs() -> None:
+    points = random(200, 3, seed=3)
+    points[::20] *= 4
+    squared = torch.cdist(points, points).square().sort(dim=1).values[:, 1:8].mean(1)
+    expected = squared > squared.mean() + 1.45 * squared.std(correction=0)
+    assert torch.equal(knn_outliers(points, 7), expected)
+    assert 0 < int(expected.sum()) < 20
+
+
+def test_knn_finds_points_far_off_a_surface() -> None:
+    points = random(2000, 3)
+    points[:, 2] *= 0.001
+    points[::100, 2] += 3 + random(20, seed=1)
+    assert knn_outliers(points, 10).nonzero()[:, 0].tolist() == list(range(0, 2000, 100))
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_knn_of_next_to_nothing_keeps_it(count: int) -> None:
+    assert not knn_outliers(torch.zeros((count, 3)), 5).any()

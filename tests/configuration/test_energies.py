@@ -1,0 +1,78 @@
+"""Energies of plugins: found by name, checked, and named with their distribution where they are missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from physic_core import engine_preset, engine_preset_names, load_config
+from physic_core.cli import main
+from physic_core.discovery.catalog import ENERGIES
+from physic_core.errors import ConfigError, PluginError
+from physic_paper import physic_energies
+
+HOOK = "from physic_core import EnergyRecord, hookimpl\n@hookimpl\ndef physic_energies():\n"
+PRESET = """
+from dataclasses import replace
+from physic_core import engine_preset
+
+SOFT = replace(engine_preset(), scene=replace(engine_preset().scene, far_m=7.0))
+"""
+
+
+def install(site: Any, distribution: str, name: str, target: str) -> None:
+    site.install(distribution, f"{HOOK}    return [EnergyRecord({name!r}, {target!r})]\n")
+
+
+def test_the_catalog_lists_the_energies_of_physic_paper() -> None:
+    assert {record.name: "physic-paper" for record in physic_energies()} == ENERGIES
+    assert set(engine_preset_names()) == {"default", *ENERGIES}
+
+
+def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -> None:
+    install(site, "physic-soft", "soft", "physic_soft_preset:SOFT")
+    (site.folder / "physic_soft_preset.py").write_text(PRESET)
+    assert "soft" in engine_preset_names()
+    config = load_config(overrides=["engine.preset=soft", "engine.scene.carve_m=0.1"])
+    settings = config.engine.settings()
+    assert (settings.scene.far_m, settings.scene.carve_m) == (7.0, 0.1)
+    assert settings.joint == engine_preset("default").joint
+
+
+def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
+    for distribution in ("physic-one", "physic-two"):
+        install(site, distribution, "twice", "physic_soft_preset:SOFT")
+    with pytest.raises(ConfigError) as caught:
+        load_config(overrides=["engine.preset=twice"])
+    assert str(caught.value) == (
+        "--set: 1 error\n"
+        "engine.preset   the engine preset 'twice' is offered by physic-one and physic-two: uninstall one of them"
+    )
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("physic_nowhere:SOFT", "the energy 'broken' of physic-broken 1.0 cannot be imported: "),
+        ("math:pi", "the energy 'broken' of physic-broken 1.0 should be an EngineSettings, got float"),
+    ],
+)
+def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site: Any, target: str, message: str) -> None:
+    install(site, "physic-broken", "broken", target)
+    with pytest.raises(PluginError) as caught:
+        engine_preset("broken")
+    assert str(caught.value).startswith(message)
+
+
+def test_an_energy_of_a_missing_distribution_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    done = CliRunner().invoke(main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"])
+    assert done.exit_code == 2
+    assert done.output == (
+        "Error: --set: 1 error\n"
+        "engine.preset   the engine preset 'release' needs physic-paper, which is not installed, or hidden by "
+        "PHYSIC_PLUGINS='physic-mock': `pip install -e plugins/physic-paper` in a checkout of PhySIC\n"
+    )
+    assert engine_preset_names() == ("default",)
