@@ -17,6 +17,7 @@ from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.cli.setup_steps import Setup, SetupStep
+    from physic_core.configuration.model import Config
 
 __all__ = ["setup"]
 
@@ -38,6 +39,9 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     Steps that are done are marked, and left out by --run: the same command goes on where it stopped. A licence that
     restricts use is never accepted for you. Exits with code 4 if a step is left.
     """
+    from physic_core.cli.setup_steps import pin_setup
+    from physic_core.discovery.plugins import discover
+
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
     if not run_steps:
@@ -47,6 +51,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
+        pin_setup(_config(preset, place), discover())
         found = _find(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
@@ -59,14 +64,18 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
 
 
 def _find(preset: str, folder: Path) -> Setup:
-    """Return the steps; a configuration that an earlier setup wrote counts with the changes of the user."""
     from physic_core.cli.setup_steps import setup_steps
-    from physic_core.configuration.model import load_config
     from physic_core.discovery.plugins import discover
 
+    return setup_steps(_config(preset, folder), discover(), preset, folder)
+
+
+def _config(preset: str, folder: Path) -> Config:
+    """Return the configuration that an earlier setup wrote, with the changes of the user, else the preset."""
+    from physic_core.configuration.model import load_config
+
     written = folder / f"{preset}.toml"
-    config = load_config(written) if written.is_file() else load_config(preset=preset)
-    return setup_steps(config, discover(), preset, folder)
+    return load_config(written) if written.is_file() else load_config(preset=preset)
 
 
 def _script(found: Setup, preset: str, folder: Path) -> Iterator[str]:

@@ -18,6 +18,7 @@ from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, 
 from physic_core.weights.fetch import download_libraries
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import how_to_get, locate_files
+from physic_core.weights.lock import pin, pin_files, read_lock
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.weights.manifest import WeightSet
 
-__all__ = ["Setup", "SetupStep", "setup_steps"]
+__all__ = ["Setup", "SetupStep", "pin_setup", "setup_steps"]
 
 _Kind = TypeVar("_Kind")
 
@@ -101,7 +102,8 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -
     accounts += [file.account for file in absent if file.account]
     gpu = _unique(plan, GpuMemory)
     unpinned = [f"{weights.name}/{file.path}" for weights in sets for file in weights.files if not file.is_pinned]
-    unpinned += [one.url for _, one in repositories if not one.commit]
+    held = read_lock()
+    unpinned += [one.url for _, one in repositories if not one.commit and one.url not in held]
     steps = (
         _packages(plan, sets),
         _free_weights(sets),
@@ -120,6 +122,21 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -
         unpinned=tuple(unpinned),
         pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
     )
+
+
+def pin_setup(config: Config, registry: Registry) -> None:
+    """Add the weight files and checkouts that are here to the lock file if nothing else pins them.
+
+    Raises:
+        ConfigError: names or options are invalid.
+        OutputError: the lock file cannot be written.
+    """
+    if _uninstalled(config, registry):
+        return
+    plan = resolve(config, registry)
+    for weights in named_weights(plan, registry):
+        pin_files(weights, locate_files(weights).files)
+    pin({one.url: {"commit": one.found} for _, one in _unique(plan, Repository) if one.found and not one.commit})
 
 
 def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:
@@ -213,14 +230,14 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
 
 
 def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
-    commands = []
+    commands, held = [], read_lock()
     for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
         if not one.is_here:
             place = shlex.quote(str(_checkout_folder(one, folder)))
             if not _checkout_folder(one, folder).is_dir():
                 commands.append(f"git clone {one.url} {place}")
-            if one.commit:
-                commands.append(f"git -C {place} checkout --quiet {one.commit}")
+            if commit := one.commit or held.get(one.url, {}).get("commit", ""):
+                commands.append(f"git -C {place} checkout --quiet {commit}")
     return SetupStep("Code of the estimators", not commands, tuple(commands)) if repositories else None
 
 

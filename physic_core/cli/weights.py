@@ -122,16 +122,18 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     """Compare the files of all weight sets, or of the sets NAME..., with their published size and SHA-256.
 
-    Exits with code 4 if a file differs, or if a file of a set NAME is missing.
+    A file without a published SHA-256 is compared with that of the lock file. Exits with code 4 if a file differs, or
+    if a file of a set NAME is missing.
     """
     from physic_core.weights.locate import locate_files
+    from physic_core.weights.lock import locked
     from physic_core.weights.verify import describe_mismatch
 
     library = _library()
     rows: list[dict[str, str]] = []
     for one in [library.get(name) for name in dict.fromkeys(names)] or library.sets:
         here = locate_files(one.weights).files
-        for file in one.weights.files:
+        for file in locked(one.weights).files:
             path = here.get(file.path)
             entry = {"weights": one.weights.name, "file": file.path, "path": str(path or "")}
             if path is None:

@@ -226,11 +226,12 @@ def size_warnings(plan: ResolvedPipeline, registry: Registry) -> tuple[str, ...]
 
 
 def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet, ...]:
-    """Return the weight sets that options of the backends name, each once.
+    """Return the weight sets that options of the backends name, each once, with the hashes of the lock file.
 
     Raises:
         BackendError: the manifest of a plugin is invalid.
     """
+    from physic_core.weights.lock import locked
     from physic_core.weights.manifest import read_manifest
 
     found: dict[tuple[str, str], WeightSet] = {}
@@ -240,7 +241,7 @@ def named_weights(plan: ResolvedPipeline, registry: Registry) -> tuple[WeightSet
             if (manifest.origin.plugin, manifest.origin.distribution) == (who.plugin, who.distribution):
                 sets = read_manifest(manifest.path)
                 names = (value for value in who.options.values() if isinstance(value, str) and value in sets)
-                found |= {(who.distribution, name): sets[name] for name in names}
+                found |= {(who.distribution, name): locked(sets[name]) for name in names}
     return tuple(found.values())
 
 

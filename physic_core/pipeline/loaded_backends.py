@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from physic_core.discovery.plugin_code import plugin_code, plugin_error
 from physic_core.discovery.plugins import discover
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pipeline.time_limit import timed_call
+from physic_core.weights.lock import FileUse, recorded_uses
 from physic_core.weights.verify import require_unchanged_files
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class LoadedBackends:
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()
+        self._uses: dict[int, dict[str, FileUse]] = {}
 
     def load(self, resolved: ResolvedBackend) -> float:
         """Load a backend unless it is loaded, and return the seconds that this took.
@@ -42,10 +44,15 @@ class LoadedBackends:
         if key not in self._ready:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
-            with require_unchanged_files():
+            with require_unchanged_files(), recorded_uses() as uses:
                 resolved.backend.load(self._device)
+            self._uses[key] = uses
             self._ready.add(key)
         return time.perf_counter() - start
+
+    def files_of(self, resolved: ResolvedBackend) -> Mapping[str, FileUse]:
+        """Return the weight files that a loaded backend read."""
+        return self._uses.get(id(resolved.backend), {})
 
     def close(self, *only: ResolvedBackend) -> list[PhysicError]:
         """Close these backends, or all; return the errors of those that cannot be closed."""

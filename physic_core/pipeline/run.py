@@ -17,6 +17,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_name, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
+from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
 from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
@@ -348,8 +349,10 @@ def _reconstruct(
                 stages.trim_cache()
         solution = run_engine(estimates, plan.engine, model, stages)
     checks = run_checks(estimates, solution, plan.engine)
+    sources, others = describe_sources(plan, stages.files)
+    stages.warn(*others)
     found = _result(estimates, solution, checks, model, plan.config, stages)
-    return replace(found, lens=lens)
+    return replace(found, lens=lens, diagnostics={**found.diagnostics, **sources})
 
 
 _EXTRA_STAGES = 6

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from physic_core.cache.result_cache import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.interfaces import Request
+    from physic_core.weights.lock import FileUse
 
 __all__ = ["Progress", "StageRunner"]
 
@@ -34,6 +35,7 @@ class StageRunner:
 
     Attributes:
         records: the stages that have run so far.
+        files: weight files of the backends that were called, by "set/file".
         warnings: reasons why the result may be wrong, one sentence each.
         notes: how results were obtained, one sentence each.
     """
@@ -59,6 +61,7 @@ class StageRunner:
         """
         self.records: list[StageRecord] = []
         self.warnings: list[str] = []
+        self.files: dict[str, FileUse] = {}
         self.notes: list[str] = []
         self._device = device
         self._total = total
@@ -127,6 +130,7 @@ class StageRunner:
             if result is None:
                 with wrap_plugin_errors(title, resolved):
                     loading = self._loaded.load(resolved)
+                    self.files |= self._loaded.files_of(resolved)
                     start = time.perf_counter()
                     # A copy: the backend may write to its input, and later stages get the same arrays.
                     result = call(resolved.backend, copy.deepcopy(request))

@@ -13,6 +13,7 @@ from typing import IO
 from physic_core.errors import DownloadError
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import locate_files
+from physic_core.weights.lock import locked, pin_files
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
 from physic_core.weights.transfer import ResumableDownload, require_room, wrap_write_errors
 from physic_core.weights.verify import describe_mismatch
@@ -49,8 +50,10 @@ def fetch(
         DownloadError: the licence is not accepted, a file has no source, a library is not installed, or a download
             failed. Partial downloads are kept.
     """
+    weights = locked(weights)
     missing_files = _missing_files(weights, to)
     if not missing_files:
+        _pin(weights, to)
         return ()
     by_hand = [file for file in missing_files if not file.source]
     if len(by_hand) == len(missing_files):
@@ -71,12 +74,20 @@ def fetch(
             _fetch_file(weights, file, folder, in_hubs_cache, progress)
             fetched.append(file.path)
     shutil.rmtree(folder / _ARCHIVES, ignore_errors=True)
+    _pin(weights, to)
     if by_hand:
         raise DownloadError(
             f"'{weights.name}': {_names([f for f in missing_files if f.source])} downloaded; "
             f"{_names(by_hand)} cannot be: {_manual_instructions(weights, to)}"
         )
     return tuple(fetched)
+
+
+def _pin(weights: WeightSet, to: Path | None) -> None:
+    """Add the files that are here to the lock file if nothing else pins them."""
+    inside = {file.path: to / weights.name / file.path for file in weights.files} if to is not None else None
+    here = locate_files(weights).files if inside is None else {p: f for p, f in inside.items() if f.is_file()}
+    pin_files(weights, here)
 
 
 def format_licence(weights: WeightSet) -> str:

@@ -17,6 +17,7 @@ from physic_core.weights.folders import (
     find_without_subfolder,
     user_folders,
 )
+from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
 from physic_core.weights.verify import require_published
 
@@ -74,6 +75,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
         for wanted in weights.files:
             if file in (None, wanted.path):
                 require_published(here[wanted.path], wanted, advice)
+                record_use(f"{value}/{wanted.path}", here[wanted.path], wanted.sha256)
     return found
 
 
@@ -196,7 +198,8 @@ def _places(weights: WeightSet) -> list[dict[str, Path]]:
         for folder in user_folders()
     ]
     if not any(len(place) == len(weights.files) for place in places):  # saves the slow import of huggingface_hub
-        places.append(_without_none({file.path: find_in_hub_cache(file) for file in weights.files}))
+        for variant in (locked(weights), weights):
+            places.append(_without_none({file.path: find_in_hub_cache(file) for file in variant.files}))
     return places
 
 

@@ -1,0 +1,157 @@
+"""The lock file ``physic.lock``: SHA-256 and revision of what its publisher did not pin, as first fetched.
+
+It is the file in the environment variable ``PHYSIC_LOCK``, else ``physic.lock`` in the current folder if there is one,
+else in the folder of downloads. With a copy of it, another machine fetches the same revisions, and both compare what
+they use with it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from physic_core.errors import OutputError, WeightsMissingError
+from physic_core.weights.folders import default_download_folder
+from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
+from physic_core.weights.verify import sha256_of
+
+__all__ = [
+    "LOCK_VARIABLE",
+    "FileUse",
+    "lock_file",
+    "locked",
+    "pin",
+    "pin_files",
+    "read_lock",
+    "record_use",
+    "recorded_uses",
+]
+
+LOCK_VARIABLE = "PHYSIC_LOCK"
+"""Environment variable with the path of the lock file."""
+
+FileUse = Mapping[str, str]
+"""SHA-256 of a weight file in use, and its state: "published" if the manifest has it, "locked" if the lock file has it,
+"unpinned" if neither has any, "differs" if the lock file has another."""
+
+_NAME = "physic.lock"
+_HEAD = "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it with your project.\n"
+_uses: ContextVar[dict[str, FileUse] | None] = ContextVar("uses", default=None)
+_hashed: dict[tuple[Path, int, int], str] = {}
+"""SHA-256 of the unpinned files that this process has read, by path, size and time of the last change."""
+
+
+def lock_file() -> Path | None:
+    """Return the path of the lock file, which need not exist; None if there is no folder for it."""
+    if named := os.environ.get(LOCK_VARIABLE):
+        return Path(named).expanduser()
+    if Path(_NAME).is_file():
+        return Path(_NAME)
+    folder = default_download_folder()
+    return folder / _NAME if folder is not None else None
+
+
+def read_lock() -> Mapping[str, Mapping[str, str]]:
+    """Return the entries: by "set/file" with "sha256" and perhaps "revision", by URL of a repository with "commit".
+
+    Raises:
+        WeightsMissingError: the file is invalid.
+    """
+    path = lock_file()
+    if path is None or not path.is_file():
+        return {}
+    try:
+        found: dict[str, Any] = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise WeightsMissingError(f"the lock file {path} cannot be read: {error}; mend or delete it") from error
+    return {name: entry for name, entry in found.items() if isinstance(entry, dict)}
+
+
+def locked(weights: WeightSet) -> WeightSet:
+    """Return a weight set with the hashes and revisions of the lock file where its manifest has none."""
+    entries = read_lock()
+    files = tuple(_locked(file, entries.get(f"{weights.name}/{file.path}", {})) for file in weights.files)
+    return replace(weights, files=files)
+
+
+def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
+    """Add entries to the lock file; those that it has stay as they are.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    held, path = read_lock(), lock_file()
+    if path is None or not entries.keys() - held.keys():
+        return
+    lines = [_HEAD]
+    for name, entry in sorted({**entries, **held}.items()):
+        lines += [f"[{json.dumps(name)}]", *(f"{key} = {json.dumps(value)}" for key, value in entry.items()), ""]
+    part = path.with_name(f"{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text("\n".join(lines), encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"the lock file {path} cannot be written: {error.strerror}") from error
+
+
+def pin_files(weights: WeightSet, here: Mapping[str, Path]) -> None:
+    """Add the files of a weight set that are here and that neither its manifest nor the lock file has pinned."""
+    held = read_lock()
+    found = {}
+    for file in weights.files:
+        name, path = f"{weights.name}/{file.path}", here.get(file.path)
+        if path is not None and file.sha256 is None and name not in held:
+            commit = _snapshot(path)
+            found[name] = {"sha256": sha256_of(path)} | ({"revision": commit} if commit else {})
+    pin(found)
+
+
+@contextmanager
+def recorded_uses() -> Iterator[dict[str, FileUse]]:
+    """Yield a dictionary that :func:`record_use` fills inside the ``with`` block."""
+    uses: dict[str, FileUse] = {}
+    token = _uses.set(uses)
+    try:
+        yield uses
+    finally:
+        _uses.reset(token)
+
+
+def record_use(name: str, path: Path, published: str | None) -> None:
+    """Record the SHA-256 of a weight file "set/file" that is used, and compare it with the lock file."""
+    uses = _uses.get()
+    if uses is None:
+        return
+    if published is not None:
+        uses[name] = {"sha256": published, "state": "published"}
+        return
+    status = path.stat()
+    key = (path, status.st_size, status.st_mtime_ns)
+    if key not in _hashed:
+        _hashed[key] = sha256_of(path)
+    expected = read_lock().get(name, {}).get("sha256")
+    state = "unpinned" if expected is None else "locked" if expected == _hashed[key] else "differs"
+    uses[name] = {"sha256": _hashed[key], "state": state}
+
+
+def _locked(file: WeightFile, entry: Mapping[str, str]) -> WeightFile:
+    if file.is_pinned or not entry:
+        return file
+    origin, revision = file.origin, entry.get("revision")
+    moving = isinstance(origin, HubSource) and origin.revision == "main" and "@" not in file.source
+    source = f"{file.source}@{revision}" if moving and revision else file.source
+    return replace(file, sha256=entry.get("sha256"), source=source)
+
+
+def _snapshot(path: Path) -> str:
+    """Return the commit in the path of a file in the cache of Hugging Face; "" for another path."""
+    parts = path.parts
+    return parts[parts.index("snapshots") + 1] if "snapshots" in parts[:-2] else ""
