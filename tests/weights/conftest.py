@@ -14,13 +14,13 @@ import pytest
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_cache(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user's folder for caches and one of Hugging Face's, both of the test alone; no folder of the user's own."""
     from huggingface_hub import constants
 
     monkeypatch.delenv("PHYSIC_WEIGHTS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path / "lock" / "physic.lock"))  # not among the files of a set
+    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))  # not among the files of a set
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     return tmp_path / "cache" / "physic" / "weights"
 
