@@ -20,7 +20,7 @@ def own_cache(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypa
 
     monkeypatch.delenv("PHYSIC_WEIGHTS", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))  # not among the files of a set
+    monkeypatch.setenv("PHYSIC_LOCK", str(tmp_path_factory.mktemp("lock") / "physic.lock"))  # beside no file
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     return tmp_path / "cache" / "physic" / "weights"
 
