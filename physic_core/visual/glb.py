@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import roma
-import torch
+from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
@@ -242,7 +241,7 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
 
 def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, int]]:
     """Add joint nodes and the skin; return the index of the node above them, and the property of a skinned node."""
-    quaternions = roma.rotmat_to_unitquat(torch.from_numpy(rig.rotations)).numpy()
+    quaternions = Rotation.from_matrix(rig.rotations).as_quat()
     first = len(glb.tree.get("nodes", ()))
     for joint, joint_name in enumerate(rig.names):
         node: dict[str, Any] = {
@@ -326,7 +325,7 @@ def _add_camera(glb: GlbBuffer, camera: Intrinsics, pose: NDArray[np.float64]) -
         "perspective": perspective,
         "extras": {"intrinsics_px": camera.matrix.tolist(), "size_px": [camera.width, camera.height]},
     }
-    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
+    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
     node = {
         "name": "camera",
         "camera": glb.add("cameras", entry),

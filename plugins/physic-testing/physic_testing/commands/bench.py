@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -186,6 +186,27 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
         with atomic_write(file.parent) as temporary:
             temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
     click.echo(format_report(report))
+
+
+@bench.command()
+@click.argument("path", metavar="PHOTO", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Processes.")
+@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset of the pipeline.")
+@click.option("--no-report", is_flag=True, help="Write no page.")
+@click.option("--json", "as_json", is_flag=True, help="Print every number as JSON.")
+def photo(path: Path, repeats: int, preset: str, no_report: bool, as_json: bool) -> None:
+    """Print the processor time of PHOTO from a cold start, by part, without cached results.
+
+    Each repeat is a new process. Ratios are to twenty passes of the packaged depth network in the same process.
+    """
+    from physic_core.cli.output import echo_json
+    from physic_testing.bench.photo import format_cost, measure_photo
+
+    cost = measure_photo(path, repeats, preset=preset, report=not no_report)
+    if as_json:
+        echo_json(asdict(cost))
+    else:
+        click.echo(format_cost(cost))
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:

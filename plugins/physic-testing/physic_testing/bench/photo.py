@@ -1,0 +1,217 @@
+"""Processor time of one photo from a cold start, by part (``physic bench photo``).
+
+Seconds depend on the machine. They are therefore also given as ratios to a yardstick that runs in the same process:
+twenty passes of the packaged depth network.
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.errors import PhysicError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["PhotoCost", "format_cost", "measure_photo"]
+
+YARDSTICK_PASSES = 20
+"""Passes of the depth network, at 252 x 252 px, in the yardstick."""
+
+
+@dataclass(frozen=True)
+class PhotoCost:
+    """Medians over the repeats, processor seconds of all threads.
+
+    Attributes:
+        photo: its path.
+        repeats: number of runs, each in a new process.
+        total: from the start of the process to the written files.
+        wall: the same, on the clock of the wall.
+        memory_gb: peak memory of the process.
+        yardstick: of the yardstick, which ``total`` does not contain.
+        parts: the stages in order, with what starts the process, saving, and the rest.
+        imports: of importing modules, as part of ``parts``.
+        networks: of each network's file, as part of ``parts``: opening and running.
+    """
+
+    photo: str
+    repeats: int
+    total: float
+    wall: float
+    memory_gb: float
+    yardstick: float
+    parts: dict[str, float]
+    imports: float
+    networks: dict[str, float]
+
+
+def measure_photo(photo: Path, repeats: int = 5, *, preset: str = "embedded", report: bool = True) -> PhotoCost:
+    """Reconstruct a photo and save the result, each time in a new process without cached results.
+
+    Args:
+        photo: the file.
+        repeats: number of processes; medians are taken over them.
+        preset: of the pipeline.
+        report: whether the page of the result is written.
+
+    Raises:
+        PhysicError: a run fails; the message has its last line.
+    """
+    runs = [_run(photo, preset, report) for _ in range(repeats)]
+
+    def medians(key: str) -> dict[str, float]:
+        names = dict.fromkeys(name for run in runs for name in run[key])
+        return {name: statistics.median(run[key].get(name, 0.0) for run in runs) for name in names}
+
+    single = {
+        key: statistics.median(run[key] for run in runs)
+        for key in ("total", "wall", "memory_gb", "yardstick", "imports")
+    }
+    return PhotoCost(str(photo), repeats, parts=medians("parts"), networks=medians("networks"), **single)
+
+
+def format_cost(cost: PhotoCost) -> str:
+    """Return a table of the parts: processor seconds, and ratios to the yardstick."""
+    rows = [*cost.parts.items(), ("total", cost.total)]
+    rows += [("", None), ("of these: imports", cost.imports)]
+    rows += sorted(((f"  {name}", seconds) for name, seconds in cost.networks.items()), key=lambda row: -row[1])
+    rows += [("", None), (f"yardstick: {YARDSTICK_PASSES} passes of the depth network", cost.yardstick)]
+    width = max(len(name) for name, _ in rows)
+    lines = [f"{'':<{width}}  CPU s  yardsticks"]
+    lines += [
+        "" if seconds is None else f"{name:<{width}}  {seconds:5.2f}  {seconds / cost.yardstick:10.2f}"
+        for name, seconds in rows
+    ]
+    return "\n".join([*lines, "", f"{cost.wall:.1f} s on the clock, {cost.memory_gb:.2f} GB, median of {cost.repeats}"])
+
+
+def _run(photo: Path, preset: str, report: bool) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        answer = Path(folder, "answer.json")
+        arguments = json.dumps([str(photo), preset, report, str(Path(folder, "result")), str(answer)])
+        start = f"from {__name__} import _measure; _measure(*__import__('json').loads({arguments!r}))"
+        began = time.monotonic()
+        done = subprocess.run([sys.executable, "-c", start], capture_output=True, text=True, check=False)
+        if done.returncode or not answer.is_file():
+            last = (done.stderr.strip() or "no output").rpartition("\n")[2]
+            raise PhysicError(f"the measured run of {photo} ended with code {done.returncode}: {last}")
+        found: dict[str, Any] = json.loads(answer.read_bytes())
+        return found | {"wall": found["wall_end"] - began}
+
+
+class _Meter:
+    """Processor seconds by part, of imports, and by network."""
+
+    def __init__(self) -> None:
+        self.parts: Counter[str] = Counter()
+        self.networks: Counter[str] = Counter()
+        self.imports = 0.0
+        self._part, self._since, self._importing = "start", 0.0, False
+
+    def begin(self, part: str) -> None:
+        """End the current part and begin another."""
+        now = time.process_time()
+        self.parts[self._part] += now - self._since
+        self._part, self._since = part, now
+
+    @contextmanager
+    def network(self, name: str) -> Iterator[None]:
+        """Count the time of the block for a network."""
+        start = time.process_time()
+        yield
+        self.networks[name] += time.process_time() - start
+
+    def count_imports(self) -> None:
+        """Count all imports from now on; those inside an import once."""
+        import builtins
+
+        real = builtins.__import__
+
+        def counted(*arguments: Any, **keywords: Any) -> Any:
+            if self._importing:
+                return real(*arguments, **keywords)
+            self._importing, start = True, time.process_time()
+            try:
+                return real(*arguments, **keywords)
+            finally:
+                self._importing, self.imports = False, self.imports + time.process_time() - start
+
+        builtins.__import__ = counted
+
+    def count_networks(self) -> None:
+        """Count the opening and the runs of all ONNX files that are opened from now on."""
+        from physic_core.adapters import onnx_sessions
+
+        real: Callable[..., onnx_sessions.OnnxSession] = onnx_sessions.open_session
+
+        def counted(path: Path, *arguments: Any, **keywords: Any) -> onnx_sessions.OnnxSession:
+            with self.network(f"{path.stem}: open"):
+                session = real(path, *arguments, **keywords)
+            run = session.run
+
+            def counted_run(outputs: Any, inputs: Any) -> Any:
+                with self.network(path.stem):
+                    return run(outputs, inputs)
+
+            session.run = counted_run  # type: ignore[method-assign]
+            return session
+
+        onnx_sessions.open_session = counted
+
+
+def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) -> None:
+    """Run in a new process: reconstruct, save, run the yardstick, and write the times to ``answer``."""
+    import resource
+
+    meter = _Meter()
+    meter.count_imports()
+    from physic_core.batch.saving import Saving, save_photo
+    from physic_core.configuration.resolve import load_plan
+    from physic_core.discovery.plugins import discover
+    from physic_core.pipeline.run import reconstruct_photo
+
+    meter.count_networks()
+    plan = load_plan(discover(), None, preset=preset, overrides=("run.cache=false",))
+    meter.begin("reading")
+    result = reconstruct_photo(Path(photo), plan, progress=lambda stage, number, of: meter.begin(stage))
+    meter.begin("saving")
+    save_photo(result, Path(folder), Saving("compact", report=report), Path(photo).name)
+    meter.begin("end")
+    wall_end, total = time.monotonic(), time.process_time()
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    found = {
+        "parts": dict(meter.parts),
+        "networks": dict(meter.networks),
+        "imports": meter.imports,
+        "total": total,
+        "wall_end": wall_end,
+        "memory_gb": memory,
+        "yardstick": _yardstick(),
+    }
+    Path(answer).write_text(json.dumps(found), encoding="utf-8")
+
+
+def _yardstick() -> float:
+    import numpy as np
+    from physic_embedded.networks.depth_anything import predict_disparity
+    from physic_embedded.networks.sessions import open_session
+
+    session = open_session("depth_anything_v2_vits")
+    image = np.zeros((252, 252, 3), np.uint8)
+    predict_disparity(session, image, 252)
+    start = time.process_time()
+    for _ in range(YARDSTICK_PASSES):
+        predict_disparity(session, image, 252)
+    return time.process_time() - start
