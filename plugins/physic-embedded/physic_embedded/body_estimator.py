@@ -32,7 +32,7 @@ _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 class EmbeddedBodiesOptions(Options):
     """Settings of the body fit."""
 
-    iterations: int = Field(40, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
+    iterations: int = Field(20, ge=10, le=1000, description="of L-BFGS, before Newton's method finds the minimum")
     cure_lean: bool = Field(
         True, description="set people who stand upright on the floor, where the floor is known; landmarks lean forward"
     )

@@ -65,7 +65,7 @@ class FitSettings:
             wrong.
     """
 
-    iterations: int = 40
+    iterations: int = 20
     sigma_2d: float = 0.010
     sigma_3d: tuple[float, float, float] = (0.04, 0.04, 0.08)
     shape_weight: float = 4.0
