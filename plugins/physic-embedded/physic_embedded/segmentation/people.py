@@ -1,7 +1,8 @@
 """Detect the poses of all people in an image.
 
-YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. BlazePose's own
-detector adds people that YOLOX misses, and a second start for the landmark network.
+YOLOX detects people as boxes. The landmark network, which expects one person, runs on each box. Unless all boxes and
+their poses are sure, BlazePose's own detector adds people that YOLOX misses, and a second start for the landmark
+network.
 """
 
 from __future__ import annotations
@@ -65,6 +66,8 @@ MAX_SHARED_MASK = 0.5
 """A pose whose mask shares more than this with another person's, over the smaller of both, is of that person."""
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
+SURE_FIT, SURE_MIRROR_GAP = 0.5, 0.02
+"""Least fit and largest mirror gap of the poses of boxes that are all sure; the photo is then not searched again."""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -143,13 +146,13 @@ def detect_poses(
         min_tile_score=lowest,
         fractions=BOX_TILES if settings.fractions else (),
     )
-    weak = min(settings.weak, settings.sure)
-    detections = detect_people(pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions)
-    blazepose = [
-        (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
-        for d in detections[: 2 * settings.max_people]
+    posed = [
+        (box, float(score), predict_pose(landmarker, picture, square_around(box)))
+        for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    found = _poses_of_boxes(landmarker, picture, boxes, [pose for pose, _ in blazepose], settings.box_score)
+    # The second search costs as much as all the rest, and adds nobody where all boxes are sure.
+    blazepose = [] if _all_sure(posed, settings) else _search_blazepose(pose_detector, landmarker, picture, settings)
+    found = _best_poses(posed, [pose for pose, _ in blazepose], settings.box_score)
     found += [
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
@@ -213,16 +216,38 @@ def _is_other_person(a: DetectedPose, b: DetectedPose) -> bool:
     return not is_same_person(a, b) and mask_overlap(a.pose, b.pose) <= MAX_SHARED_MASK
 
 
-def _poses_of_boxes(
-    landmarker: OnnxSession, picture: ImagePyramid, boxes: Detections, others: Sequence[Pose], box_score: float
+def _all_sure(posed: Sequence[tuple[Float, float, Pose]], settings: SearchSettings) -> bool:
+    """Return whether there are boxes, and each has a high score and a pose that fits it."""
+    return bool(posed) and all(
+        score >= settings.box_score
+        and pose.score > 0.5
+        and pose.mirror_gap < SURE_MIRROR_GAP
+        and box_fit(pose, box) >= SURE_FIT
+        for box, score, pose in posed
+    )
+
+
+def _search_blazepose(
+    pose_detector: OnnxSession, landmarker: OnnxSession, picture: ImagePyramid, settings: SearchSettings
+) -> list[tuple[Pose, float]]:
+    """Return the poses of BlazePose's own detector, with its scores."""
+    weak = min(settings.weak, settings.sure)
+    detections = detect_people(pose_detector, picture, weak, min(weak + 0.2, settings.sure), settings.fractions)
+    return [
+        (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
+        for d in detections[: 2 * settings.max_people]
+    ]
+
+
+def _best_poses(
+    posed: Sequence[tuple[Float, float, Pose]], others: Sequence[Pose], box_score: float
 ) -> list[DetectedPose]:
-    """Return the best pose for each box, from the box and from the poses ``others``.
+    """Return the best pose for each box, from the box's own pose and from the poses ``others``.
 
     A box below ``box_score`` needs a better fit.
     """
     found = []
-    for box, score in zip(boxes.boxes, boxes.scores, strict=True):
-        own = predict_pose(landmarker, picture, square_around(box))
+    for box, score, own in posed:
         poses = [own, *(pose for pose in others if _iou(joints_box(pose), box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
         similar = [pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()]
