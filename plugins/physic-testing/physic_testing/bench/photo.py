@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = ["PhotoCost", "format_cost", "measure_photo"]
 
+YARDSTICK = "depth_anything_v2_vits"
+"""File name of the yardstick's network, without its ending."""
 YARDSTICK_PASSES = 20
 """Passes of the depth network, at 252 x 252 px, in the yardstick."""
 
@@ -67,7 +69,7 @@ def measure_photo(photo: Path, repeats: int = 5, *, preset: str = "embedded", re
         report: whether the page of the result is written.
 
     Raises:
-        PhysicError: a run fails; the message has its last line.
+        PhysicError: a run fails, or does not use the network of the yardstick; the message has its last line.
     """
     runs = [_run(photo, preset, report) for _ in range(repeats)]
 
@@ -112,11 +114,12 @@ def _run(photo: Path, preset: str, report: bool) -> dict[str, Any]:
 
 
 class _Meter:
-    """Processor seconds by part, of imports, and by network."""
+    """Processor seconds by part, of imports, and by network; the opened networks by the name of their file."""
 
     def __init__(self) -> None:
         self.parts: Counter[str] = Counter()
         self.networks: Counter[str] = Counter()
+        self.sessions: dict[str, Any] = {}
         self.imports = 0.0
         self._part, self._since, self._importing = "start", 0.0, False
 
@@ -159,6 +162,7 @@ class _Meter:
         def counted(path: Path, *arguments: Any, **keywords: Any) -> onnx_sessions.OnnxSession:
             with self.network(f"{path.stem}: open"):
                 session = real(path, *arguments, **keywords)
+            self.sessions[path.stem] = session.session
             run = session.run
 
             def counted_run(outputs: Any, inputs: Any) -> Any:
@@ -177,18 +181,19 @@ def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) ->
 
     meter = _Meter()
     meter.count_imports()
-    from physic_core.batch.saving import Saving, save_photo
-    from physic_core.configuration.resolve import load_plan
-    from physic_core.discovery.plugins import discover
-    from physic_core.pipeline.run import reconstruct_photo
+    from physic_core import Pipeline
 
     meter.count_networks()
-    plan = load_plan(discover(), None, preset=preset, overrides=("run.cache=false",))
-    meter.begin("reading")
-    result = reconstruct_photo(Path(photo), plan, progress=lambda stage, number, of: meter.begin(stage))
-    meter.begin("saving")
-    save_photo(result, Path(folder), Saving("compact", report=report), Path(photo).name)
-    meter.begin("end")
+    with Pipeline({"extends": preset, "run": {"cache": False}}) as pipeline:
+        meter.begin("reading")
+        result = pipeline(photo, progress=lambda stage, number, of: meter.begin(stage))
+        meter.begin("saving")
+        result.save(folder)
+        if report:
+            result.report(f"{folder}/report.html", Path(photo).name)
+        meter.begin("end")
+    if YARDSTICK not in meter.sessions:
+        raise PhysicError(f"preset {preset!r} does not use {YARDSTICK!r}, the yardstick: choose one that does")
     wall_end, total = time.monotonic(), time.process_time()
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     found = {
@@ -198,20 +203,18 @@ def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) ->
         "total": total,
         "wall_end": wall_end,
         "memory_gb": memory,
-        "yardstick": _yardstick(),
+        "yardstick": _yardstick(meter.sessions[YARDSTICK]),
     }
     Path(answer).write_text(json.dumps(found), encoding="utf-8")
 
 
-def _yardstick() -> float:
+def _yardstick(session: Any) -> float:
+    """Return the processor seconds of the yardstick; ``session`` is that of the packaged depth network."""
     import numpy as np
-    from physic_embedded.networks.depth_anything import predict_disparity
-    from physic_embedded.networks.sessions import open_session
 
-    session = open_session("depth_anything_v2_vits")
-    image = np.zeros((252, 252, 3), np.uint8)
-    predict_disparity(session, image, 252)
+    image = np.zeros((1, 3, 252, 252), np.float32)
+    session.run(["depth"], {"image": image})
     start = time.process_time()
     for _ in range(YARDSTICK_PASSES):
-        predict_disparity(session, image, 252)
+        session.run(["depth"], {"image": image})
     return time.process_time() - start
