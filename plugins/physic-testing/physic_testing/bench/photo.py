@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,9 +86,10 @@ def measure_photo(photo: Path, repeats: int = 5, *, preset: str = "embedded", re
 
 def format_cost(cost: PhotoCost) -> str:
     """Return a table of the parts: processor seconds, and ratios to the yardstick."""
-    rows = [*cost.parts.items(), ("total", cost.total)]
+    rows: list[tuple[str, float | None]] = [*cost.parts.items(), ("total", cost.total)]
     rows += [("", None), ("of these: imports", cost.imports)]
-    rows += sorted(((f"  {name}", seconds) for name, seconds in cost.networks.items()), key=lambda row: -row[1])
+    networks = sorted(cost.networks.items(), key=lambda network: -network[1])
+    rows += [(f"  {name}", seconds) for name, seconds in networks]
     rows += [("", None), (f"yardstick: {YARDSTICK_PASSES} passes of the depth network", cost.yardstick)]
     width = max(len(name) for name, _ in rows)
     lines = [f"{'':<{width}}  CPU s  yardsticks"]
@@ -117,8 +118,8 @@ class _Meter:
     """Processor seconds by part, of imports, and by network; the opened networks by the name of their file."""
 
     def __init__(self) -> None:
-        self.parts: Counter[str] = Counter()
-        self.networks: Counter[str] = Counter()
+        self.parts: defaultdict[str, float] = defaultdict(float)
+        self.networks: defaultdict[str, float] = defaultdict(float)
         self.sessions: dict[str, Any] = {}
         self.imports = 0.0
         self._part, self._since, self._importing = "start", 0.0, False
