@@ -24,6 +24,7 @@ MODULES = {
     "physic_core.body": "Body model",
     "physic_core.geometry": "Geometry",
     "physic_core.adapters": "Helpers for adapters",
+    "physic_core.engine.settings": "Settings of the engine",
     "physic_core.visual.export.request": "Requests of exports",
     "physic_core.visual.report": "The page of a result",
     "physic_core.visual.surface": "Meshes of scene and floor",
