@@ -3,8 +3,8 @@
 # make test [JOBS=2]            lint, types and the whole test suite
 # make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
-# make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tests/attacks/fuzz.py)
-# make mutants                  remove each stated defence in turn, and require that its test fails (tests/attacks/mutants)
+# make fuzz [MINUTES=60]        attack readers of files with damaged input, then real runs (tools/attacks/fuzz.py)
+# make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
@@ -63,8 +63,8 @@ kernels: $(VENV)/test.stamp
 		$(BIN)/pytest -m kernels $$(grep -rl --include='test_*.py' 'mark\.kernels' tests plugins)
 
 fuzz: $(VENV)/test.stamp
-	$(BIN)/python tests/attacks/fuzz.py --minutes $(MINUTES)
-	ATTACK_EVERY_STEP=1 $(BIN)/pytest -q tests/attacks/test_saving.py
+	$(BIN)/python tools/attacks/fuzz.py --minutes $(MINUTES)
+	ATTACK_EVERY_STEP=1 OMP_NUM_THREADS=1 $(BIN)/pytest -q tests/attacks/test_saving.py tools/attacks
 
 mutants: $(VENV)/test.stamp
 	$(BIN)/python tools/mutants.py

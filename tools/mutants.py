@@ -1,6 +1,6 @@
 """Remove each defence in turn, and require that its test fails: ``python tools/mutants.py [NAME ...]``.
 
-The folder ``tests/attacks/mutants`` has a patch for each defence, with the test. Patches are applied to a copy of the
+The folder ``tools/attacks/mutants`` has a patch for each defence, with the test. Patches are applied to a copy of the
 tracked and new files of this checkout. All tests must pass there before. A patch that does not apply, and a test that
 does not run, are failures too.
 """
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "tests" / "attacks" / "mutants"
+FOLDER = ROOT / "tools" / "attacks" / "mutants"
 PASSED, FAILED = 0, 1  # exit codes of pytest
 
 

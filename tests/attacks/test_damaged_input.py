@@ -9,20 +9,8 @@ import pytest
 from fuzzing.target import Target
 from fuzzing.targets import all_targets
 
-BLOCK = 100
-
-
-def blocks() -> list:
-    return [
-        pytest.param(target, start, min(BLOCK, target.cases - start), id=f"{target.name}-{start}")
-        for target in all_targets()
-        for start in range(0, target.cases, BLOCK)
-    ]
-
-
-@pytest.fixture(scope="module")
-def seed_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("seeds")
+CASES = 100
+"""Of each target; ``make fuzz`` goes on from there."""
 
 
 @pytest.mark.parametrize("target", all_targets(), ids=lambda target: target.name)
@@ -34,15 +22,15 @@ def test_seeds_pass(target: Target, tmp_path: Path):
         target.attack(seed, tmp_path / str(i))
 
 
-@pytest.mark.parametrize(("target", "start", "count"), blocks())
-def test_mutated_seeds(target: Target, start: int, count: int, tmp_path: Path):
-    for case, data in target.mutated(tmp_path / "seeds", start, count):
+@pytest.mark.parametrize("target", all_targets(), ids=lambda target: target.name)
+def test_mutated_seeds(target: Target, tmp_path: Path):
+    for case, data in target.mutated(tmp_path / "seeds", 0, CASES):
         folder = tmp_path / str(case)
         folder.mkdir()
         try:
             target.attack(data, folder)
         except Exception as error:
-            error.add_note(f"python tests/attacks/fuzz.py {target.name} --case {case}")
+            error.add_note(f"python tools/attacks/fuzz.py {target.name} --case {case}")
             raise
 
 

@@ -17,7 +17,7 @@ from physic_core.files.jpeg_data import MAX_SCANS
 from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import read_photo, read_source
 
-CORPUS = Path(__file__).parent / "corpus"
+CORPUS = Path(__file__).parents[2] / "tools" / "attacks" / "corpus"
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 

@@ -1,6 +1,6 @@
 """Attack a ``physic serve`` of one's own on the loopback, and print how many attacks were tried and how many fell.
 
-    python plugins/physic-serve/tests/attack_server.py [ROW ...]
+    python tools/attacks/attack_server.py [ROW ...]
 
 Each row starts servers with mock estimators in a temporary folder and ends them. Counts and times are bounded: at most
 105 connections, 4 GB sent, 60 s of waiting. A row falls where another client is not served, memory exceeds 300 MB, a

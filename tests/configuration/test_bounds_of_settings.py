@@ -1,17 +1,15 @@
-"""Every numeric setting has a least and a greatest value, and some of them run; ``extremes.py`` runs all."""
+"""Every numeric setting has a least and a greatest value; ``tools/attacks/extremes.py`` runs them all."""
 
 from __future__ import annotations
 
 import json
 import math
-import random
-from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
-from extremes import cases, extremes, run_case
+from extremes import extremes
 from physic_core import engine_preset_names
 from physic_core.configuration.model import PhotoSettings, RunSettings, stage_models
 from physic_core.discovery.plugins import discover
@@ -48,11 +46,3 @@ def test_every_setting_is_bounded(model: type[BaseModel]):
             model.model_validate({path[0]: table})
         except ValueError as error:
             pytest.fail(f"{'.'.join(path)} = {json.dumps(value)[:100]}: {error}")
-
-
-QUICK = [case for case in cases() if case["name"].startswith("default engine")]
-
-
-@pytest.mark.parametrize("case", random.Random(0).sample(QUICK, 4), ids=lambda case: case["name"])
-def test_an_extreme_value_runs_or_is_an_error_of_physic(case: dict[str, Any], tmp_path: Path):
-    run_case(case, tmp_path)

@@ -104,6 +104,6 @@ def attack_archive(data: bytes, folder: Path) -> None:
 
 
 TARGETS = [
-    Target("weight_manifests", manifests, attack_manifest, mutate_manifest, cases=500),
-    Target("weight_archives", archives, attack_archive, cases=500),
+    Target("weight_manifests", manifests, attack_manifest, mutate_manifest),
+    Target("weight_archives", archives, attack_archive),
 ]

@@ -1,4 +1,4 @@
-"""Run a batch of photos of which most break something: ``python tests/attacks/broken_batch.py [--count N]``.
+"""Run a batch of photos of which most break something: ``python tools/attacks/broken_batch.py [--count N]``.
 
 Photos are cut off, empty, bombs, pipes or no pictures; backends return what no interface allows, raise,
 hang, end or kill their worker; and workers are killed from outside. The batch must end by itself, its journal must

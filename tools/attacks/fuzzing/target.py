@@ -22,7 +22,6 @@ class Target:
         attack: reads the data, given an empty folder; it raises whatever a user must not see, and returns otherwise. An
             answer that a user may see, such as InputError, is caught by it.
         mutate: how seeds are damaged.
-        cases: mutated inputs per run of the tests.
         guided: whether atheris may mutate, too; not where the attack states a fact about ``mutate`` alone, such as that
             lost data is found: other changes of a file may leave a valid one.
     """
@@ -31,7 +30,6 @@ class Target:
     make_seeds: Callable[[Path], Sequence[bytes]]
     attack: Callable[[bytes, Path], None]
     mutate: Callable[[bytes, random.Random, Sequence[bytes]], bytes] = mutate_bytes
-    cases: int = 500
     guided: bool = True
 
     def corpus(self) -> list[Path]:

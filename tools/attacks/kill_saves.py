@@ -1,4 +1,4 @@
-"""Kill processes that save at random moments, and save from many at once: ``python tests/attacks/kill_saves.py``.
+"""Kill processes that save at random moments, and save from many at once: ``python tools/attacks/kill_saves.py``.
 
 A process saves one result after another to one folder. It is killed (SIGKILL) after a random time; then the folder must
 hold one of these results completely, and the next process goes on. At the end, many processes save to one folder and

@@ -1,4 +1,4 @@
-"""Attack readers and runs for as long as you like: ``python tests/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
+"""Attack readers and runs for as long as you like: ``python tools/attacks/fuzz.py [TARGET ...] [--minutes 10]``.
 
 Without TARGET, half of the time is for all targets, which are readers, and half for the other scripts of this folder,
 such as ``extremes.py``. A script exits with 1 if something failed. If it takes ``--minutes`` and ``--keep FOLDER``,

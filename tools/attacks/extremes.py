@@ -1,4 +1,4 @@
-"""Run every setting at its least and at its greatest value: ``python tests/attacks/extremes.py [--minutes 10]``.
+"""Run every setting at its least and at its greatest value: ``python tools/attacks/extremes.py [--minutes 10]``.
 
 A run ends within five minutes, with a result that is finite and can be saved and loaded, or with an error of PhySIC.
 Settings are those of the engine in each preset, of photo and run, and the options of the mock and embedded backends.

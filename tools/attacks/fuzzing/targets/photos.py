@@ -138,6 +138,6 @@ def attack_twin(data: bytes, folder: Path) -> None:
 
 
 TARGETS = [
-    Target("photos", make_seeds, attack, cases=2500),
-    Target("photos-lost-data", make_twins, attack_twin, lose_data, cases=300, guided=False),
+    Target("photos", make_seeds, attack),
+    Target("photos-lost-data", make_twins, attack_twin, lose_data, guided=False),
 ]

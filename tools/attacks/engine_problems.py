@@ -1,6 +1,6 @@
 """Random problems for the engine, as valid backends could return them: a finite result, or a documented error.
 
-``python tests/attacks/engine_problems.py --minutes 10`` runs seeds one after another and exits with 1 if one fails; the
+``python tools/attacks/engine_problems.py --minutes 10`` runs seeds one after another and exits with 1 if one fails; the
 traceback of a failure is written to ``--keep``. ``--case SEED`` runs one again.
 """
 
@@ -235,7 +235,7 @@ def main() -> int:
             failed += 1
             path = given.keep / "engine" / f"{seed}.txt"
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(f"python tests/attacks/engine_problems.py --case {seed}\n{traceback.format_exc()}")
+            path.write_text(f"python tools/attacks/engine_problems.py --case {seed}\n{traceback.format_exc()}")
             print(f"seed {seed} failed: {path}", flush=True)
     print(f"engine: {ran} problems, {failed} failed", flush=True)
     return 1 if failed else 0

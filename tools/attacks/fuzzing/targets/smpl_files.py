@@ -96,6 +96,6 @@ def check_message(error: BodyModelError, path: Path) -> None:
 
 
 TARGETS = [
-    Target("smpl_files", lambda folder: model_files(), attack_model, cases=400),
-    Target("smplx_files", lambda folder: smplx_files(), attack_smplx, cases=300),
+    Target("smpl_files", lambda folder: model_files(), attack_model),
+    Target("smplx_files", lambda folder: smplx_files(), attack_smplx),
 ]

@@ -1,4 +1,4 @@
-"""Kill ``physic run`` and ``physic batch`` at random moments: ``python tests/attacks/kill_runs.py [--kills 60]``.
+"""Kill ``physic run`` and ``physic batch`` at random moments: ``python tools/attacks/kill_runs.py [--kills 60]``.
 
 Half of the moments are spread over the time of a command, half are while it writes. After each kill (SIGKILL), the
 output folder must hold complete results only. A batch is then resumed until it ends; its journal must have one row for

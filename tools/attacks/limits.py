@@ -1,4 +1,4 @@
-"""Run ``physic run`` with ever less memory and ever smaller files: ``python tests/attacks/limits.py [--rungs 12]``.
+"""Run ``physic run`` with ever less memory and ever smaller files: ``python tools/attacks/limits.py [--rungs 12]``.
 
 A run must end with a complete result, or with a message and without a traceback; a result of an earlier run stays
 complete. Native libraries end the process when they get no memory; this is counted, and the earlier result must stay.
