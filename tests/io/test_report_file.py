@@ -17,12 +17,10 @@ from physic_core.errors import InputError, OutputError
 from physic_core.io.report_file import add_report, save_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 
-from .conftest import make_reconstruction
-
 
 @pytest.fixture(scope="module")
-def result():
-    return replace(make_reconstruction(), photo="sha256:1")
+def result(make):
+    return replace(make(), photo="sha256:1")
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,6 @@ from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
 from physic_core.visual.report import GENERATOR, report_html
 
-from .conftest import make_reconstruction
-
 PAGE = """
 from physic_core import ReportRecord, hookimpl
 
@@ -42,10 +40,10 @@ def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of a result, in the current one."""
     monkeypatch.chdir(tmp_path)
-    save_reconstruction(make_reconstruction(people=0), tmp_path / "results" / "a", preview=False, glb=False)
+    save_reconstruction(make(people=0), tmp_path / "results" / "a", preview=False, glb=False)
     return tmp_path / "results" / "a"
 
 
@@ -54,8 +52,8 @@ def physic(*arguments: object) -> Result:
 
 
 @pytest.mark.usefixtures("hidden")
-def test_without_a_plugin_each_way_to_a_page_names_it(folder: Path):
-    result = make_reconstruction(people=0)
+def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
+    result = make(people=0)
     saving = Saving("numbers", report=True)
     ways = (
         lambda: report_html(result),
@@ -110,19 +108,19 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
     ids=["no text", "no generator", "fails"],
 )
 def test_a_page_that_breaks_the_contract_is_refused(
-    site: Any, monkeypatch: pytest.MonkeyPatch, body: str, message: str
+    make: Any, site: Any, monkeypatch: pytest.MonkeyPatch, body: str, message: str
 ):
     site.install("physic-page", PAGE.format(module="physic_page", body=body))
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     with pytest.raises(PluginError) as error:
-        report_html(make_reconstruction(people=0))
+        report_html(make(people=0))
     assert str(error.value).startswith(message)
 
 
-def test_two_plugins_that_make_the_page_are_named(site: Any, monkeypatch: pytest.MonkeyPatch):
+def test_two_plugins_that_make_the_page_are_named(make: Any, site: Any, monkeypatch: pytest.MonkeyPatch):
     site.install("physic-page", PAGE.format(module="physic_page", body=PLAIN))
     site.install("physic-sheet", PAGE.format(module="physic_sheet", body=PLAIN))
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page,physic-sheet")
     with pytest.raises(ConfigError) as error:
-        report_html(make_reconstruction(people=0))
+        report_html(make(people=0))
     assert str(error.value) == "report.html is made by physic-page and physic-sheet: uninstall one of them"

@@ -11,7 +11,7 @@ import pytest
 @pytest.fixture(scope="session")
 def rooms():
     """The module that makes the room."""
-    path = Path(__file__).parents[3] / "tests" / "io" / "conftest.py"
+    path = Path(__file__).parents[3] / "tests" / "conftest.py"
     spec = spec_from_file_location("rooms", path)
     module = module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import trimesh
@@ -196,6 +198,7 @@ def reconstruction() -> Reconstruction:
     return make_reconstruction()
 
 
-@pytest.fixture
-def make():
+@pytest.fixture(scope="session")
+def make() -> Callable[..., Reconstruction]:
+    """Make a room with mannequins: ``make(width, height, people)``."""
     return make_reconstruction
