@@ -48,8 +48,13 @@ def _old_code(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def cache(tmp_path: Path) -> ResultCache:
-    return ResultCache(tmp_path / "answers", 10**6)
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "answers"
+
+
+@pytest.fixture
+def cache(folder: Path) -> ResultCache:
+    return ResultCache(folder, 10**6)
 
 
 def ask(cache: ResultCache, who: Provenance = WHO, device: str = "cpu", inputs: tuple[object, ...] = INPUTS):
@@ -58,19 +63,19 @@ def ask(cache: ResultCache, who: Provenance = WHO, device: str = "cpu", inputs: 
     return question
 
 
-def files(cache: ResultCache) -> list[Path]:
-    return sorted(cache._folder.iterdir())
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir())
 
 
-def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache):
+def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache, folder: Path):
     assert cache.read(ask(cache)) is None
     cache.write(ask(cache), ANSWER)
-    found = ResultCache(cache._folder, 0).read(ask(cache))
+    found = ResultCache(folder, 0).read(ask(cache))
     assert isinstance(found, DepthMap)
     assert found.depth.dtype == np.float32
     np.testing.assert_array_equal(found.depth, ANSWER.depth)
     assert replace(found, depth=ANSWER.depth) == ANSWER
-    (file,) = files(cache)
+    (file,) = files(folder)
     assert file.name.startswith("metric_depth-my_depth_1-")
     assert read_archive(file)[1]["backend"]["distribution"] == "my-dist"
 
@@ -105,14 +110,16 @@ def test_another_version_of_the_interface_is_another_question(cache: ResultCache
     assert ask(cache).name != before
 
 
-def test_a_library_of_another_version_is_another_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_a_library_of_another_version_is_another_question(
+    cache: ResultCache, folder: Path, monkeypatch: pytest.MonkeyPatch
+):
     told = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
     names = []
     for distribution in ("none", "physic-core", "my-dist"):
         for library in told.get(distribution, ()):
             told[distribution][library] += ".1"
         monkeypatch.setattr(module, "required_versions", lambda name: dict(told[name]))
-        names.append(ask(ResultCache(cache._folder, 1)).name)
+        names.append(ask(ResultCache(folder, 1)).name)
     assert len(set(names)) == 3
 
 
@@ -169,9 +176,9 @@ NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations_
     ],
     ids=["subclass", "namesake", "a set", "objects"],
 )
-def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: ResultCache, answer: DepthMap):
+def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: ResultCache, folder: Path, answer: DepthMap):
     cache.write(ask(cache), answer)
-    assert not cache._folder.exists()
+    assert not folder.exists()
     same = canonicalize(answer)
     assert type(same) is type(answer)
     np.testing.assert_array_equal(same.depth, answer.depth)
@@ -222,12 +229,12 @@ def damages() -> list[Callable[[Path], object]]:
 
 
 @pytest.mark.parametrize("damage", damages(), ids=lambda f: f.__name__)
-def test_a_damaged_file_is_dropped_with_a_note(cache: ResultCache, damage: Callable[[Path], object]):
+def test_a_damaged_file_is_dropped_with_a_note(cache: ResultCache, folder: Path, damage: Callable[[Path], object]):
     cache.write(ask(cache), ANSWER)
-    (file,) = files(cache)
+    (file,) = files(folder)
     damage(file)
     assert cache.read(ask(cache)) is None
-    assert files(cache) == []
+    assert files(folder) == []
     (note,) = cache.notes
     assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {file} (")
     cache.write(ask(cache), ANSWER)
@@ -259,14 +266,14 @@ def test_the_run_that_wrote_makes_room(tmp_path: Path):
     for i in range(9):
         names.append(ask(cache, replace(WHO, version=str(i))).name)
         cache.write(ask(cache, replace(WHO, version=str(i))), ANSWER)
-    assert len(files(cache)) == 9
+    assert len(files(tmp_path)) == 9
     os.utime(tmp_path / names[-1], (2e9, 2e9))  # the latest, whatever the clock's steps are
     ResultCache(tmp_path, 0).trim()  # wrote nothing
-    assert len(files(cache)) == 9
+    assert len(files(tmp_path)) == 9
     cache.trim()
-    left = [path.name for path in files(cache)]
+    left = [path.name for path in files(tmp_path)]
     assert 0 < len(left) < 9
-    assert sum(path.stat().st_size for path in files(cache)) <= 4000
+    assert sum(path.stat().st_size for path in files(tmp_path)) <= 4000
     assert names[-1] in left
 
 
@@ -276,7 +283,8 @@ def test_the_users_folder_follows_the_environment(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     cache = ResultCache.in_users_folder(5)
     assert cache is not None
-    assert (cache._folder, cache._limit) == (tmp_path, 5_000_000)
+    cache.write(ask(cache), ANSWER)
+    assert len(files(tmp_path)) == 1
 
 
 HAMMER = """

@@ -18,7 +18,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import pack, read_archive, unpack, write_archive
-from physic_core.interfaces import BodyEstimator, ContactPrior, HandEstimator
+from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
     discard_invalid_hands,
@@ -65,90 +65,6 @@ def hands() -> Hands:
 
 def contact() -> ContactProbability:
     return ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
-
-
-def test_valid_results_have_no_violations() -> None:
-    assert violations(BodyEstimator, bodies(), people=2) == []
-    assert violations(BodyEstimator, bodies(0), people=0) == []
-    assert violations(HandEstimator, hands(), people=2) == []
-    assert violations(ContactPrior, contact(), people=2, vertices=9, topology="physic-embedded-1") == []
-
-
-def test_faces_may_be_integers_of_any_width() -> None:
-    for kind in (np.int32, np.int64, np.uint32):
-        told = bodies()
-        assert told.mesh is not None
-        assert (
-            violations(BodyEstimator, replace(told, mesh=replace(told.mesh, faces=FACES.astype(kind))), people=2) == []
-        )
-
-
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({"joints": np.zeros((2, 24, 3))}, "joints must be (2, 55, 3), got (2, 24, 3)"),
-        ({"joints": np.zeros((2, 55, 3), int)}, "joints must be float, got int64"),
-        (
-            {"joints": np.full((2, 55, 3), np.inf)},
-            "joints must be within +-10000 m, or NaN where unknown, 330 are beyond",
-        ),
-        ({"mesh": np.zeros((2, 4, 3))}, "mesh must be Mesh, got ndarray"),
-        ({"mesh": Mesh("mhr", np.zeros((1, 4, 3)), FACES)}, "mesh.vertices must be (2, 4, 3), got (1, 4, 3)"),
-        ({"mesh": Mesh(7, np.zeros((2, 4, 3)), FACES)}, "mesh.name must be str, got int"),  # type: ignore[arg-type]
-        (
-            {"mesh": Mesh("mhr", np.zeros((2, 4, 3)), FACES + 1)},
-            "mesh.faces must number the 4 vertices from 0, got 1 to 4",
-        ),
-        (
-            {"mesh": Mesh("mhr", np.zeros((2, 4, 3)), FACES.astype(float))},  # type: ignore[arg-type]
-            "mesh.faces must be integers, got float64",
-        ),
-        ({"mesh": Mesh("mhr", np.zeros((2, 4, 3)), FACES[0])}, "mesh.faces must be (3, 3), got (3)"),
-        (
-            {"mesh": Mesh("mhr", np.full((2, 4, 3), np.nan), FACES)},
-            "mesh.vertices must be finite, 24 values are not",
-        ),
-        (
-            {"mesh": Mesh("mhr", np.zeros((2, 4, 3)), FACES, np.zeros((5, 3)))},
-            "mesh.rest must be (4, 3), got (5, 3)",
-        ),
-    ],
-)
-def test_faults_of_bodies(change: dict[str, object], fault: str) -> None:
-    assert violations(BodyEstimator, replace(bodies(), **change), people=2) == [fault]  # type: ignore[arg-type]
-
-
-def test_faults_of_wrists() -> None:
-    assert violations(HandEstimator, replace(hands(), wrists=np.zeros((2, 2, 3, 3))), people=2) == [
-        "wrists must be (2, 2, 3), got (2, 2, 3, 3)"
-    ]
-    assert violations(HandEstimator, replace(hands(), wrists=np.full((2, 2, 3), np.nan)), people=2) == [
-        "wrists must be finite, 9 values are not"
-    ]
-
-
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({"rest": None}, "topology must be 'embedded' as the bodies', got 'smpl'"),
-        ({"rest": FACES}, "rest must be RestMesh, got ndarray"),
-        ({"probability": np.zeros((2, 5))}, "probability must be (2, 4), got (2, 5)"),
-        (
-            {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)},
-            "rest must be the mesh 'smpl' that the probabilities are on, got 'smplx'",
-        ),
-        (
-            {"rest": RestMesh("smpl", np.full((4, 3), np.nan), FACES)},
-            "rest.vertices must be finite, 12 values are not",
-        ),
-        (
-            {"rest": RestMesh("smpl", np.zeros((4, 3)), FACES + 2)},
-            "rest.faces must number the 4 vertices from 0, got 2 to 5",
-        ),
-    ],
-)
-def test_faults_of_contact_on_another_mesh(change: dict[str, object], fault: str) -> None:
-    assert violations(ContactPrior, replace(contact(), **change), people=2, vertices=9, topology="embedded") == [fault]  # type: ignore[arg-type]
 
 
 def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +14,6 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import (
-    BackendError,
-    BackendOutputError,
     BodyModelError,
     DeviceError,
     InputError,
@@ -49,47 +45,6 @@ def with_backend(kind: type, interface: str) -> Registry:
 def run(world: World, kind: type, interface: str) -> Reconstruction:
     config = load_config(preset="mock", overrides=[f"{interface}.backend=wrong"])
     return reconstruct(world.image, config, registry=with_backend(kind, interface))
-
-
-def test_an_invalid_result_names_backend_stage_and_violation(world: World) -> None:
-    class Transposed(backends.MockMetricDepth):
-        def infer(self, image, hints):
-            answer = super().infer(image, hints)
-            return replace(answer, depth=np.ascontiguousarray(answer.depth.T))
-
-    with pytest.raises(BackendOutputError) as error:
-        run(world, Transposed, "metric_depth")
-    assert str(error.value) == (
-        "metric_depth 'wrong' (registered by hand), stage 'metric depth' returned what the interface does not allow:\n"
-        "  depth must be (120, 160), got (160, 120)"
-    )
-
-
-def test_a_result_of_another_type_is_an_error(world: World) -> None:
-    class Nothing(backends.MockInpainter):
-        def infer(self, image, mask):
-            return None
-
-    with pytest.raises(BackendOutputError) as error:
-        run(world, Nothing, "inpainter")
-    assert str(error.value) == (
-        "inpainter 'wrong' (registered by hand), stage 'inpainting' returned what the interface does not allow:\n"
-        "  image must be a numpy array (120, 160, 3), got NoneType"
-    )
-
-
-def test_a_backend_that_falls_over_keeps_its_cause(world: World) -> None:
-    class Broken(backends.MockKeypointDetector):
-        def infer(self, image, people):
-            return {}["weights"]
-
-    with pytest.raises(BackendError) as error:
-        run(world, Broken, "keypoint_detector")
-    assert str(error.value) == (
-        "keypoint_detector 'wrong' (registered by hand), stage 'keypoints': KeyError: 'weights' "
-        f"(tests/pipeline/test_pipeline.py:{Broken.infer.__code__.co_firstlineno + 1})"
-    )
-    assert isinstance(error.value.__cause__, KeyError)
 
 
 def test_a_photo_without_people_is_an_error_if_people_are_required(world: World) -> None:
@@ -133,40 +88,11 @@ def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: 
     ]
 
 
-def test_a_backend_that_leaves_python_is_an_error_too(world: World) -> None:
-    class Leaver(backends.MockInpainter):
-        def infer(self, image, mask):
-            sys.exit(3)
-
-    with pytest.raises(BackendError) as error:
-        run(world, Leaver, "inpainter")
-    assert re.fullmatch(
-        r"inpainter 'wrong' \(registered by hand\), stage 'inpainting': "
-        r"SystemExit: 3 \(tests/pipeline/test_pipeline\.py:\d+\)",
-        str(error.value),
-    )
-
-
 def test_a_device_that_is_not_there(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     with pytest.raises(DeviceError) as error:
         reconstruct(world.image, load_config(preset="mock", overrides=["run.device=cuda:1"]))
     assert str(error.value).startswith("device 'cuda:1' is not there: torch ")
-
-
-def test_every_backend_is_closed_even_when_one_fails(world: World) -> None:
-    closed = []
-
-    class Broken(backends.MockMetricDepth):
-        def infer(self, image, hints):
-            raise RuntimeError("no")
-
-        def close(self):
-            closed.append("metric_depth")
-
-    with pytest.raises(BackendError):
-        run(world, Broken, "metric_depth")
-    assert closed == ["metric_depth"]
 
 
 def test_optional_interfaces_may_be_left_out(world: World) -> None:
