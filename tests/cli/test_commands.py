@@ -553,6 +553,12 @@ def test_check_prints_ok_or_the_faults():
     assert refusal("config", "check", "my.toml", "--set", "inpainter.backend=telae").startswith(
         "--set: 1 error\ninpainter.backend   no inpainter named 'telae'; installed: "
     )
+    done = physic("config", "check", "my.toml", "--set", "body_model.path=SMPLX_NEUTRAL.npz")
+    assert (done.exit_code, done.stdout) == (
+        4,
+        "my.toml: no errors\n1 thing is missing; a run would stop:\n"
+        "  body_model.path: no file at SMPLX_NEUTRAL.npz: check the path, or remove it to use the embedded body\n",
+    )
 
 
 @pytest.mark.parametrize("preset", preset_names())

@@ -95,7 +95,7 @@ def test_messages_and_logs_of_plugins_are_escaped(site: Any):
     assert TITLE not in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("closed", ["2>&-", "1>&-", "1>&- 2>&-", "0<&- 1>&- 2>&-"])
+@pytest.mark.parametrize("closed", ["2>&-", "0<&- 1>&- 2>&-"])
 def test_closed_streams_cost_nothing_but_their_lines(closed: str):
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save("a.png")
     done = process("run", "a.png", "--preset", "mock", "--save", "numbers", "-o", "out", shell=closed)

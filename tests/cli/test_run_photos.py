@@ -155,9 +155,7 @@ DEFAULT_FILES = ["combined.glb", "preview.png", "reconstruction.json", "reconstr
     ("arguments", "names"),
     [
         ((), DEFAULT_FILES),
-        (("--report",), DEFAULT_FILES),
         (("--no-report",), DEFAULT_FILES[:-1]),
-        (("--save", "full"), sorted([*DEFAULT_FILES, "person_0.glb", "scene.glb"])),
         (("--save", "numbers"), DEFAULT_FILES[2:]),
         (("--save", "people", "--no-report"), ["people.npz", "reconstruction.json"]),
     ],
