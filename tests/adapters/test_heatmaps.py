@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 from physic_core.adapters.heatmaps import heatmap_peaks, scores_to_confidence, simcc_peaks, subpixel_peaks
 
@@ -19,21 +18,6 @@ def gaussians(points: NDArray[np.float64], height: int, width: int, sigma: float
     y, x = np.mgrid[:height, :width]
     apart = (x - points[..., 0, None, None]) ** 2 + (y - points[..., 1, None, None]) ** 2
     return high * np.exp(-apart / (2 * sigma**2))
-
-
-def slow_refined(heatmap: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One map, its derivatives by hand, Newton's step by a linear solver."""
-    row, column = np.unravel_index(heatmap.argmax(), heatmap.shape)
-    logs = np.pad(np.log(np.clip(gaussian_filter(heatmap, 0.8, radius=5), 1e-3, 50)), 1, mode="edge")
-    c = logs[row : row + 3, column : column + 3]
-    gradient = np.array([c[1, 2] - c[1, 0], c[2, 1] - c[0, 1]]) / 2
-    cross = (c[2, 2] - c[1, 2] - c[2, 1] + 2 * c[1, 1] - c[1, 0] - c[0, 1] + c[0, 0]) / 2
-    hessian = np.array([[c[1, 2] - 2 * c[1, 1] + c[1, 0], cross], [cross, c[2, 1] - 2 * c[1, 1] + c[0, 1]]])
-    if hessian[0, 0] < 0 and np.linalg.det(hessian) > 1e-12:
-        step = -np.linalg.solve(hessian, gradient)
-        if (np.abs(step) <= 1).all():
-            return np.array([column, row]) + step
-    return np.array([column, row], float)
 
 
 @pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
@@ -54,16 +38,6 @@ def test_peaks_within_noise_stay_within_half_a_cell() -> None:
     maps = gaussians(true, 64, 48, 2.0) + rng.normal(0, 0.02, (1, 60, 64, 48))
     found, _ = subpixel_peaks(maps)
     assert np.linalg.norm(found - true, axis=-1).max() < 0.5
-
-
-def test_refining_equals_its_slow_reference() -> None:
-    rng = np.random.default_rng(2)
-    maps = gaussian_filter(rng.random((2, 8, 24, 18)), (0, 0, 1, 1))
-    maps[0, 0] = 0  # flat
-    maps[0, 1, 0, 0] = 2  # in the corner
-    found, _ = subpixel_peaks(maps)
-    twin = np.array([[slow_refined(one) for one in of_person] for of_person in maps])
-    assert np.allclose(found, twin, atol=1e-6)
 
 
 def test_refining_equals_transformers() -> None:

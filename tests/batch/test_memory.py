@@ -18,7 +18,11 @@ from physic_core.configuration.model import load_config
 from physic_testing.conformance.network_and_memory import resident_megabytes
 from physic_testing.worlds import build_world
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.usefixtures("few_steps"),
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+]
 
 
 def growth_mb(process: Callable[[int], Any], first: int, last: int) -> float:
@@ -45,6 +49,6 @@ def test_a_loaded_pipeline_needs_no_more_memory_after_17_photos_than_after_5():
 
 
 @pytest.fixture(scope="module")
-def make_result() -> Reconstruction:
+def make_result(few_steps: None) -> Reconstruction:
     with Pipeline("mock") as pipeline:
         return pipeline(build_world("stand").image)

@@ -194,36 +194,3 @@ def test_the_note_states_the_residual_of_the_joints(own: Bodies, embedded: BodyM
     assert found.note("smpl") == (
         f"bodies converted from 'smpl' to 'embedded', joints within {1000 * found.joints_m.mean():.0f} mm on average"
     )
-
-
-def test_a_surface_is_met_as_well_as_by_smplfitter(
-    people: dict[str, np.ndarray], request: pytest.FixtureRequest
-) -> None:
-    """The same posed bodies of the same file, fitted by both."""
-    from smplfitter.pt import BodyFitter
-    from smplfitter.pt import BodyModel as Peer
-
-    from physic_core.body import load_body
-
-    path = request.getfixturevalue("smplx_v10")
-    model = load_body(path)
-    given = [torch.from_numpy(people[n]).float() for n in ("rotations", "betas", "transl")]
-    with torch.no_grad():
-        out = model(given[0], given[1][:, :10], given[2])
-    vertices, joints = out.vertices.numpy(), out.joints.numpy()
-    zeros = parameters_from_rotations(*model.zero_pose(4)[:2], None, torch.zeros(4, 3))
-    told = Bodies(zeros, "bare", None, joints, Mesh("smplx", vertices, model.faces.numpy()))
-    ours = posed(model, convert_bodies(told, model))
-    peer = Peer("smplx", "neutral", model_root=str(path.parent), num_betas=10)
-    fitter = BodyFitter(peer)
-    with torch.no_grad():
-        fitted = fitter.fit(
-            out.vertices, out.joints, num_iter=3, beta_regularizer=0.1, requested_keys=["pose_rotvecs", "shape_betas"]
-        )
-        again = peer(**{name: fitted[name] for name in ("pose_rotvecs", "shape_betas", "trans")})
-    theirs = again["vertices"].numpy(), again["joints"].numpy()
-    print(
-        f"ours {mm(ours[0], vertices):.2f} mm, joints {mm(ours[1], joints):.2f}; "
-        f"smplfitter {mm(theirs[0], vertices):.2f} mm, joints {mm(theirs[1], joints):.2f}"
-    )
-    assert mm(ours[0], vertices) <= mm(theirs[0], vertices)

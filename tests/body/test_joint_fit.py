@@ -15,7 +15,7 @@ from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from physic_core.body.rotations_from_joints import has_torso_joints, rotations_from_joints
-from physic_core.body.surface_fit import SurfaceTargets, VertexSample, _normal_equations, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SurfaceTargets, VertexSample, fit_surface, sample_vertices
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]
@@ -213,17 +213,6 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
                 moved.append(vertices(world))
             slope = (moved[0] - moved[1]) / 2e-5
             np.testing.assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
-
-
-def test_normal_equations_are_those_of_the_dense_system() -> None:
-    rng = np.random.default_rng(0)
-    levers, slopes, gap = rng.random((2, 6, 55, 3)), rng.random((2, 6, 3, 5)), rng.random((2, 6, 3))
-    normal, pull = _normal_equations(levers, slopes, gap)
-    for b in range(2):
-        turns = np.stack([np.cross(axis, levers[b]) for axis in np.eye(3)], -1)  # (n, 55, 3 coordinates, 3 axes)
-        design = np.concatenate([turns.transpose(0, 2, 1, 3).reshape(18, 165), slopes[b].reshape(18, 5)], 1)
-        np.testing.assert_allclose(normal[b], design.T @ design, rtol=1e-4, atol=1e-5)
-        np.testing.assert_allclose(pull[b], design.T @ gap[b].ravel(), atol=1e-12)
 
 
 def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: People) -> None:

@@ -36,24 +36,6 @@ def pose() -> dict[str, torch.Tensor]:
     }
 
 
-@pytest.mark.parametrize("layout", ["v10", "v11"])
-def test_agrees_with_smplfitter(layout: str, pose: dict[str, torch.Tensor], request: pytest.FixtureRequest) -> None:
-    from smplfitter.pt import BodyModel as Peer
-
-    path: Path = request.getfixturevalue(f"smplx_{layout}")
-    columns = 20 if layout == "v10" else 400
-    peer = Peer("smplx", "neutral", model_root=str(path.parent), num_betas=columns)
-    coefficients = torch.zeros(2, columns)
-    coefficients[:, :10] = pose["betas"]
-    coefficients[:, columns // 2 if layout == "v10" else 300 :][:, :10] = pose["expression"]
-    theirs = peer(pose_rotvecs=pose["rotvecs"].flatten(1), shape_betas=coefficients, trans=pose["transl"])
-
-    ours = load_body(path)(roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"])
-    assert (ours.vertices - theirs["vertices"]).abs().max() < 1e-5
-    assert (ours.joints - theirs["joints"]).abs().max() < 1e-5
-    assert (ours.world - theirs["orientations"]).abs().max() < 1e-5
-
-
 def test_agrees_with_body_models(smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
     from body_models.smplx.torch import SMPLX
 

@@ -65,37 +65,6 @@ def test_the_alignment_equals_the_slow_reference(seed, noise):
         np.testing.assert_allclose(row, twin(guess, fact), atol=1e-9)
 
 
-@given(SEEDS, st.floats(0.1, 10), st.tuples(*[st.floats(-20, 20)] * 3))
-def test_no_similarity_changes_pa_mpjpe_and_shifts_change_mpjpe(seed, scale, shift):
-    rng = np.random.default_rng([seed, 1])
-    truth = person(seed)
-    predicted = truth + 0.05 * rng.normal(size=truth.shape)
-    turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
-    changed = scale * predicted @ turn.T + shift
-    assert pa_mpjpe_mm(changed, truth) == pytest.approx(pa_mpjpe_mm(predicted, truth), rel=1e-6)
-    far = 1000 * np.linalg.norm((changed - truth).mean(0))  # a mean length is at least that of the mean
-    assert mpjpe_mm(changed, truth) >= far - 1e-6
-    # The same rigid change of both is another camera frame, and no change.
-    moved = mpjpe_mm(predicted @ turn.T + shift, truth @ turn.T + shift)
-    assert moved == pytest.approx(mpjpe_mm(predicted, truth))
-
-
-@pytest.mark.parametrize("change", [lambda x: x + 0.01, lambda x: 1.01 * x, lambda x: x[:, [1, 0, 2]]])
-def test_mpjpe_aligns_nothing(change):
-    assert mpjpe_mm(change(person(0)), person(0)) > 5
-
-
-@given(SEEDS)
-def test_no_other_similarity_has_a_smaller_squared_error(seed):
-    rng = np.random.default_rng(seed)
-    truth, predicted = person(seed), person(seed + 1)
-    aligned = align_similarity(predicted, truth)
-    least = np.square(aligned - truth).sum()
-    turn = Rotation.from_rotvec(0.1 * rng.normal(size=3)).as_matrix()
-    other = (1 + 0.1 * rng.normal()) * (aligned - truth.mean(0)) @ turn.T + truth.mean(0) + 0.1 * rng.normal(size=3)
-    assert least <= np.square(other - truth).sum() + 1e-9
-
-
 def test_a_mirror_image_is_not_aligned_away():
     truth = person(0)
     assert pa_mpjpe_mm(truth * [-1, 1, 1], truth) > 50

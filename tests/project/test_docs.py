@@ -134,10 +134,6 @@ def test_every_file_that_a_paper_names_is_there(page: str):
             assert list((ROOT / "physic_core" / folder).glob(name)), name
 
 
-def test_the_readme_is_short():
-    assert len((ROOT / "README.md").read_text().split()) <= 1200
-
-
 def test_the_page_of_the_api_names_everything_public():
     page = (ROOT / "docs" / "api.md").read_text()
     named = {*re.findall(r"`(\w+)", page), *(name for name in physic_core.__all__ if name.endswith("Error"))}

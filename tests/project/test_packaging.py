@@ -197,9 +197,3 @@ def test_the_core_wheel_holds_presets_and_the_body():
 def test_the_wheel_of_physic_testing_holds_the_templates_of_plugins():
     files = wheel_files(ROOT / "plugins" / "physic-testing")
     assert {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES} <= files
-
-
-def test_the_embedded_wheel_holds_the_networks_and_their_notices():
-    files = wheel_files(ROOT / "plugins" / "physic-embedded")
-    assert len([f for f in files if f.endswith(".onnx")]) == 11
-    assert "physic_embedded/weights/MANIFEST.json" in files

@@ -105,6 +105,5 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path):
 
 
 @pytest.mark.parametrize("picture", sorted(ROOT.glob("docs/pictures/*.*")), ids=lambda p: p.name)
-def test_a_picture_is_small_and_shown(picture: Path):
-    assert picture.stat().st_size < 250_000
+def test_a_picture_is_shown(picture: Path):
     assert any(f"pictures/{picture.name}" in page.read_text() for page in ROOT.glob("docs/*.md"))

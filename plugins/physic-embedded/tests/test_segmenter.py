@@ -119,12 +119,6 @@ def test_nothing_is_decoded_below_the_threshold() -> None:
     assert decode_detections(np.zeros((3, 12)), np.full(3, -5.0), np.zeros((3, 2)), 224, threshold=0.5) == []
 
 
-def test_box_iou_of_half_shifted_squares_is_a_third() -> None:
-    np.testing.assert_allclose(
-        box_iou(np.array([[0, 0, 2, 2.0]]), np.array([[1, 0, 3, 2.0], [5, 5, 6, 6]])), [[1 / 3, 0]]
-    )
-
-
 @given(st.floats(-500, 500), st.floats(-500, 500), st.floats(1, 2000), st.floats(-7, 7), st.integers(1, 512))
 def test_a_square_carries_points_there_and_back(x: float, y: float, side: float, angle: float, size: int) -> None:
     square = RotatedSquare(np.array([x, y]), side, angle)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,6 +21,11 @@ from physic_testing.worlds import World, build_world, labels
 
 BLUE = 64
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+
+
+def network_of(backend: Any) -> Any:
+    """Return the network that a backend has loaded from its checkout; stand-ins record there what they are shown."""
+    return backend._checkout_network.network
 
 
 def world_of(image: np.ndarray) -> World | None:

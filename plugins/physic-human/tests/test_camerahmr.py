@@ -19,7 +19,7 @@ from physic_human.user_smpl import open_smpl
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World, build_world
 
-from .seen import coordinates, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
+from .seen import coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
@@ -95,7 +95,7 @@ def ask(backend: CameraHmr, image: np.ndarray | None = None, camera: Intrinsics 
 def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable[..., CameraHmr]) -> None:
     backend = made()
     ask(backend)
-    seen = backend._checkout_network.network.seen[0]
+    seen = network_of(backend).seen[0]
     for crop, middle, side in zip(seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True):
         place = place_of(normalised_back(crop), 200, 300)
         assert not place.mirrored
@@ -109,7 +109,7 @@ def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) ->
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     ask(backend, image)
-    crop = normalised_back(backend._checkout_network.network.seen[0]["img"][0])
+    crop = normalised_back(network_of(backend).seen[0]["img"][0])
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
 
 
@@ -117,7 +117,7 @@ def test_pixels_outside_of_the_photo_are_black(made: Callable[..., CameraHmr]) -
     backend = made()
     who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
     backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, NUM_KEYPOINTS, Hints())
-    crop = normalised_back(backend._checkout_network.network.seen[0]["img"][0])
+    crop = normalised_back(network_of(backend).seen[0]["img"][0])
     np.testing.assert_allclose(crop[250, 128], 0, atol=0.6)
     np.testing.assert_allclose(crop[128, 128], 255, atol=0.6)
 
@@ -127,7 +127,7 @@ def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_p
 ) -> None:
     backend = made()
     ask(backend)
-    seen = backend._checkout_network.network.seen[0]
+    seen = network_of(backend).seen[0]
     np.testing.assert_allclose(seen["cam_int"][:, 0, 0], 500)
     np.testing.assert_allclose(seen["img_size"], [[200, 300]] * 2)
     # What it computes is box_center - img_size / 2.
@@ -156,14 +156,12 @@ def test_its_own_focal_length_goes_to_the_network_and_not_to_the_place(made: Cal
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     bodies = ask(backend, image)
-    np.testing.assert_allclose(
-        backend._checkout_network.network.seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
-    )
+    np.testing.assert_allclose(network_of(backend).seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5)
     np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
     seen = normalised_back(backend._focal_network.seen[0])
     np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
     np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
-    np.testing.assert_allclose(backend._checkout_network.network.seen[0]["img"][0], _rgb(image), atol=0.05)
+    np.testing.assert_allclose(network_of(backend).seen[0]["img"][0], _rgb(image), atol=0.05)
 
 
 def _rgb(image: np.ndarray) -> np.ndarray:
@@ -175,7 +173,7 @@ def _rgb(image: np.ndarray) -> np.ndarray:
 def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
     backend = made(batch=1)
     bodies = ask(backend)
-    assert [len(seen["img"]) for seen in backend._checkout_network.network.seen] == [1, 1]
+    assert [len(seen["img"]) for seen in network_of(backend).seen] == [1, 1]
     assert len(bodies.parameters) == 2
 
 

@@ -22,7 +22,7 @@ from physic_human.user_smpl import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World
 
-from .seen import coordinates, normalised_back, place_of, smpl_contact, world_of
+from .seen import coordinates, network_of, normalised_back, place_of, smpl_contact, world_of
 
 NOBODY = empty_bodies("embedded")
 
@@ -71,7 +71,7 @@ def test_deco_sees_blue_first(deco: Callable[..., Deco]) -> None:
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     backend.infer(image, people([[100, 40, 180, 160]]), NOBODY)
-    crop = normalised_back(backend._checkout_network.network.seen[0][0])
+    crop = normalised_back(network_of(backend).seen[0][0])
     np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
     np.testing.assert_allclose(crop[128, 5], 255, atol=0.6)  # letterboxed on white
 
@@ -79,7 +79,7 @@ def test_deco_sees_blue_first(deco: Callable[..., Deco]) -> None:
 def test_deco_sees_the_box_and_a_tenth_more(deco: Callable[..., Deco]) -> None:
     backend = deco()
     backend.infer(coordinates(200, 300), people([[100, 40, 180, 140]]), NOBODY)
-    crop = normalised_back(backend._checkout_network.network.seen[0][0])[..., ::-1]
+    crop = normalised_back(network_of(backend).seen[0][0])[..., ::-1]
     columns = np.flatnonzero(np.abs(crop[128] - 255).max(axis=1) > 40)
     place = place_of(np.where(crop > 250, 0, crop)[:, columns[0] + 2 : columns[-1] - 1], 200, 300)
     np.testing.assert_allclose(place.step[1] * 256, 120, rtol=0.02)
@@ -105,7 +105,7 @@ def test_older_decos_are_built_as_they_want(deco: Callable[..., Deco]) -> None:
 def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., Deco]) -> None:
     backend = deco(batch=2)
     backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
-    assert [len(seen) for seen in backend._checkout_network.network.seen] == [2, 1]
+    assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
     found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
     assert found.probability.shape == (0, 6890)
 

@@ -18,7 +18,7 @@ from physic_human.unidepth import UniDepth, UniDepthOptions
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import build_world
 
-from .seen import world_of
+from .seen import network_of, world_of
 
 UNIDEPTH = """
 import pathlib
@@ -85,7 +85,7 @@ def test_unidepth_gets_the_camera_by_the_edges_of_pixels(unidepth: UniDepth) -> 
     camera = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
     image = np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8)
     found = unidepth.infer(image, Hints(intrinsics=camera))
-    rgb, matrix = unidepth._checkout_network.network.seen
+    rgb, matrix = network_of(unidepth).seen
     np.testing.assert_array_equal(rgb, image.transpose(2, 0, 1))
     np.testing.assert_allclose(matrix[0], [[500, 0, 30.5], [0, 510, 20.5], [0, 0, 1]])
     assert found.intrinsics == camera
@@ -93,7 +93,7 @@ def test_unidepth_gets_the_camera_by_the_edges_of_pixels(unidepth: UniDepth) -> 
 
 def test_unidepths_own_camera_comes_back_in_the_centres_of_pixels(unidepth: UniDepth) -> None:
     found = unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints())
-    assert unidepth._checkout_network.network.seen[1] is None
+    assert network_of(unidepth).seen[1] is None
     assert found.intrinsics is not None
     assert (found.intrinsics.cx, found.intrinsics.cy, found.intrinsics.fx) == (31.5, 23.5, 400.0)
     assert found.intrinsics.source == "UniDepth V2"
@@ -110,7 +110,7 @@ def test_the_given_camera_is_not_written_into(unidepth: UniDepth) -> None:
     camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48)
     for _ in range(2):
         unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
-        np.testing.assert_allclose(unidepth._checkout_network.network.seen[1][0, 0, 2], 32.0)
+        np.testing.assert_allclose(network_of(unidepth).seen[1][0, 0, 2], 32.0)
 
 
 def test_depth_that_is_not_finite_is_unknown_and_prints_stay_away(
@@ -123,8 +123,8 @@ def test_depth_that_is_not_finite_is_unknown_and_prints_stay_away(
 
 
 def test_settings_reach_unidepths_network(unidepth: UniDepth) -> None:
-    assert unidepth._checkout_network.network.resolution_level == 9
-    assert unidepth._checkout_network.network.interpolation_mode == "bilinear"
+    assert network_of(unidepth).resolution_level == 9
+    assert network_of(unidepth).interpolation_mode == "bilinear"
 
 
 @pytest.fixture
@@ -140,8 +140,8 @@ def test_moge_is_shown_red_first_between_0_and_1(moge: Moge1) -> None:
     image = np.zeros((60, 80, 3), np.uint8)
     image[:] = [255, 51, 0]
     moge.infer(image, Hints())
-    np.testing.assert_allclose(moge._checkout_network.network.seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
-    assert moge._checkout_network.network.tokens == 2500
+    np.testing.assert_allclose(network_of(moge).seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
+    assert network_of(moge).tokens == 2500
 
 
 def test_moges_shift_and_focal_length_are_found(moge: Moge1) -> None:

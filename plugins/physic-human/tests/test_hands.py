@@ -24,7 +24,7 @@ from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.hand_estimator import true_hands
 from physic_testing.worlds import World
 
-from .seen import Place, coordinates, nearest, normalised_back, pixels, place_of, world_of, wrist_turns
+from .seen import Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, world_of, wrist_turns
 
 WRISTS = (20, 21)
 
@@ -158,7 +158,7 @@ def test_wilor_sees_blue_first_since_it_exchanges_channels_itself(wilor: Wilor) 
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     hands = wilor.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    seen = wilor._checkout_network.network.seen[0]
+    seen = network_of(wilor).seen[0]
     assert seen.shape == (1, 256, 256, 3)
     assert seen.dtype == np.float32
     np.testing.assert_allclose(seen[0, 128, 128], [10, 100, 200], atol=1)
@@ -174,13 +174,13 @@ def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Pa
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     backend.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    np.testing.assert_allclose(backend._checkout_network.network.seen[0][0, 128, 128], [200, 100, 10], atol=1)
+    np.testing.assert_allclose(network_of(backend).seen[0][0, 128, 128], [200, 100, 10], atol=1)
 
 
 def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     picture = coordinates(200, 300)
     hands = wilor.infer(picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
-    left, right = (place_of(crop[..., ::-1], 200, 300) for crop in wilor._checkout_network.network.seen[0])
+    left, right = (place_of(crop[..., ::-1], 200, 300) for crop in network_of(wilor).seen[0])
     assert left.mirrored
     assert not right.mirrored
     for place, middle in ((left, [79.5, 94.5]), (right, [199.5, 94.5])):
@@ -197,7 +197,7 @@ def test_large_hands_are_smoothed_before_they_are_made_small(network: str, reque
     stripes = np.zeros((1300, 1300, 3), np.uint8)
     stripes[:, ::2] = 255
     backend.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
-    seen = backend._checkout_network.network.seen[0][0]
+    seen = network_of(backend).seen[0][0]
     seen = (seen if network == "wilor" else normalised_back(seen))[60:200, 60:200]
     # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one pixel.
     assert seen.std() < 6
@@ -210,7 +210,7 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
     before = image.copy()
     hands = wilor.infer(image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
     np.testing.assert_array_equal(image, before)
-    assert [len(seen) for seen in wilor._checkout_network.network.seen] == [1, 1]
+    assert [len(seen) for seen in network_of(wilor).seen] == [1, 1]
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
@@ -285,7 +285,7 @@ def hamer(make_hamer: Callable[[dict[str, torch.Tensor]], Hamer]) -> Hamer:
 
 
 def test_the_published_config_of_hamer_loads_without_the_files_of_its_training(hamer: Hamer) -> None:
-    settings = hamer._checkout_network.network.cfg
+    settings = network_of(hamer).cfg
     assert settings.MODEL.BACKBONE == {"TYPE": "vit"}
     assert settings.MODEL.BBOX_SHAPE == [192, 256]
 
@@ -319,14 +319,12 @@ def test_hamer_sees_red_first_and_normalised(hamer: Hamer) -> None:
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]
     hamer.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    np.testing.assert_allclose(
-        normalised_back(hamer._checkout_network.network.seen[0][0])[128, 128], [200, 100, 10], atol=0.6
-    )
+    np.testing.assert_allclose(normalised_back(network_of(hamer).seen[0][0])[128, 128], [200, 100, 10], atol=0.6)
 
 
 def test_hamer_widens_boxes_to_what_it_looks_at(hamer: Hamer) -> None:
     hamer.infer(coordinates(200, 300), *keypoints({"left": [120, 90, 180, 110]}))
-    place = place_of(normalised_back(hamer._checkout_network.network.seen[0][0]), 200, 300)
+    place = place_of(normalised_back(network_of(hamer).seen[0][0]), 200, 300)
     assert place.mirrored
     np.testing.assert_allclose(place.at(0.5), [149.5, 99.5], atol=0.8)
     # 60 px wide and looked at through a window of 192 x 256: 80 px high, and twice that.
@@ -334,7 +332,7 @@ def test_hamer_widens_boxes_to_what_it_looks_at(hamer: Hamer) -> None:
 
 
 def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
-    settings = hamer._checkout_network.network.cfg
+    settings = network_of(hamer).cfg
     assert Path(settings.MANO.MODEL_PATH).name.startswith("MANO_RIGHT-")
     assert Path(settings.MANO.MEAN_PARAMS).is_file()
 

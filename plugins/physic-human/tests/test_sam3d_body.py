@@ -23,7 +23,7 @@ from physic_human.torch_guard import guarded_torch
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World, build_world
 
-from .seen import world_of
+from .seen import network_of, world_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
@@ -164,7 +164,7 @@ def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pyte
     image = np.zeros((48, 64, 3), np.uint8)
     image[:] = [200, 100, 10]
     sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
-    asked = sam._checkout_network.network.asked
+    asked = network_of(sam).asked
     assert len(asked) == 2
     np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
     np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
@@ -176,7 +176,7 @@ def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pyte
 def test_masks_are_passed_with_the_option(sam: Sam3dBody) -> None:
     sam.options = sam.options.model_copy(update={"use_masks": True})
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
-    mask = sam._checkout_network.network.asked[0][2]
+    mask = network_of(sam).asked[0][2]
     assert mask.shape == (1, 48, 64, 1)
     assert mask.sum() == 800
 
@@ -217,8 +217,8 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
     sam._build("cpu")
-    assert sam._checkout_network.network.model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
-    assert sam._checkout_network.network.model.backbone.encoder.drop_path == 0.1
+    assert network_of(sam).model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
+    assert network_of(sam).model.backbone.encoder.drop_path == 0.1
     assert (torch.hub.load, torch.load) == before
     assert "dinov3" not in sys.modules
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
@@ -296,7 +296,7 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..
         make_sam(held=held)._build("cpu")
     trusting = make_sam(held=held, trust_checkpoint=True)
     trusting._build("cpu")
-    assert trusting._checkout_network.network.model.held["hyper_parameters"] == Path("x")
+    assert network_of(trusting).model.held["hyper_parameters"] == Path("x")
 
 
 def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> None:
@@ -330,7 +330,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     monkeypatch.setattr("physic_human.sam3d_body.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
-    estimator = sam._checkout_network.network
+    estimator = network_of(sam)
     assert estimator.model.device == device
     process, at = estimator.process_one_image, []
     estimator.process_one_image = lambda *args, **rest: (at.append(current[-1]), process(*args, **rest))[1]
@@ -386,11 +386,11 @@ def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
 def test_a_network_is_not_called_without_people(sam: Sam3dBody) -> None:
     bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, NUM_KEYPOINTS, Hints())
     assert len(bodies.parameters) == 0
-    assert sam._checkout_network.network.asked == []
+    assert network_of(sam).asked == []
 
 
 def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
-    sam._checkout_network.network.process_one_image = lambda *args, **rest: []
+    network_of(sam).process_one_image = lambda *args, **rest: []
     with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
         sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
 

@@ -10,17 +10,7 @@ import torch
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.interfaces import (
-    BodyEstimator,
-    ContactPrior,
-    HandEstimator,
-    Inpainter,
-    KeypointDetector,
-    MetricDepth,
-    RelativePointmap,
-    Segmenter,
-)
-from physic_core.types import Hints, Intrinsics, Keypoints, People
+from physic_core.types import Hints, Keypoints, People
 from physic_mock import NOISE_VERSION, physic_backends
 from physic_mock.backends import (
     MockBodyEstimator,
@@ -38,7 +28,6 @@ from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import InpainterOptions, SegmenterOptions
 from physic_mock.recognition import MockOptions
-from physic_testing import violations
 from physic_testing.worlds import build_world, labels
 
 WORLDS = ("stand", "sit_on_stool", "hug")
@@ -88,31 +77,6 @@ def error_after_procrustes(a: np.ndarray, b: np.ndarray) -> float:
     flip = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
     aligned = (s * flip).sum() / (a**2).sum() * a @ (u * flip) @ vt
     return float(np.linalg.norm(aligned - b, axis=1).mean())
-
-
-def test_every_result_is_checked(world):
-    height, width = world.image.shape[:2]
-    people = MockSegmenter().infer(world.image)
-    count = len(people)
-    assert count == len(world.masks)
-    assert violations(Segmenter, people, height=height, width=width) == []
-    keypoints = MockKeypointDetector().infer(world.image, people)
-    assert violations(KeypointDetector, keypoints, people=count) == []
-    hole = people.masks.any(axis=0)
-    empty = MockInpainter().infer(world.image, hole)
-    assert violations(Inpainter, empty, height=height, width=width) == []
-    for image, hints in ((empty, Hints(hole=hole)), (world.image, Hints())):
-        assert (
-            violations(RelativePointmap, MockRelativePointmap().infer(image, hints), height=height, width=width) == []
-        )
-        assert violations(MetricDepth, MockMetricDepth().infer(image, hints), height=height, width=width) == []
-    bodies = MockBodyEstimator().infer(world.image, people, world.intrinsics, keypoints, Hints())
-    assert violations(BodyEstimator, bodies, people=count) == []
-    assert violations(HandEstimator, MockHandEstimator().infer(world.image, people, keypoints), people=count) == []
-    contact = MockContactPrior().infer(world.image, people, bodies)
-    assert (
-        violations(ContactPrior, contact, people=count, vertices=world.vertices.shape[1], topology=world.topology) == []
-    )
 
 
 def test_without_noise_the_answers_are_the_truth(world):
@@ -173,28 +137,6 @@ def test_a_drawn_shift_keeps_everything_in_front_of_the_camera(world, unknown):
         assert (answer.points[answer.valid, 2] > 0).all()
 
 
-def test_the_point_maps_of_photo_and_empty_picture_differ_in_scale_and_slightly_in_shape(world):
-    options = RelativePointmapOptions(
-        unknown="scale", photo_scale_sigma=0.2, disagreement=0.003, smear_px=0, warp=0.005
-    )
-    model = MockRelativePointmap(options)
-    empty = model.infer(world.empty_image, Hints()).points[..., 2]
-    photo = model.infer(world.image, Hints()).points[..., 2]
-    background = ~world.masks.any(axis=0) & np.isfinite(world.depth)
-    ratio = empty[background] / photo[background]
-    assert abs(np.log(np.median(ratio))) > 0.005
-    assert 0.001 < ratio.std() / np.median(ratio) < 0.02
-
-
-def test_given_intrinsics_are_respected(world):
-    given = Intrinsics.from_focal(500, world.intrinsics.width, world.intrinsics.height)
-    answer = MockRelativePointmap(RelativePointmapOptions(unknown="scale")).infer(world.image, Hints(intrinsics=given))
-    assert answer.intrinsics == given
-    u = (answer.points[..., 0] / answer.points[..., 2]) * 500 + given.cx
-    columns = np.broadcast_to(np.arange(given.width), u.shape)
-    np.testing.assert_allclose(u[answer.valid], columns[answer.valid], atol=1e-2)
-
-
 def test_metric_depth_is_wrong_by_its_scale_and_a_warp(world):
     options = MetricDepthOptions(scale=1.25, scale_sigma=0, focal_sigma=0, smear_px=0, warp=0.03, stated_sigma=0.2)
     depth = MockMetricDepth(options).infer(world.image, Hints())
@@ -246,16 +188,6 @@ def test_bodies_start_about_where_the_paper_starts():
     print(f"start: PA-MPJPE {np.mean(aligned):.0f} mm, MPJPE {np.mean(absolute):.0f} mm")
     assert 36 < np.mean(aligned) < 48
     assert 300 < np.mean(absolute) < 1100
-
-
-def test_the_contact_prior_has_the_requested_precision_and_recall(world):
-    options = ContactOptions(recall=0.35, precision=0.41, spread=0)
-    answer = MockContactPrior(options).infer(world.image, everyone(world), pose(world))
-    for probability, contact in zip(answer.probability, world.contact, strict=True):
-        found = probability > 0.5
-        assert (found & contact).sum() / contact.sum() == pytest.approx(0.35, abs=0.01)
-        assert (found & contact).sum() / found.sum() == pytest.approx(0.41, abs=0.01)
-        assert not found[~world.outer].any()
 
 
 def test_people_may_come_in_any_order_and_not_all(two):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,19 +23,14 @@ from physic_mock.backends import (
 from physic_mock.body_noise import (
     BONES,
     LIMBS,
-    camera_rotations,
     draw_bone_errors,
     hidden_bones,
-    line_of_sight_axes,
-    local_rotations,
 )
 from physic_mock.contact import ContactOptions
-from physic_mock.depth_noise import add_hole_noise, add_smooth_noise, blur_depth_edges, flatten_relief
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
-from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
-from physic_mock.noise import bernoulli, seeded_rng, smooth_image
+from physic_mock.mask_noise import draw_floor_mask, remove_hands_and_feet
 from physic_mock.pixels import SegmenterOptions
 from physic_testing.worlds import build_world
 
@@ -71,41 +65,7 @@ def test_every_depth_notes_the_noise_version(world):
     assert told == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
 
 
-def test_draws_depend_on_world_seed_and_purpose_alone():
-    here = SimpleNamespace(name="a", seed=1)
-    draws = {
-        seeded_rng(thing, seed, purpose).random()
-        for thing in (here, SimpleNamespace(name="b", seed=1), SimpleNamespace(name="a", seed=2))
-        for seed in (0, 1)
-        for purpose in ("x", "y")
-    }
-    assert len(draws) == 12
-    assert seeded_rng(here, 0, "x").random() == seeded_rng(here, 0, "x").random()
-
-
-def test_chance_grows_with_the_noise_and_keeps_what_happened():
-    draws = rng().random(10_000)
-    some, more = bernoulli(0.1, 1, draws), bernoulli(0.1, 2, draws)
-    assert some.mean() == pytest.approx(0.1, abs=0.01)
-    assert more.mean() == pytest.approx(0.2, abs=0.02)
-    assert (more | ~some).all()
-    assert not bernoulli(0.1, 0, draws).any()
-    assert bernoulli(0.4, 10, draws).all()
-
-
 # --- bodies -----------------------------------------------------------------------------------------------------------
-
-
-def test_sight_frame_is_orthonormal_and_ends_in_the_line_of_sight():
-    point = np.array([0.7, -0.4, 3.0])
-    frame = line_of_sight_axes(point)
-    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(frame[2], point / np.linalg.norm(point))
-
-
-def test_turns_of_bones_go_there_and_back():
-    local = rng().normal(0, 0.5, (BONES, 3))
-    np.testing.assert_allclose(local_rotations(camera_rotations(local)), local, atol=1e-12)
 
 
 def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
@@ -269,46 +229,6 @@ def test_sky_has_no_depth_and_no_point(world, monkeypatch):
         assert answer.valid[20:].all()
 
 
-def test_waves_have_their_size():
-    ratios = [np.log(add_smooth_noise(np.full((48, 64), 3.0), 0.02, 16, rng(s)) / 3) for s in range(40)]
-    assert np.std(ratios) == pytest.approx(0.02, rel=0.1)
-    assert np.std([smooth_image((48, 64), 2.0, rng(s)) for s in range(200)]) == pytest.approx(1, rel=0.1)
-
-
-def test_smeared_edges_lie_between_and_the_rest_stays():
-    depth = np.full((40, 60), 2.0)
-    depth[:, 30:] = 4.0
-    depth[:3] = np.inf
-    result = blur_depth_edges(depth, 1.5)
-    row = result[20]
-    assert (np.diff(row) >= -1e-12).all()
-    assert ((row > 2.05) & (row < 3.9)).sum() >= 3
-    np.testing.assert_array_equal(row[:25], 2.0)
-    np.testing.assert_array_equal(row[36:], 4.0)
-    assert np.isinf(result[:3]).all()
-    np.testing.assert_allclose(result[3:5, :20], 2.0)
-    assert blur_depth_edges(depth, 0) is depth
-
-
-def test_people_lose_relief_about_their_median():
-    depth = np.linspace(2, 3, 100).reshape(10, 10)
-    mask = np.zeros((10, 10), bool)
-    mask[2:8] = True
-    result = flatten_relief(depth, mask, 0.25, 0.01)
-    np.testing.assert_array_equal(result[~mask], depth[~mask])
-    middle = np.median(depth[mask])
-    np.testing.assert_allclose(result[mask], (middle + 0.75 * (depth[mask] - middle)) * np.exp(0.01))
-
-
-def test_inpainted_depth_is_wrong_inside_the_hole_only():
-    depth, hole = np.full((48, 64), 3.0), np.zeros((48, 64), bool)
-    hole[10:40, 20:50] = True
-    result = add_hole_noise(depth, hole, 0.05, 6.0, rng())
-    np.testing.assert_array_equal(result[~hole], 3.0)
-    assert 0.02 < np.log(result[hole] / 3).std() < 0.1
-    assert add_hole_noise(depth, None, 0.05, 6.0, rng()) is depth
-
-
 def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(world):
     background = ~world.masks.any(axis=0)
     quiet = {"unknown": "scale", "scale_sigma": 0, "photo_scale_sigma": 0, "smear_px": 0}
@@ -336,14 +256,6 @@ def test_a_missed_foot_is_missing_and_nothing_else(world):
     np.testing.assert_array_equal(without[v, u], mask[v, u])
     assert 0.02 < 1 - without.sum() / mask.sum() < 0.25
     np.testing.assert_array_equal(remove_hands_and_feet(mask, world, 0, 0.5, 0, rng()), mask)
-
-
-def test_strays_are_discs_beside_the_mask(world):
-    mask = world.masks[0]
-    bigger = add_stray_disc(mask, 200, 1.0, 1.0, rng())
-    assert not (mask & ~bigger).any()
-    assert 5 < (bigger & ~mask).sum() < np.pi * 14**2
-    np.testing.assert_array_equal(add_stray_disc(mask, 200, 1.0, 0, rng()), mask)
 
 
 def test_a_floor_takes_in_and_leaves_out(world):

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, preprocess
 from physic_testing import check_backend
-from physic_testing.worlds import build_world
+
+from .depth_maps_of_worlds import at, ramp
 
 SIDE = 1536
 PICTURE_IN = {"pixel_values": ("float32", ("batch_size", 3, SIDE, SIDE))}
@@ -48,30 +48,15 @@ def loaded(path: str, **options) -> DepthPro:
     return backend
 
 
-def ramp(height: int = 96, width: int = 128) -> np.ndarray:
-    """Red grows to the right, green downwards, blue is constant."""
-    image = np.zeros((height, width, 3), np.uint8)
-    image[..., 0] = np.linspace(20, 220, width)[None, :]
-    image[..., 1] = np.linspace(200, 30, height)[:, None]
-    image[..., 2] = 77
-    return image
-
-
 def told_value(image: np.ndarray, channel: int = 0) -> np.ndarray:
     """What the contract graph makes of a channel, at the photo's size."""
     return (image[..., channel] / 127.5 - 1) * 2 + 3
 
 
 class TestContract:
-    def test_published_file_answers_metres_and_no_inverse(self, contract_graph):
-        """Trap: the torch class answers inverse depth under the same name, the published ONNX file depth."""
-        image = ramp()
-        answer = loaded(contract_graph()).infer(image, Hints())
-        np.testing.assert_allclose(answer.depth, told_value(image), rtol=0.01)
-
     def test_export_of_the_torch_class_answers_canonical_inverse_depth(self, contract_graph):
         """Trap: metres are focal / (width * raw), focal from the horizontal angle in degrees over the photo's width."""
-        image = ramp()
+        image = ramp(96, 128)
         backend = loaded(contract_graph("field_of_view", 60.0, ("batch_size",)))
         assert backend.loaded().signature == INVERSE
         answer = backend.infer(image, Hints())
@@ -84,21 +69,14 @@ class TestContract:
         """Trap: 1200 px of 1536 are 100 px of a photo 128 px wide; the output has one axis or two."""
         backend = loaded(contract_graph(shape=shape))
         assert backend.loaded().signature == METRES
-        camera = backend.infer(ramp(), Hints()).intrinsics
+        camera = backend.infer(ramp(96, 128), Hints()).intrinsics
         assert (camera.fx, camera.fy) == (pytest.approx(100.0), pytest.approx(100.0))
         assert (camera.cx, camera.cy, camera.width, camera.height) == (63.5, 47.5, 128, 96)
-
-    @pytest.mark.parametrize("channel", [0, 1, 2])
-    def test_channels_are_red_green_blue(self, contract_graph, channel):
-        image = ramp()
-        image[..., 2] = image[::-1, ::-1, 1]
-        answer = loaded(contract_graph(channel=channel)).infer(image, Hints())
-        np.testing.assert_allclose(answer.depth, told_value(image, channel), rtol=0.02)
 
     @pytest.mark.parametrize("second", ["focallength_px", "field_of_view"])
     def test_known_focal_length_scales_the_depth(self, contract_graph, second):
         """Trap: it cannot be fed. Depth is proportional to it, in both forms."""
-        image = ramp()
+        image = ramp(96, 128)
         number = 1200.0 if second == "focallength_px" else math.degrees(2 * math.atan(0.64))
         backend = loaded(contract_graph(second, number))
         own = backend.infer(image, Hints())
@@ -112,12 +90,12 @@ class TestContract:
 
     def test_default_camera_gives_way_to_the_networks(self, contract_graph):
         guess = Intrinsics.from_focal(300.0, 128, 96, "0.95 x the long side", CameraTrust.GUESSED)
-        assert loaded(contract_graph()).infer(ramp(), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
+        assert loaded(contract_graph()).infer(ramp(96, 128), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
 
     def test_known_camera_may_be_of_another_size(self, contract_graph):
         backend = loaded(contract_graph())
         small, large = (Intrinsics.from_focal(f, w, h) for f, w, h in ((150.0, 128, 96), (300.0, 256, 192)))
-        first, second = (backend.infer(ramp(), Hints(intrinsics=camera)).depth for camera in (small, large))
+        first, second = (backend.infer(ramp(96, 128), Hints(intrinsics=camera)).depth for camera in (small, large))
         np.testing.assert_allclose(first, second)
 
     def test_sky_is_not_known(self, told_network):
@@ -132,7 +110,7 @@ class TestContract:
         network.show("anything")
         backend = DepthPro()
         backend.bind(network)
-        answer = backend.infer(ramp(), Hints())
+        answer = backend.infer(ramp(96, 128), Hints())
         assert np.isnan(answer.depth[:46]).all()
         np.testing.assert_allclose(answer.depth[50:], 5.0, rtol=1e-5)
 
@@ -145,7 +123,7 @@ class TestContract:
     )
     def test_impossible_camera_is_refused(self, contract_graph, second, number, words):
         with pytest.raises(BackendError, match=words):
-            loaded(contract_graph(second, number)).infer(ramp(), Hints())
+            loaded(contract_graph(second, number)).infer(ramp(96, 128), Hints())
 
     def test_file_without_a_focal_length_is_refused(self, graph, node, tmp_path):
         """Trap: without the second output nobody could tell depth from inverse depth."""
@@ -172,10 +150,6 @@ class TestContract:
             "  outputs: predicted_depth float32 (batch_size, 1536, 1536)"
         )
 
-    def test_infer_before_load_is_an_error(self):
-        with pytest.raises(BackendError, match=r"call load\(\)"):
-            DepthPro().infer(ramp(), Hints())
-
     def test_missing_weights_are_listed_before_load(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -188,17 +162,6 @@ class TestContract:
         assert backend.fingerprint() == ""
         with pytest.raises(WeightsMissingError, match="depth-pro-fp16"):
             backend.load()
-
-    def test_weights_in_two_files_are_found_by_the_name_of_their_set(self, monkeypatch, tmp_path, contract_graph):
-        folder = tmp_path / "all" / "depth-pro"
-        folder.mkdir(parents=True)
-        (folder / "model.onnx_data").write_bytes(b"0")
-        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "all"))
-        with open(contract_graph(), "rb") as made:
-            (folder / "model.onnx").write_bytes(made.read())
-        backend = loaded("depth-pro")
-        assert backend.missing() == ()
-        assert backend.loaded().network.name == "model.onnx"
 
 
 class TestPreparing:
@@ -215,13 +178,6 @@ class TestPreparing:
         assert fed.shape == (1, 3, SIDE, SIDE)
         assert fed.dtype == np.float32
         np.testing.assert_allclose(fed, wanted.numpy(), atol=1e-6)
-
-
-def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """A map at another size, bilinear between pixel centres, by SciPy."""
-    v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
-    u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
-    return map_coordinates(values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest")
 
 
 def expect_picture(shown, fed: np.ndarray) -> None:
@@ -264,18 +220,3 @@ def test_conformance(told, told_network, form):
     report = check_backend(told(DepthPro, attach))
     report.raise_if_failed()
     assert report.accuracy["abs-rel"] < 0.003, report.accuracy
-
-
-def test_the_worlds_camera_is_recovered_without_hints(told, told_network):
-    outputs = {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))}
-
-    def attach(backend):
-        network = told_network(PICTURE_IN, outputs, answer_metres)
-        backend.bind(network)
-        return [network]
-
-    world = build_world("stand", 0, (131, 97))
-    backend = told(DepthPro, attach)()
-    backend.load()
-    answer = backend.infer(world.empty_image, Hints())
-    assert answer.intrinsics.fx == pytest.approx(0.8 * world.intrinsics.fx, rel=1e-5)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError
 from physic_onnx import holes
 from physic_onnx.lama import Lama, LamaOptions
 from physic_onnx.migan import MiGan, MiGanOptions
@@ -211,30 +211,6 @@ def test_a_full_mask_is_refused(either, photo):
 def test_a_mask_of_another_size_is_refused(either, photo):
     with pytest.raises(BackendError, match=r"\(H, W\) = \(90, 130\), got \(130, 90\): resize it first"):
         either.infer(photo, np.zeros((130, 90), bool))
-
-
-@pytest.mark.parametrize("kind", BACKENDS.values())
-def test_another_file_is_refused_with_its_inputs_and_outputs(kind, graph, node, tmp_path):
-    path = graph(
-        tmp_path / "x.onnx",
-        {"image": ("float32", (1, 4, 512, 512))},
-        {"output": ("float32", (1, 4, 512, 512))},
-        [node("Identity", ["image"], ["output"])],
-    )
-    with pytest.raises(BackendError, match="there is no input 'mask'") as told:
-        kind(kind.Options(weights=str(path))).load()
-    assert "image float32 (1, 4, 512, 512)" in str(told.value)
-
-
-@pytest.mark.parametrize(("kind", "name"), [(MiGan, "mi-gan"), (Lama, "lama-carve")])
-def test_missing_weights_are_listed_with_the_way_to_get_them(kind, name, monkeypatch, tmp_path):
-    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("HF_HUB_CACHE", str(tmp_path))
-    (told,) = kind().missing()
-    assert f"physic weights fetch {name}" in told
-    with pytest.raises(WeightsMissingError, match=name):
-        kind().load()
 
 
 class Painter:

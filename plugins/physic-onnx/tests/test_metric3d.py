@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, preprocess
 from physic_testing import check_backend
+
+from .depth_maps_of_worlds import at, ramp
 
 ROWS, COLUMNS = 616, 1064
 FORMS = {
@@ -48,14 +49,6 @@ def loaded(path: str, **options) -> Metric3d:
     return backend
 
 
-def ramp(height: int, width: int) -> np.ndarray:
-    image = np.zeros((height, width, 3), np.uint8)
-    image[..., 0] = np.linspace(20, 220, width)[None, :]
-    image[..., 1] = np.linspace(200, 30, height)[:, None]
-    image[..., 2] = 77
-    return image
-
-
 def hints(focal: float, width: int, height: int) -> Hints:
     return Hints(intrinsics=Intrinsics.from_focal(focal, width, height))
 
@@ -69,26 +62,6 @@ class TestContract:
         answer = loaded(contract_graph(form, channel)).infer(image, hints(500.0, 532, 308))
         np.testing.assert_allclose(answer.depth, image[..., channel] / 10 * (500 * 2 / 1000), rtol=0.03)
         assert answer.intrinsics.fx == 500.0
-
-    @pytest.mark.parametrize("size", [(400, 300), (300, 900), (97, 131)])
-    def test_padding_is_taken_off_again(self, contract_graph, size):
-        """Trap: the photo lies in the middle of the canvas; a portrait leaves much of it free."""
-        image = ramp(*size)
-        scale = min(ROWS / size[0], COLUMNS / size[1])
-        answer = loaded(contract_graph(channel=1)).infer(image, hints(500.0, size[1], size[0]))
-        np.testing.assert_allclose(answer.depth, image[..., 1] / 10 * (500 * scale / 1000), rtol=0.03)
-
-    def test_metres_do_not_change_with_the_size_of_the_photo(self, contract_graph):
-        """Trap: the focal length is that of the resized photo."""
-        backend = loaded(contract_graph())
-        small = backend.infer(ramp(154, 266), hints(250.0, 266, 154)).depth
-        large = backend.infer(np.kron(ramp(154, 266), np.ones((2, 2, 1), np.uint8)), hints(500.0, 532, 308)).depth
-        np.testing.assert_allclose(large[::2, ::2], small, rtol=0.03)
-
-    def test_focal_length_scales_the_depth(self, contract_graph):
-        backend, image = loaded(contract_graph()), ramp(308, 532)
-        once, twice = (backend.infer(image, hints(f, 532, 308)).depth for f in (400.0, 800.0))
-        np.testing.assert_allclose(twice, 2 * once, rtol=1e-5)
 
     def test_normals_are_left_alone(self, contract_graph):
         loaded(contract_graph(normals=True)).infer(ramp(308, 532), hints(500.0, 532, 308))
@@ -121,32 +94,6 @@ class TestContract:
             "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
         )
 
-    def test_another_network_is_refused(self, graph, node, tmp_path):
-        path = graph(
-            tmp_path / "camera.onnx",
-            {"rgbs": ("float32", (1, 3, 462, 630))},
-            {"pts_3d": ("float32", (1, 3, 462, 630))},
-            [node("Identity", ["rgbs"], ["pts_3d"])],
-        )
-        with pytest.raises(BackendError) as refusal:
-            loaded(str(path))
-        assert str(refusal.value) == (
-            "camera.onnx is not a network that this backend can run:\n"
-            "expected of a batch:\n"
-            "  inputs:  pixel_values (or image) float (?, 3, ?, ?)\n"
-            "  outputs: pred_depth (or predicted_depth, depth) float any shape\n"
-            "  but there is no input 'pixel_values'; nothing is known of its input 'rgbs'; "
-            "there is no output 'pred_depth'\n"
-            "expected of one picture:\n"
-            "  inputs:  pixel_values (or image) float (3, ?, ?)\n"
-            "  outputs: pred_depth (or predicted_depth, depth) float any shape\n"
-            "  but there is no input 'pixel_values'; nothing is known of its input 'rgbs'; "
-            "there is no output 'pred_depth'\n"
-            "found:\n"
-            "  inputs:  rgbs float32 (1, 3, 462, 630)\n"
-            "  outputs: pts_3d float32 (1, 3, 462, 630)"
-        )
-
 
 def test_canvas_is_padded_with_the_mean_round_the_middle():
     image = np.random.default_rng(0).integers(0, 256, (400, 300, 3), dtype=np.uint8)
@@ -163,13 +110,6 @@ def test_canvas_is_padded_with_the_mean_round_the_middle():
     wanted = cv2.resize(image.astype(np.float32), (462, 616), interpolation=cv2.INTER_LINEAR)
     np.testing.assert_allclose(fed[0, :, :, 301:763], wanted.transpose(2, 0, 1), atol=1e-3)
     assert fed.max() > 200
-
-
-def at(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """A map at another size, bilinear between pixel centres, by SciPy."""
-    v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
-    u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
-    return map_coordinates(values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest")
 
 
 def perfect(shown, fed):

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.ndimage import map_coordinates
 
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
 from physic_onnx.moge_network import network_input_size
@@ -115,42 +115,10 @@ class TestContract:
         assert raw.points.dtype == np.float32
         np.testing.assert_allclose(raw.points, 1)
 
-    def test_another_network_is_refused_with_all_that_was_expected_and_found(self, graph, node, tmp_path):
-        path = graph(
-            tmp_path / "depth.onnx",
-            {"pixel_values": ("float32", (1, 3, 518, 518))},
-            {"predicted_depth": ("float32", (1, 3, 518, 518))},
-            [node("Identity", ["pixel_values"], ["predicted_depth"])],
-        )
-        with pytest.raises(BackendError) as refusal:
-            Moge2Depth(MogeOptions(weights=str(path))).load()
-        assert str(refusal.value) == (
-            "depth.onnx is not a network that this backend can run:\n"
-            "expected of MoGe-2:\n"
-            "  inputs:  image float (batch, 3, height, width); num_tokens int64 or int32 any shape\n"
-            "  outputs: points float (batch, height, width, 3); normal float (batch, height, width, 3), optional; "
-            "mask float (batch, height, width); metric_scale (or scale) float any shape\n"
-            "  but there is no input 'num_tokens'; there is no output 'points'; there is no output 'mask'; "
-            "there is no output 'metric_scale'\n"
-            "found:\n"
-            "  inputs:  pixel_values float32 (1, 3, 518, 518)\n"
-            "  outputs: predicted_depth float32 (1, 3, 518, 518)"
-        )
-
     def test_file_for_photos_of_one_size_is_refused(self, contract_graph):
         fixed = {"image": ("float32", (1, 3, 518, 518)), "num_tokens": TOKENS_IN}
         with pytest.raises(BackendError, match="exported for photos of one size"):
             Moge2Depth(MogeOptions(weights=contract_graph(inputs=fixed))).load()
-
-    def test_missing_weights_name_the_way_to_get_them(self, monkeypatch, tmp_path):
-        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
-        backend = Moge2Depth()
-        (line,) = backend.missing()
-        assert "moge-2-vits-normal" in line
-        assert "physic weights fetch moge-2-vits-normal" in line
-        assert backend.fingerprint() == ""
-        with pytest.raises(WeightsMissingError, match="physic weights fetch"):
-            backend.load()
 
 
 @pytest.fixture
@@ -414,10 +382,6 @@ class TestOddAnswers:
         backend, photo = answering(Moge2Depth, wall)
         with pytest.raises(BackendError, match=r"returned points \(1, 60, 80, 3\) .* for 40 x 30 px"):
             backend.infer(photo[::2, ::2].copy(), Hints())
-
-    def test_infer_before_load_is_an_error(self):
-        with pytest.raises(BackendError, match=r"call load\(\) before infer\(\)"):
-            Moge2Depth().infer(np.zeros((30, 40, 3), np.uint8), Hints())
 
 
 @pytest.mark.parametrize(

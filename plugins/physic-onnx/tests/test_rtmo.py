@@ -56,13 +56,6 @@ def rtmo(tmp_path: Path, graph: Any, node: Any) -> Any:
     return make
 
 
-def test_it_is_shown_bgr_from_0_to_255_at_the_top_left_of_grey(rtmo: Any) -> None:
-    photo = np.zeros((240, 320, 3), np.uint8)
-    photo[...] = (200, 100, 50)
-    found = rtmo([[0, 0, 640, 480]]).infer(photo, people((0, 0, 320, 240)))
-    assert np.allclose(found.confidence[0, :3], [50 / 255, 200 / 255, 114 / 255])
-
-
 def test_points_come_back_into_the_photo_between_pixel_centres(rtmo: Any) -> None:
     found = rtmo([[0, 0, 640, 480]]).infer(np.zeros((240, 320, 3), np.uint8), people((0, 0, 320, 240)))
     assert np.allclose(found.points[0], (PLACES[0] + 0.5) / 2 - 0.5, atol=1e-4)

@@ -119,21 +119,10 @@ def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
     assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
 
 
-def test_grey_is_normalised_by_imagenet(rtmpose: Any) -> None:
-    found = rtmpose().infer(np.full((200, 260, 3), 128, np.uint8), people(BOX))
-    expected = (128 - np.array([123.675, 116.28, 103.53])) / [58.395, 57.12, 57.375]
-    assert np.allclose(found.confidence[0, :3], expected, atol=1e-4)
-
-
 @pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
 def test_the_number_of_joints_decides_the_joint_set(rtmpose: Any, count: int, skeleton: str) -> None:
     assert rtmpose(count=count).infer(blobs(PLACES), people(BOX)).skeleton == skeleton
     assert rtmpose(count=count).infer(blobs(PLACES), people()).points.shape == (0, count, 2)
-
-
-def test_a_hand_is_refused(rtmpose: Any) -> None:
-    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
-        rtmpose(count=21)
 
 
 def test_lines_that_do_not_fit_the_input_are_refused(tmp_path: Path, graph: Any, node: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, PhysicError, WeightsMissingError
+from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_onnx.vitpose import VitPose
@@ -126,12 +126,6 @@ def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
     assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < 0.8
 
 
-def test_grey_is_normalised_by_imagenet_and_the_peak_is_the_confidence(vitpose: Any) -> None:
-    found = vitpose().infer(np.full((200, 260, 3), 128, np.uint8), people(BOX))
-    expected = (128 / 255 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
-    assert np.allclose(found.confidence[0, :3], expected, atol=1e-5)
-
-
 @pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
 def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, skeleton: str) -> None:
     assert vitpose(count=count).infer(blobs((200, 260), PLACES), people(BOX)).skeleton == skeleton
@@ -162,44 +156,12 @@ def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> 
     assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
 
 
-def test_a_file_that_is_not_vitpose_is_refused(tmp_path: Path, graph: Any, node: Any) -> None:
-    path = graph(
-        tmp_path / "net.onnx",
-        {"images": ("float32", (1, 3, 640, 640))},
-        {"output": ("float32", (1, 8400, 85))},
-        [node("Identity", ["held"], ["output"])],
-        {"held": np.zeros((1, 8400, 85), np.float32)},
-    )
-    with pytest.raises(BackendError) as error:
-        VitPose(VitPose.Options(weights=str(path))).load()
-    told = str(error.value)
-    assert "expected of easy_ViTPose" in told
-    assert "input_0" in told
-    assert "output float32 (1, 8400, 85)" in told
-
-
 def test_a_folder_with_one_graph_and_its_tensors_is_a_file(vitpose: Any, tmp_path: Path) -> None:
     vitpose()
     (tmp_path / "backbone.blocks.0.weight").write_bytes(b"tensor")
     backend = VitPose(VitPose.Options(weights=str(tmp_path)))
     backend.load()
     assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco17"
-
-
-def test_missing_weights_name_the_way_to_get_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("HF_HOME", str(tmp_path))
-    backend = VitPose(VitPose.Options(weights="vitpose-s-wholebody"))
-    (told,) = backend.missing()
-    assert "physic weights fetch vitpose-s-wholebody" in told
-    with pytest.raises(WeightsMissingError):
-        backend.load()
-
-
-def test_infer_before_load_is_an_error() -> None:
-    with pytest.raises(PhysicError, match="is not loaded"):
-        VitPose().infer(np.zeros((64, 64, 3), np.uint8), people(BOX, size=(64, 64)))
 
 
 @pytest.fixture(scope="module")

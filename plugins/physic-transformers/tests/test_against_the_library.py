@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES, PaddedFrame, padded_input, people_and_floor
 from physic_core.adapters.patch_grid import input_size_least_scaling
-from physic_core.adapters.pictures import normalized_nchw, resize_image
+from physic_core.adapters.pictures import normalized_nchw
 from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
@@ -79,23 +78,6 @@ class TestGroundingDino:
         np.testing.assert_allclose(ours.boxes * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5)
         words = [tokenizer.decode(ids[0, list(tokens)]) for tokens in ours.tokens]
         assert words == [theirs["text_labels"][i] for i in order]
-
-
-class TestSquares:
-    """SAM 2 and SAM 3: a torchvision-only processor, whose resizing torch has too."""
-
-    @pytest.mark.parametrize(("height", "width"), SIZES)
-    @pytest.mark.parametrize("side", [1024, 1008])
-    def test_a_photo_is_squashed_with_antialiasing(self, height: int, width: int, side: int) -> None:
-        image = photo(height, width)
-        tensor = torch.from_numpy(image).permute(2, 0, 1)[None]
-        theirs = torch.nn.functional.interpolate(
-            tensor, (side, side), mode="bilinear", align_corners=False, antialias=True
-        )
-        ours = resize_image(image, side, side, "bilinear-antialias").astype(int)
-        gap = np.abs(ours - theirs[0].permute(1, 2, 0).numpy())
-        assert gap.max() <= 2  # of 255, where they round otherwise
-        assert (gap > 0).mean() < 0.05
 
 
 class TestDepthPro:
@@ -197,47 +179,6 @@ class TestZoeDepth:
         )
         theirs = whole[0, 0, rows:-rows, columns:-columns].numpy()
         np.testing.assert_allclose(zoedepth.crop_padding(depth, height, width), theirs, atol=1e-4)
-
-
-class TestEomt:
-    @pytest.mark.parametrize(("height", "width"), [s for s in SIZES if s != (799, 1333)])
-    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
-        from transformers import EomtImageProcessorPil
-
-        image = photo(height, width)
-        theirs = EomtImageProcessorPil(do_pad=True)(images=image, return_tensors="np")["pixel_values"]
-        ours = padded_input(image, PaddedFrame(height, width, 640))
-        np.testing.assert_allclose(ours, theirs, atol=2e-6)
-
-    def test_people_and_floor_are_those_of_the_library(self) -> None:
-        from transformers import EomtImageProcessorPil
-
-        height, width = 240, 320
-        labels = [0, 0, 122, 87, 56, 0]
-        rows, columns = np.mgrid[:160, :160].astype(np.float32)
-        centres = [(60, 40), (62, 85), (110, 80), (112, 20), (40, 120), (61, 42)]
-        masks = np.stack([(14 - np.hypot(rows - y, columns - x)) / 2 for y, x in centres]).astype(np.float32)
-        masks[2] = (rows - 95) / 3
-        classes = np.full((6, 134), -4.0, np.float32)
-        classes[range(6), labels] = [4.0, 3.8, 3.5, 3.9, 3.7, 1.2]
-        out = SimpleNamespace(
-            masks_queries_logits=torch.from_numpy(masks)[None], class_queries_logits=torch.from_numpy(classes)[None]
-        )
-        (theirs,) = EomtImageProcessorPil().post_process_panoptic_segmentation(
-            out, target_sizes=[(height, width)], threshold=0.5, stuff_classes=list(range(80, 133))
-        )
-        segments = theirs["segmentation"].numpy()
-        kinds = {info["id"]: COCO_PANOPTIC[info["label_id"]] for info in theirs["segments_info"]}
-        ours = people_and_floor(classes, masks, PaddedFrame(height, width, 640).to_photo, (height, width))
-        people = [segments == i for i, name in kinds.items() if name == "person"]
-        assert len(ours) == len(people) == 2
-        for mask, score in zip(ours.masks, ours.scores, strict=True):
-            assert max((mask & p).sum() / (mask | p).sum() for p in people) > 0.995
-            assert any(score == pytest.approx(info["score"], abs=1e-5) for info in theirs["segments_info"])
-        floor = np.isin(segments, [i for i, name in kinds.items() if name in FLOOR_CLASSES])
-        assert ours.floor is not None
-        assert floor.any()
-        assert (ours.floor & floor).sum() / (ours.floor | floor).sum() > 0.995
 
 
 class TestVitPose:

@@ -97,11 +97,6 @@ def test_rows_are_compared_on_the_same_draws():
     assert (change.low, change.high) == (pytest.approx(-5), pytest.approx(-5))
 
 
-def test_the_same_records_give_the_same_interval():
-    records = [record(person(mpjpe_mm=v)) for v in (1.0, 5.0, 9.0, 30.0)]
-    assert row_statistics(records, "full").figures["mpjpe_mm"] == row_statistics(records, "full").figures["mpjpe_mm"]
-
-
 def test_the_truth_has_figures_of_its_own():
     found = truth_statistics([record(person(), person())])
     assert found["floating_mm"].value == 11
