@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 
 from fuzzing.target import Target
 from physic_core.body.model_file import MANO, read_model_file
-from physic_core.body.smplx_file import _SHAPES, load_smplx
+from physic_core.body.smplx_file import SMPLX, load_smplx
 from physic_core.errors import BodyModelError
 
 
@@ -55,7 +55,7 @@ def smplx_files() -> list[bytes]:
     """Archives with the names and shapes of SMPL-X, without the largest array."""
     arrays = {
         name: np.zeros([20 if n is None else n for n in shape], np.float16)
-        for name, shape in _SHAPES.items()
+        for name, shape in SMPLX.shapes.items()
         if name != "posedirs"
     }
     file = io.BytesIO()
