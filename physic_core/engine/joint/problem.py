@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import torch
 from torch import Tensor
@@ -17,21 +17,13 @@ from physic_core.types.skeletons import Skeleton
 
 __all__ = ["JointProblem", "JointResult"]
 
-_PER_PERSON = (
-    "rotations0",
-    "betas0",
-    "expression0",
-    "transl0",
-    "keypoints",
-    "keypoint_confidence",
-    "masks",
-    "contact_probability",
-    "observed",
-    "grounded",
-    "lifted_feet",
-    "estimated_transl",
-    "keypoint_transl",
-)
+
+def _shape(shape: str) -> dict[str, tuple[str, ...]]:
+    """Return metadata with the shape of a tensor, such as "B 55 3": numbers, and letters of :meth:`JointProblem.check`.
+
+    A shape that begins with B has a row for each person.
+    """
+    return {"shape": tuple(shape.split())}
 
 
 @dataclass(frozen=True)
@@ -69,30 +61,30 @@ class JointProblem(ShortRepr):
     """
 
     model: BodyModel
-    rotations0: Tensor
-    betas0: Tensor
-    expression0: Tensor
-    transl0: Tensor
-    keypoints: Tensor
-    keypoint_confidence: Tensor
+    rotations0: Tensor = field(metadata=_shape("B 55 3 3"))
+    betas0: Tensor = field(metadata=_shape("B K"))
+    expression0: Tensor = field(metadata=_shape("B E"))
+    transl0: Tensor = field(metadata=_shape("B 3"))
+    keypoints: Tensor = field(metadata=_shape("B J 2"))
+    keypoint_confidence: Tensor = field(metadata=_shape("B J"))
     skeleton: Skeleton
-    K: Tensor
-    masks: Tensor
-    scene_points: Tensor
-    scene_normals: Tensor
-    contact_probability: Tensor
-    observed: Tensor
-    scene_depth: Tensor | None = None
-    floor_normal: Tensor | None = None
+    K: Tensor = field(metadata=_shape("3 3"))
+    masks: Tensor = field(metadata=_shape("B H W"))
+    scene_points: Tensor = field(metadata=_shape("M 3"))
+    scene_normals: Tensor = field(metadata=_shape("M 3"))
+    contact_probability: Tensor = field(metadata=_shape("B V"))
+    observed: Tensor = field(metadata=_shape("B 55"))
+    scene_depth: Tensor | None = field(default=None, metadata=_shape("H W"))
+    floor_normal: Tensor | None = field(default=None, metadata=_shape("3"))
     floor_offset: float = 0.0
     floor_points: Tensor | None = None
-    human_depth: Tensor | None = None
+    human_depth: Tensor | None = field(default=None, metadata=_shape("H W"))
     human_points: tuple[Tensor, ...] | None = None
     scale_sigma: float | None = None
-    grounded: Tensor | None = None
-    lifted_feet: Tensor | None = None
-    estimated_transl: Tensor | None = None
-    keypoint_transl: Tensor | None = None
+    grounded: Tensor | None = field(default=None, metadata=_shape("B"))
+    lifted_feet: Tensor | None = field(default=None, metadata=_shape("B 2"))
+    estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
+    keypoint_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     known: KnownGeometry | None = None
 
     def __len__(self) -> int:
@@ -100,36 +92,20 @@ class JointProblem(ShortRepr):
 
     def check(self) -> None:
         """Raise PhysicError if a field has a wrong shape; the message lists all such fields."""
-        b, j = len(self), self.keypoints.shape[1]
+        j = self.keypoints.shape[1]
         height, width = self.masks.shape[-2:]
-        expected: dict[str, tuple[int, ...]] = {
-            "rotations0": (b, 55, 3, 3),
-            "betas0": (b, self.model.num_betas),
-            "expression0": (b, self.model.num_expression),
-            "transl0": (b, 3),
-            "keypoints": (b, j, 2),
-            "keypoint_confidence": (b, j),
-            "K": (3, 3),
-            "masks": (b, height, width),
-            "scene_points": (len(self.scene_points), 3),
-            "scene_normals": (len(self.scene_points), 3),
-            "contact_probability": (b, self.model.num_vertices),
-            "observed": (b, 55),
-            "floor_normal": (3,),
-            "scene_depth": (height, width),
-            "human_depth": (height, width),
-            "grounded": (b,),
-            "lifted_feet": (b, 2),
-            "estimated_transl": (b, 3),
-            "keypoint_transl": (b, 3),
-        }
-        faults = [
-            f"{name} must be {shape}, got {tuple(value.shape)}"
-            for name, shape in expected.items()
-            if (value := getattr(self, name)) is not None and tuple(value.shape) != shape
-        ]
-        if self.human_points is not None and len(self.human_points) != b:
-            faults.append(f"human_points must be {b} tensors, got {len(self.human_points)}")
+        model = self.model
+        sizes = {"B": len(self), "J": j, "H": height, "W": width, "M": len(self.scene_points)}
+        sizes |= {"K": model.num_betas, "E": model.num_expression, "V": model.num_vertices}
+        faults = []
+        for each in fields(self):
+            value, shape = getattr(self, each.name), each.metadata.get("shape")
+            if value is not None and shape is not None:
+                expected = tuple(sizes[part] if part in sizes else int(part) for part in shape)
+                if tuple(value.shape) != expected:
+                    faults.append(f"{each.name} must be {expected}, got {tuple(value.shape)}")
+        if self.human_points is not None and len(self.human_points) != len(self):
+            faults.append(f"human_points must be {len(self)} tensors, got {len(self.human_points)}")
         if faults:
             raise PhysicError("joint optimisation: " + "; ".join(faults))
 
@@ -160,7 +136,8 @@ class JointProblem(ShortRepr):
 
     def select_people(self, rows: Tensor) -> JointProblem:
         """Return a copy with a selection of the people, (n,) int64."""
-        changed = {name: getattr(self, name)[rows] for name in _PER_PERSON if getattr(self, name) is not None}
+        own = (f.name for f in fields(self) if f.metadata.get("shape", ("",))[0] == "B")
+        changed = {name: getattr(self, name)[rows] for name in own if getattr(self, name) is not None}
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
         if self.known is not None:
