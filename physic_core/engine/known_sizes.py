@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.scene.build import SceneState
+from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing
 from physic_core.types import KnownSizes

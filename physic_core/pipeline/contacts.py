@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.known_sizes import KnownGeometry
-    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.scene.solve import SceneState
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
 
 __all__ = [

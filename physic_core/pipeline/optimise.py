@@ -30,9 +30,9 @@ from physic_core.engine.placement.human_points import (
 from physic_core.engine.placement.lifted_feet import LiftedFeet, depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.people import Detections, observed_joints, place_people
 from physic_core.engine.placement.place import Placement, PosedBodies
-from physic_core.engine.scene.build import alignment_diagnostics, build_scene
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.floor_below_people import without_floor, wrong_floor
+from physic_core.engine.scene.solve import SceneInput, alignment_diagnostics, solve_scene
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.estimate import feet_pixels
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.known_sizes import KnownGeometry
     from physic_core.engine.placement.settings import PlacementSettings
-    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Estimates
@@ -126,7 +126,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
 
 def _metric_scene(estimates: Estimates, settings: EngineSettings) -> SceneState:
     height, width = estimates.hole.shape
-    return build_scene(
+    given = SceneInput(
         tensor(estimates.scene.points),
         tensor(estimates.scene.valid),
         estimates.scene.unknown,
@@ -137,8 +137,8 @@ def _metric_scene(estimates: Estimates, settings: EngineSettings) -> SceneState:
             hole=tensor(estimates.hole),
             feet_px=tensor(feet_pixels(estimates.keypoints, height, width)),
         ),
-        settings.scene,
     )
+    return solve_scene(given, settings.scene)
 
 
 def _cameras(estimates: Estimates) -> Cameras:

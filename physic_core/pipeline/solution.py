@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
-    from physic_core.engine.scene.build import SceneState
+    from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.engine.scene import build, cleaning
-from physic_core.engine.scene.build import SceneState
+from physic_core.engine.scene import cleaning
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.floor import fit_relative_floor
+from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
 from physic_core.engine.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
@@ -92,7 +92,8 @@ def build_scene(
     settings: SceneSettings | None = None,
 ) -> SceneState:
     cameras, floor = Cameras(K, K_metric, K_pointmap), FloorEvidence(mask=floor_mask, feet_px=feet_px)
-    return build.build_scene(points, valid, unknown, metric_depth, cameras, floor, settings)
+    given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
+    return solve_scene(given, settings or SceneSettings())
 
 
 def scene(**options: object) -> SceneState:

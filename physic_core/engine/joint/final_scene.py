@@ -9,10 +9,10 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.engine.joint.problem import JointProblem, JointResult
-from physic_core.engine.scene.build import SceneState
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.floor_below_people import floor_under_people
 from physic_core.engine.scene.settings import SceneSettings
+from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import normals

@@ -36,7 +36,7 @@ _NO_FLOOR = {
 def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
     """Run the self-checks of the photo."""
     from physic_core.engine.placement.human_points import MIN_ALIGN_INLIER_SHARE as MIN_PHOTO_SHARE
-    from physic_core.engine.scene.build import MIN_ALIGN_INLIER_SHARE as MIN_SCENE_SHARE
+    from physic_core.engine.scene.solve import MIN_ALIGN_INLIER_SHARE as MIN_SCENE_SHARE
 
     report = solution.diagnostics
     share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene.method()

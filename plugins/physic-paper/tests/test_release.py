@@ -20,8 +20,8 @@ from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
-from physic_core.engine.scene.build import build_scene
 from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.scene.solve import SceneInput, solve_scene
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.types import SKELETONS
 from physic_paper.grid_search import GridSearch
@@ -231,15 +231,15 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     assert int((off > 1e-5).sum()) <= 1
     assert float(off.max()) < 1e-4
     evidence = published.evidence()
-    scene = build_scene(
+    given = SceneInput(
         torch.from_numpy(evidence.scene.points),
         torch.from_numpy(evidence.scene.valid),
         evidence.scene.unknown,
         torch.from_numpy(evidence.depth.depth),
         Cameras(published["camera/K"].double()),
         FloorEvidence(published.bits("one/in/floor_mask")),
-        RELEASE.scene,
     )
+    scene = solve_scene(given, RELEASE.scene)
     assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8  # ties among neighbours
     assert len(scene.floor_points) == len(published.floor)
     assert float((scene.floor_points - published.floor).abs().max()) < 5e-5

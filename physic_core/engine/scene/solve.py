@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import torch
@@ -26,12 +26,33 @@ from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["MIN_ALIGN_INLIER_SHARE", "SceneState", "alignment_diagnostics", "build_scene"]
+__all__ = ["MIN_ALIGN_INLIER_SHARE", "SceneInput", "SceneState", "alignment_diagnostics", "solve_scene"]
 
 MIN_ALIGN_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth
+
+
+@dataclass(frozen=True)
+class SceneInput:
+    """What stage 1 needs of a photo.
+
+    Attributes:
+        points: (H, W, 3) relative point map of the inpainted photo.
+        valid: (H, W) bool.
+        unknown: ambiguity of the point map: scale, or scale and z-shift.
+        metric_depth: (H, W) metres along z, NaN where unknown.
+        cameras: known cameras.
+        floor: floor mask, inpainted pixels and feet.
+    """
+
+    points: Tensor
+    valid: Tensor
+    unknown: AffineAmbiguity
+    metric_depth: Tensor
+    cameras: Cameras = field(default_factory=Cameras)
+    floor: FloorEvidence = field(default_factory=FloorEvidence)
 
 
 @dataclass(frozen=True)
@@ -77,34 +98,17 @@ class SceneState(ShortRepr):
         return None if self.floor_normal is None else (self.floor_normal, self.floor_offset)
 
 
-def build_scene(
-    points: Tensor,
-    valid: Tensor,
-    unknown: AffineAmbiguity,
-    metric_depth: Tensor,
-    cameras: Cameras | None = None,
-    floor_evidence: FloorEvidence | None = None,
-    settings: SceneSettings | None = None,
-) -> SceneState:
+def solve_scene(given: SceneInput, settings: SceneSettings) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove edges and outliers.
-
-    Args:
-        points: (H, W, 3) relative point map of the inpainted photo.
-        valid: (H, W) bool.
-        unknown: ambiguity of the point map: scale, or scale and z-shift.
-        metric_depth: (H, W) metres along z, NaN where unknown.
-        cameras: known cameras.
-        floor_evidence: floor mask, inpainted pixels and feet.
-        settings: of stage 1; preset "default" if None.
 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    settings, evidence = settings or SceneSettings(), floor_evidence or FloorEvidence()
-    method = settings.method()
-    points, metric_depth, cameras = method.share_camera(points, metric_depth, cameras or Cameras())
-    alignment = _align_to_metric(points, valid, unknown, metric_depth, cameras, method)
-    placed, known, camera = _metric_points(points, valid, metric_depth, alignment, cameras, method)
+    method, evidence = settings.method(), given.floor
+    points, depth, cameras = method.share_camera(given.points, given.metric_depth, given.cameras)
+    given = replace(given, points=points, metric_depth=depth, cameras=cameras)
+    alignment = _align_to_metric(given, method)
+    placed, known, camera = _metric_points(given, alignment, method)
     surface, edges, outliers = method.surface(placed, known)
     search = method.search_floor(placed, known & ~outliers, surface, evidence)
     floor = search.plane
@@ -146,15 +150,9 @@ def build_scene(
     )
 
 
-def _align_to_metric(
-    points: Tensor,
-    valid: Tensor,
-    unknown: AffineAmbiguity,
-    metric_depth: Tensor,
-    cameras: Cameras,
-    method: SceneMethod,
-) -> Alignment:
+def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
+    metric_depth, cameras = given.metric_depth, given.cameras
     metric_valid = _positive(metric_depth)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -168,28 +166,21 @@ def _align_to_metric(
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
     axes: Literal["xyz", "z"] = "z" if camera is None else "xyz"
-    return align(points, valid, target, metric_valid, unknown, options=method.alignment, axes=axes)
+    return align(given.points, given.valid, target, metric_valid, given.unknown, options=method.alignment, axes=axes)
 
 
-def _metric_points(
-    points: Tensor,
-    valid: Tensor,
-    metric_depth: Tensor,
-    alignment: Alignment,
-    cameras: Cameras,
-    method: SceneMethod,
-) -> tuple[Tensor, Tensor, Tensor]:
+def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 
     They come from the metric depth alone if the method selects it, or if the alignment has no inliers.
     """
     if method.uses_pointmap and alignment.inlier_share > 0:
-        placed, known = apply_alignment(points, alignment), valid
+        placed, known = apply_alignment(given.points, alignment), given.valid
     else:
-        placed = depth_to_pointmap(metric_depth, scene_camera(points, valid, cameras))
-        known = _positive(metric_depth)
+        camera = scene_camera(given.points, given.valid, given.cameras)
+        placed, known = depth_to_pointmap(given.metric_depth, camera), _positive(given.metric_depth)
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
-    placed, camera = method.place_on_rays(placed, known, cameras)
+    placed, camera = method.place_on_rays(placed, known, given.cameras)
     placed = torch.where(known[..., None], placed, 0.0)
     return placed, known & (placed[..., 2] <= method.settings.far_m), camera
 
