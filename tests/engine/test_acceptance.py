@@ -14,7 +14,7 @@ from physic_core.engine.joint.acceptance import (
     term_totals,
     total_energy,
 )
-from physic_core.engine.joint.settings import LbfgsSettings
+from physic_core.engine.joint.optimiser import LbfgsSettings
 from physic_core.engine.joint.state import State
 from physic_paper.adam import AdamSettings
 

@@ -46,7 +46,7 @@ def relocated(thing, device, memo):
         new = type(thing)(*(relocated(value, device, memo) for value in thing))
     elif isinstance(thing, (list, tuple)):
         new = type(thing)(relocated(value, device, memo) for value in thing)
-    elif type(thing).__module__.startswith("physic_core") and hasattr(thing, "__dict__"):
+    elif type(thing).__module__.startswith(("physic_core", "physic_paper")) and hasattr(thing, "__dict__"):
         new = copy.copy(thing)
         for name, value in vars(thing).items():
             object.__setattr__(new, name, relocated(value, device, memo))
@@ -89,7 +89,7 @@ def test_the_host_waits_once_an_evaluation_and_twice_a_step(two, steps):
     energy = JointEnergy(two.problem, DEFAULT)
     settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
     with HostReads() as reads:
-        block = _lbfgs_block(energy, settings, steps, LbfgsHistory())
+        block = _lbfgs_block(energy, settings.tolerance, LbfgsHistory(), steps)
     assert block.steps == steps
     assert reads.count == block.evaluations + 2 * block.steps + 1
 

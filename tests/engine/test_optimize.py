@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from physic_core.engine.joint.acceptance import total_energy
-from physic_core.engine.joint.optimiser import LbfgsHistory
-from physic_core.engine.joint.settings import LbfgsSettings
+from physic_core.engine.joint.optimiser import LbfgsHistory, LbfgsSettings
 from physic_core.engine.joint.state import State
 from physic_paper.adam import AdamSettings
 

@@ -9,16 +9,19 @@ minimum.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
 
+from physic_core.engine.bounds import Count, NotNegative, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, revert_if_worse, term_totals, total_energy
-from physic_core.engine.joint.settings import LbfgsSettings, OptimiserSettings, Progress
+from physic_core.engine.joint.settings import OptimiserSettings, Progress
 
-__all__ = ["Block", "MinimisationResult", "join_results", "minimise_by_lbfgs", "minimise_in_blocks"]
+__all__ = ["Block", "BlockOptimiser", "LbfgsSettings", "MinimisationResult", "join_results"]
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
@@ -67,16 +70,6 @@ class Block:
     converged: bool = False
 
 
-def minimise_by_lbfgs(
-    energy: Energy, settings: LbfgsSettings, progress: Progress | None = None, groups: Tensor | None = None
-) -> MinimisationResult:
-    """Minimise an energy by L-BFGS, with the arguments of :meth:`OptimiserSettings.minimise`."""
-    history = LbfgsHistory()
-    return minimise_in_blocks(
-        energy, settings, lambda steps: _lbfgs_block(energy, settings, steps, history), progress, groups
-    )
-
-
 @torch.no_grad()
 def join_results(
     energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
@@ -95,50 +88,60 @@ def join_results(
     )
 
 
-def minimise_in_blocks(
-    energy: Energy,
-    settings: OptimiserSettings,
-    take_steps: Callable[[int], Block],
-    progress: Progress | None,
-    groups: Tensor | None,
-) -> MinimisationResult:
-    """Take all steps of the settings, then revert the people whose energy has increased.
+@dataclass(frozen=True)
+class BlockOptimiser(OptimiserSettings):
+    """Minimiser that updates visibility after every block of steps."""
 
-    Args:
-        energy: refreshed, and finite at its present state.
-        settings: numbers of steps.
-        take_steps: takes at most this number of steps without a refresh.
-        progress: called with the completed share of the steps, 0-1.
-        groups: (B,) int64, see :meth:`OptimiserSettings.minimise`.
-    """
-    state = energy.state
-    origin = state.pack()
-    done = evaluations = taken = 0
-    totals: list[float] = []
-    converged = False
-    while done < settings.steps and state.parameters() and not converged:
-        if done:
+    @abstractmethod
+    def start(self, energy: Energy) -> Callable[[int], Block]:
+        """Return a function that takes at most a number of steps without an update."""
+
+    def minimise(
+        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
+    ) -> MinimisationResult:
+        """Take all steps, then revert the people whose energy has increased."""
+        state = energy.state
+        origin, take_steps = state.pack(), self.start(energy)
+        done, blocks = 0, list[Block]()
+        while done < self.steps and state.parameters() and not (blocks and blocks[-1].converged):
+            if done:
+                energy.refresh()
+            steps = min(self.refresh_steps, self.steps - done)
+            blocks.append(take_steps(steps))
+            done += steps
+            if progress is not None:
+                progress(done / self.steps)
+        if not (blocks and blocks[-1].converged):  # else the motion is too small to change visibility
             energy.refresh()
-        steps = min(settings.refresh_steps, settings.steps - done)
-        block = take_steps(steps)
-        totals.append(block.before)
-        evaluations += block.evaluations
-        taken += block.steps
-        done += steps
-        converged = block.converged
+        start, end = revert_if_worse(energy, state.pack(), origin, groups)
         if progress is not None:
-            progress(done / settings.steps)
-    if not converged:  # else the motion since the last update is too small to change visibility
-        energy.refresh()
-    start, end = revert_if_worse(energy, state.pack(), origin, groups)
-    totals.append(math.fsum(end.values()))
-    if progress is not None:
-        progress(1.0)
-    return MinimisationResult(start, end, evaluations, taken, tuple(totals))
+            progress(1.0)
+        evaluations, taken = sum(block.evaluations for block in blocks), sum(block.steps for block in blocks)
+        totals = (*(block.before for block in blocks), math.fsum(end.values()))
+        return MinimisationResult(start, end, evaluations, taken, totals)
 
 
-def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, history: LbfgsHistory) -> Block:
-    """Take L-BFGS steps between two refreshes; the history is kept, since the next energy is nearly equal."""
+@dataclass(frozen=True)
+class LbfgsSettings(BlockOptimiser):
+    """Settings of L-BFGS with a backtracking (Armijo) line search.
+
+    Attributes:
+        steps: at most; 40-100.
+        refresh_steps: steps between two updates of visibility and nearest points; 10-30.
+        tolerance: stop when the steps between two updates lower the energy by less than this share; 0 never stops.
+    """
+
+    steps: Count = 80
+    refresh_steps: PositiveCount = 20
+    tolerance: NotNegative = 5e-3
+
+    def start(self, energy: Energy) -> Callable[[int], Block]:
+        """Return a function that takes steps. The history is kept over updates: the next energy is nearly equal."""
+        return partial(_lbfgs_block, energy, self.tolerance, LbfgsHistory())
+
+
+def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps: int) -> Block:
+    """Take L-BFGS steps between two refreshes."""
     state = energy.state
     parameters = state.parameters()
     evaluations = 0
@@ -175,10 +178,10 @@ def _lbfgs_block(energy: Energy, settings: LbfgsSettings, steps: int, history: L
         here, value, gradient = there, next_value, next_gradient
         values.append(value)
         taken += 1
-        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - value < settings.tolerance * abs(value):
+        if len(values) > _PATIENCE and values[-1 - _PATIENCE] - value < tolerance * abs(value):
             break
     state.load(here)
-    converged = values[0] - value < settings.tolerance * abs(values[0])
+    converged = values[0] - value < tolerance * abs(values[0])
     return Block(values[0], value, evaluations, taken, converged)
 
 

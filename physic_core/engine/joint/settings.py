@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
     from physic_core.geometry.neighbors import NearestPointSearch
 
-__all__ = ["JointSettings", "LbfgsSettings", "OptimiserSettings", "Progress", "VisibilitySettings"]
+__all__ = ["JointSettings", "OptimiserSettings", "Progress", "VisibilitySettings"]
 
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 
@@ -41,8 +41,8 @@ class OptimiserSettings(ABC):
         refresh_steps: steps between two updates of visibility and nearest points.
     """
 
-    steps: Count = 80
-    refresh_steps: PositiveCount = 20
+    steps: Count
+    refresh_steps: PositiveCount
 
     @abstractmethod
     def minimise(
@@ -55,27 +55,6 @@ class OptimiserSettings(ABC):
             progress: called with the completed share of the steps.
             groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
         """
-
-
-@dataclass(frozen=True)
-class LbfgsSettings(OptimiserSettings):
-    """Settings of L-BFGS with a backtracking (Armijo) line search.
-
-    Attributes:
-        steps: at most; 40-100.
-        refresh_steps: steps between two updates of visibility and nearest points; 10-30.
-        tolerance: stop when the steps between two updates lower the energy by less than this share; 0 never stops.
-    """
-
-    tolerance: NotNegative = 5e-3
-
-    def minimise(
-        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
-    ) -> MinimisationResult:
-        """Minimise an energy by L-BFGS."""
-        from physic_core.engine.joint.optimiser import minimise_by_lbfgs
-
-        return minimise_by_lbfgs(energy, self, progress, groups)
 
 
 @dataclass(frozen=True)
@@ -108,7 +87,7 @@ class JointSettings(ABC):
     """
 
     frozen: FrozenGroups = ()
-    optimiser: OptimiserSettings = field(default_factory=LbfgsSettings)
+    optimiser: OptimiserSettings = field(kw_only=True)
 
     nearest_every_step: ClassVar[bool] = False
     """Whether nearest points are searched at every evaluation, not only when visibility is updated."""

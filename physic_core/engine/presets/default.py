@@ -6,7 +6,7 @@ It minimises Eq. 5 with the terms below, by L-BFGS on whitened parameters. Resid
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -14,10 +14,9 @@ from torch import Tensor
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.optimiser import MinimisationResult
+from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.schedule import minimise_with_late_terms
-from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, Progress, VisibilitySettings
+from physic_core.engine.joint.settings import JointSettings, Progress, VisibilitySettings
 from physic_core.engine.joint.state import State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
@@ -35,6 +34,8 @@ from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 
 __all__ = ["DefaultOptimisation"]
+
+_LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an energy that has converged
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,14 @@ class DefaultOptimisation(JointSettings):
         ]
 
     def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
-        """Minimise the energy; the people term is added at the end, since it needs all of them near their places."""
-        late = [PeopleTerm(self.contact, self.penetration, energy.context)]
-        return minimise_with_late_terms(energy, self.optimiser, late, progress)
+        """Minimise the energy, then once more with the people term, if people are near each other.
+
+        From the start, that term would keep apart people who start on the wrong side of each other.
+        """
+        origin = energy.state.pack()
+        result = self.optimiser.minimise(energy, progress)
+        groups = energy.add_terms([PeopleTerm(self.contact, self.penetration, energy.context)])
+        if groups is None:
+            return result
+        late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
+        return join_results(energy, origin, result, late.minimise(energy, groups=groups))

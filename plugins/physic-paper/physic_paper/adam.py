@@ -6,15 +6,17 @@ twice.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import Count, Positive, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
-from physic_core.engine.joint.optimiser import Block, MinimisationResult, join_results, minimise_in_blocks
-from physic_core.engine.joint.settings import OptimiserSettings, Progress
+from physic_core.engine.joint.optimiser import Block, BlockOptimiser, MinimisationResult, join_results
+from physic_core.engine.joint.settings import Progress
 
 __all__ = ["AdamSettings"]
 
@@ -22,7 +24,7 @@ _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose e
 
 
 @dataclass(frozen=True)
-class AdamSettings(OptimiserSettings):
+class AdamSettings(BlockOptimiser):
     """Settings of Adam.
 
     Attributes:
@@ -35,37 +37,33 @@ class AdamSettings(OptimiserSettings):
     refresh_steps: PositiveCount = 30
     learning_rate: Positive = 1e-2
 
+    def start(self, energy: Energy) -> Callable[[int], Block]:
+        """Return a function that takes steps; the moments are kept over updates."""
+        parameters = energy.state.parameters()
+        optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None
+        return partial(_take_steps, energy, optimiser)
+
     def minimise(
         self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
-        """Minimise an energy by Adam."""
+        """Take all steps; repeat them at a lower rate while people have kept their start."""
         origin = energy.state.pack()
-        result = self._minimise_once(energy, progress, groups)
-        rate = self.learning_rate
+        result, rate = super().minimise(energy, progress, groups), self.learning_rate
         for _ in range(_RATE_CUTS):
             if not energy.state.parameters() or bool(energy.state.people_changed(origin).all()):
                 break
             rate /= 10
-            again = replace(self, learning_rate=rate)._minimise_once(energy, None, groups)
+            again = super(AdamSettings, replace(self, learning_rate=rate)).minimise(energy, groups=groups)
             result = join_results(energy, origin, result, again)
         return result
 
-    def _minimise_once(self, energy: Energy, progress: Progress | None, groups: Tensor | None) -> MinimisationResult:
-        parameters = energy.state.parameters()
-        optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None
 
-        def take_steps(steps: int) -> Block:
-            assert optimiser is not None
-            return _take_steps(energy, optimiser, steps)
-
-        return minimise_in_blocks(energy, self, take_steps, progress, groups)
-
-
-def _take_steps(energy: Energy, optimiser: torch.optim.Adam, steps: int) -> Block:
-    """Take Adam steps between two refreshes. Its moments are kept over refreshes, and steps may raise the energy.
+def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) -> Block:
+    """Take Adam steps between two refreshes; steps may raise the energy.
 
     People with non-finite gradients return to the previous step and are kept there until the next refresh.
     """
+    assert optimiser is not None  # without free parameters no step is taken
     state = energy.state
     parameters = state.parameters()
     held: Tensor | None = None

@@ -26,9 +26,9 @@ from physic_core.engine.joint.acceptance import term_totals
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.optimiser import MinimisationResult
+from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings, LbfgsSettings, Progress
+from physic_core.engine.joint.settings import JointSettings, Progress
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
