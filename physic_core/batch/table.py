@@ -15,7 +15,6 @@ from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
 
 __all__ = [
-    "TABLE_KINDS",
     "all_columns",
     "arrow_schema",
     "check_table_kind",
@@ -39,7 +38,6 @@ def import_pyarrow(purpose: str) -> Any:
         ) from error
 
 
-TABLE_KINDS = ("parquet", "csv")
 _INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")

@@ -73,11 +73,6 @@ class AtomicWrite:
         with suppress(OSError):
             self._removed[name] = _identity(self.folder / name)
 
-    def drop(self, name: str) -> None:
-        """Leave out a file that was to be written."""
-        if path := self._parts.pop(name, None):
-            path.unlink(missing_ok=True)
-
     def commit(self, durable: bool) -> None:
         """Rename and delete; see the module."""
         for name, path in self._parts.items():

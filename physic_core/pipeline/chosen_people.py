@@ -10,6 +10,7 @@ import numpy as np
 from physic_core.adapters.detections import box_iou
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.errors import NoPersonError
+from physic_core.types.per_person import select_people
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, PeoplePrompt
@@ -103,7 +104,4 @@ def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
 
 
 def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:
-    if keypoints is None:
-        return None
-    world = None if keypoints.world is None else keypoints.world[rows]
-    return replace(keypoints, points=keypoints.points[rows], confidence=keypoints.confidence[rows], world=world)
+    return None if keypoints is None else select_people(keypoints, np.array(rows, int))
