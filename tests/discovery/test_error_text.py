@@ -156,6 +156,7 @@ def test_doctor_names_the_line_of_a_backend_that_does_not_load(broken: Path, deb
     assert ("open('/no/file')" in done.output) is debug
 
 
+@pytest.mark.parametrize("debug", [True], indirect=True)
 def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
     from PIL import Image
 
@@ -176,6 +177,7 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
     assert ("return self.options.nothere" in done.stderr) is debug
 
 
+@pytest.mark.parametrize("debug", [True], indirect=True)
 def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
     (tmp_path / "test_mine.py").write_text(
         "from physic_testing import parametrize_with_checks\n"

@@ -52,7 +52,7 @@ def ray_to(viewer: Viewer, slot: int, point: np.ndarray) -> tuple[np.ndarray, np
     """A ray from the photo's camera to a point in the camera frame of the result in a slot."""
     drawn = viewer.slots[slot].drawn
     upright = drawn.shapes.upright
-    origin = upright[:3, 3] + np.array(drawn._root.position)
+    origin = upright[:3, 3] + np.array(drawn.offset)
     return origin, upright[:3, :3] @ point
 
 
@@ -95,12 +95,12 @@ def test_two_results_stand_side_by_side_or_in_one_place(saved, viewer_of):
     viewer = viewer_of(saved, saved)
     assert viewer.server.get_host() == "127.0.0.1"
     first, second = (slot.drawn for slot in viewer.slots)
-    offset = np.array(second._root.position) - np.array(first._root.position)
+    offset = np.array(second.offset) - np.array(first.offset)
     width = first.shapes.high[0] - first.shapes.low[0]
     np.testing.assert_allclose(offset, [width + 0.6, 0, 0], atol=1e-9)
     viewer.arrange.value = "in one place"
     viewer._place()
-    np.testing.assert_allclose(second._root.position, first._root.position)
+    np.testing.assert_allclose(second.offset, first.offset)
     assert "bad" in viewer.slots[0].message
     assert "no checks were run" in viewer.slots[0].message
 

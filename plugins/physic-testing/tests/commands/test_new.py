@@ -31,10 +31,9 @@ def install(package: Path) -> Path:
     return package
 
 
-@pytest.mark.parametrize("interface", ["metric_depth", "inpainter", "contact_prior"])
-def test_a_new_package_passes_its_own_tests(interface: str, tmp_path, monkeypatch):
+def test_a_new_package_passes_its_own_tests(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(main, ["plugins", "new", "my-thing", "--interface", interface])
+    done = CliRunner().invoke(main, ["plugins", "new", "my-thing", "--interface", "metric_depth"])
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines()[-1] == "next: pip install -e physic-my-thing && physic plugins check my-thing"
     package = install(tmp_path / "physic-my-thing")
