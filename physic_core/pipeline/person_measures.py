@@ -9,7 +9,9 @@ import torch
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.joint.limbs import observed_parts
 from physic_core.engine.joint.solve import DEEP_M
+from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.visibility import depth_order_violations
 from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 
@@ -44,6 +46,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))
     ratios = depth_ratios(problem, result)
     deep = deep_shares(result, found.give)
+    order = _depth_order(problem, result)
     measured: list[dict[str, float | None]] = [{} for _ in ratios]
     for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
         if support is None:
@@ -52,6 +55,9 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         measured[i] = {
             **_balance(support),
             **silhouettes[i],
+            **_known("depth_offset", result.depth_offset[i]),
+            **_known("reprojection_share", result.reprojection_share[i]),
+            "depth_order_share": order[i],
             "clearance_m": clearance(body, distance, up, height),
             "sole_height_m": sole_height(body, soles, up, height),
             "seen_share": visible_share(body, normals, model.faces, model.outer, problem.masks[i], problem.K),
@@ -61,9 +67,23 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         }
         if problem.human_depth is not None:
             measured[i]["depth_ratio"] = ratios[i]
-        if "penetration_share" in result.diagnostics[i]:
+        if bool(result.surface_share[i].any()):
             measured[i]["penetration_share"] = deep[i]
     return measured
+
+
+def _known(name: str, value: Tensor) -> dict[str, float | None]:
+    """Return a number by its name; nothing if it is NaN."""
+    return {} if bool(torch.isnan(value)) else {name: float(value)}
+
+
+def _depth_order(problem: JointProblem, result: JointResult) -> list[float]:
+    """Return the share of each person's vertices in front of a person who hides them in the photo."""
+    finite = torch.isfinite(result.vertices).flatten(1).all(1)
+    vertices = result.vertices[finite]
+    behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks[finite])
+    shares: list[float] = vertices.new_zeros(len(finite)).index_put((finite,), behind.amax(0)).tolist()
+    return shares
 
 
 def deep_shares(result: JointResult, give: Tensor) -> list[float]:

@@ -95,10 +95,9 @@ def assemble_solution(
     given = contact_input(problem, result, settings, classify_points(estimates, scene), _objects(estimates))
     touch = solve_contact(given, contact_model(), settings.contact)
     people = tuple(
-        {**{f"placement_{k}": v for k, v in start.items()}, **end, **more, "moved_scene_m": moved}
-        for start, end, more, moved in zip(
+        {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved}
+        for start, more, moved in zip(
             placement["people"],
-            result.diagnostics,
             measure_people(problem, result, touch),
             _moved_scene(estimates, scene, s),
             strict=True,

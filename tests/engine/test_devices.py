@@ -125,7 +125,6 @@ def test_cuda_ends_where_the_cpu_does(two):
     here, there = (optimize(as_double(problem, d), adjusted(DEFAULT, optimiser__steps=30)) for d in ("cpu", "cuda"))
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
     assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
-    assert torch.equal(there.occluded.cpu(), here.occluded)
 
 
 @needs_cuda

@@ -243,7 +243,7 @@ def test_without_floor_search_no_check_of_the_floor_fails() -> None:
 
 def test_a_point_map_that_is_not_used_need_not_agree() -> None:
     evidence, solution, settings = case(scene_share=0.0)
-    settings = replace(settings, scene=replace(settings.scene, source="metric_depth"))
+    settings = replace(settings, scene=engine_preset("prox").scene)
     assert [d.name for d in run_checks(evidence, solution, settings) if d.failed] == []
 
 

@@ -15,7 +15,7 @@ from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
-from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, occluded_vertices
+from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
 from physic_core.geometry.camera import project
 
 __all__ = ["JointEnergy"]
@@ -108,16 +108,12 @@ class JointEnergy:
         for term in self.terms:
             term.refresh(self._snapshot)
 
-    def reprojection_errors(self, estimate: Estimate) -> Tensor:
-        """Return the distance of each projected landmark to its keypoint (B, J), px."""
+    def reprojection_shares(self, estimate: Estimate) -> Tensor:
+        """Return the mean 2D error of confident keypoints (B,), as a share of the stature in px; NaN without any."""
         problem, context = self.problem, self.context
         posed = context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         error: Tensor = (project(posed[problem.skeleton], problem.K) - context.keypoints.points).norm(dim=-1)
-        return error
-
-    def occluded(self, vertices: Tensor) -> Tensor:
-        """Return which of all vertices (B, V, 3) are not visible to the camera: (B, V) bool."""
-        return occluded_vertices(self.context, vertices, self._self_occlusion)
+        return torch.where(context.keypoints.confident, error, torch.nan).nanmean(1) / context.person_px
 
     def __call__(self) -> dict[str, Tensor]:
         """Return the weighted energies at the present state: term -> (B,), and "scale" -> (1,). Differentiable."""

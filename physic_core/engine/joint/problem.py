@@ -156,11 +156,11 @@ class JointResult(ShortRepr):
         scene_scale: factor on all scene points, human points and on the floor's offset.
         vertices: (B, V, 3) metres.
         joints: (B, 55, 3) metres.
-        occluded: (B, V) bool, hidden by objects, other people or the own body, at the end.
+        depth_offset: (B,) log of the ratio of the depth map to the person's depth; NaN if the start was not optimised.
+        reprojection_share: (B,) mean 2D error of confident keypoints, as a share of the stature in px; NaN without any.
         depth_inside: (B, V) metres of visible vertices inside the scene or under the floor, without dents; else 0.
         surface_share: (B, V) share of the visible surface of each vertex; 0 for vertices that were not tracked.
         losses: term -> its weighted value at the start and at the end, both under the visibility at the end.
-        diagnostics: per person, name -> number; values that could not be measured are left out.
         failures: per person, the reason why the start was not optimised; "" if it was.
         evaluations: number of evaluations of energy and gradient.
         steps: number of steps of the optimiser.
@@ -172,11 +172,11 @@ class JointResult(ShortRepr):
     scene_scale: float
     vertices: Tensor
     joints: Tensor
-    occluded: Tensor
+    depth_offset: Tensor
+    reprojection_share: Tensor
     depth_inside: Tensor
     surface_share: Tensor
     losses: Mapping[str, tuple[float, float]]
-    diagnostics: tuple[Mapping[str, float], ...]
     failures: tuple[str, ...]
     evaluations: int
     steps: int

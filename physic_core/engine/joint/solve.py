@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.joint.contact_state import update_contacts
-from physic_core.engine.joint.distances import lowest_height, plane_height
+from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.engine.joint.settings import JointSettings
-from physic_core.engine.joint.state import Estimate
-from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import depth_order_violations
 
 __all__ = ["DEEP_M", "JointProblem", "JointResult", "optimize"]
 
@@ -89,11 +86,11 @@ def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResu
         scene_scale=1.0,
         vertices=output.vertices,
         joints=output.joints,
-        occluded=torch.zeros(output.vertices.shape[:2], dtype=torch.bool, device=output.vertices.device),
+        depth_offset=torch.full_like(problem.transl0[:, 0], torch.nan),
+        reprojection_share=torch.full_like(problem.transl0[:, 0], torch.nan),
         depth_inside=torch.zeros_like(output.vertices[..., 0]),
         surface_share=torch.zeros_like(output.vertices[..., 0]),
         losses={},
-        diagnostics=tuple({} for _ in failures),
         failures=failures,
         evaluations=0,
         steps=0,
@@ -116,83 +113,34 @@ def _merged_result(
         )
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
-    hidden = energy.occluded(output.vertices[rows])
-    measured, depth, share = _diagnostics(energy, estimate, output.vertices[rows], hidden)
-    everywhere, ids = torch.zeros_like(output.vertices[rows][..., 0]), energy.context.ids
-    diagnostics: list[Mapping[str, float]] = [{} for _ in failures]
-    for i, numbers in zip(rows.tolist(), measured, strict=True):
-        diagnostics[i] = numbers
+    ids, scale = energy.context.ids, float(estimate.log_scale.exp())
+    everywhere = torch.zeros_like(output.vertices[rows][..., 0])
+    depth, share = _visible_depths(energy, output.vertices[rows][:, ids], scale)
     return replace(
         start,
         rotations=rotations,
         betas=betas,
         transl=transl,
-        scene_scale=float(estimate.log_scale.exp()),
+        scene_scale=scale,
         vertices=output.vertices,
         joints=output.joints,
-        occluded=start.occluded.index_copy(0, rows, hidden),
+        depth_offset=start.depth_offset.index_copy(0, rows, estimate.offset),
+        reprojection_share=start.reprojection_share.index_copy(0, rows, energy.reprojection_shares(estimate)),
         depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, depth)),
         surface_share=start.surface_share.index_copy(0, rows, everywhere.index_copy(1, ids, share)),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
-        diagnostics=tuple(diagnostics),
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
 
 
-def _diagnostics(
-    energy: JointEnergy, estimate: Estimate, vertices: Tensor, hidden: Tensor
-) -> tuple[list[dict[str, float]], Tensor, Tensor]:
-    """Measure the result of each optimised person: name -> number; values that cannot be measured are left out.
-
-    Returns the numbers, and of the tracked vertices (B, n) the depth inside scene or floor and the share of the visible
-    surface.
-
-    reprojection_px, reprojection_share: mean 2D error of confident keypoints, px and share of the stature in px.
-    lowest_sole_m: height of the lower sole over the floor.
-    penetration_share: share of the visible surface that lies over 3 cm inside the scene or under the floor.
-    floating_m: gap between the body and the nearest surface; 0 in contact.
-    depth_offset: log of the ratio of the depth map to the person's depth.
-    occluded_share: share of vertices that are hidden by objects, other people or the own body.
-    depth_order_share: share of vertices in front of a person who hides them in the photo.
-    """
-    problem, context = energy.problem, energy.context
-    tracked = vertices[:, context.ids]
-    error, confident = energy.reprojection_errors(estimate), context.keypoints.confident
-    scale, visibility = float(estimate.log_scale.exp()), energy.visibility
+def _visible_depths(energy: JointEnergy, tracked: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+    """Return the depth inside scene or floor of tracked vertices (B, n, 3), and their share of the visible surface."""
+    context, visibility, floor = energy.context, energy.visibility, energy.context.problem.floor_normal
     distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed
-    height: Tensor | None = None
-    if context.problem.floor_normal is not None:
-        offset = tracked.new_tensor(problem.floor_offset * scale)
-        height = plane_height(tracked, context.problem.floor_normal, offset)
     depth = torch.where(energy.weights["penetration"] > 0, torch.relu(-distance), 0.0)
-    gap = torch.where(visibility.eligible, distance, torch.inf)
-    if height is not None:
+    if floor is not None:
+        height = plane_height(tracked, floor, tracked.new_tensor(context.problem.floor_offset * scale))
         depth = torch.where(visibility.eligible, torch.maximum(depth, torch.relu(-height)), depth)
-        gap = torch.where(visibility.eligible, torch.minimum(gap, height), gap)
     seen = context.area * visibility.eligible
-    share = seen / seen.sum(1, keepdim=True).clamp(min=torch.finfo(seen.dtype).tiny)
-    behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks)
-    people = []
-    for i in range(len(problem)):
-        numbers = {
-            "occluded_share": float(hidden[i].float().mean()),
-            "depth_order_share": float(behind[:, i].max()),
-            "depth_offset": float(estimate.offset[i]),
-        }
-        if confident[i].any():
-            numbers["reprojection_px"] = float(error[i][confident[i]].mean())
-            numbers["reprojection_share"] = numbers["reprojection_px"] / float(context.person_px[i])
-        if share[i].any():
-            numbers["penetration_share"] = float((share[i] * (depth[i] > DEEP_M)).sum())
-        if torch.isfinite(gap[i]).any():
-            numbers["floating_m"] = max(0.0, float(gap[i].amin()))
-        heights = [
-            float(lowest_height(height[i : i + 1, sole]))
-            for sole, foot in zip(context.soles, context.feet_visible[i].tolist(), strict=True)
-            if height is not None and foot and len(sole)
-        ]
-        if heights:
-            numbers["lowest_sole_m"] = min(heights)
-        people.append(numbers)
-    return people, depth, share
+    return depth, seen / seen.sum(1, keepdim=True).clamp(min=torch.finfo(seen.dtype).tiny)

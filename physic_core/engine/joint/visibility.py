@@ -22,7 +22,6 @@ __all__ = [
     "HIDDEN_LIMB_SHARE",
     "SelfOcclusion",
     "Visibility",
-    "occluded_vertices",
     "sample_mask_neighbours",
     "update_visibility",
 ]
@@ -122,15 +121,6 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
         facing=toward & in_mask,
         unobstructed=toward & ~behind_self,
     )
-
-
-@torch.no_grad()
-def occluded_vertices(context: JointContext, vertices: Tensor, self_occlusion: SelfOcclusion) -> Tensor:
-    """Return which vertices (B, V, 3) are hidden by objects, other people or the own body: (B, V) bool."""
-    masks = context.problem.masks
-    uv = project(vertices, context.problem.K)
-    near = sample_mask_neighbours(uv, masks, context.person_px * context.options.mask_tolerance).any(0)
-    return ~(near & _in_image(uv, vertices, masks)) | self_occlusion(vertices)[1]
 
 
 def _in_image(uv: Tensor, vertices: Tensor, masks: Tensor) -> Tensor:
