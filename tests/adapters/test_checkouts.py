@@ -89,7 +89,7 @@ def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
     assert "core" not in sys.modules
 
 
-def test_an_error_inside_leaves_everything_in_order(tmp_path: Path) -> None:
+def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path: Path) -> None:
     path = list(sys.path)
     side = checkout(tmp_path, {"core/net.py": "raise RuntimeError('no such GPU')"})
     said = f"Thing in {tmp_path} cannot be imported: RuntimeError: no such GPU; try its own demo in this environment"

@@ -87,7 +87,7 @@ def test_any_mask_gives_a_valid_result(logits, sharp):
     assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
 
 
-def test_two_looks_at_one_person_are_one():
+def test_mask_nms_keeps_one_mask_of_each_person():
     masks = np.stack([rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0])
     assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]
 

@@ -81,13 +81,13 @@ def test_a_hanging_task_ends_with_its_time(standin: ModuleType):
         ("crash", BackendError, "a worker ended while it loaded the backends: it was ended by SIGABRT"),
     ],
 )
-def test_workers_that_cannot_be_opened_end_everything_at_once(standin: ModuleType, name: str, kind: type, message: str):
+def test_workers_that_cannot_start_end_the_batch_at_once(standin: ModuleType, name: str, kind: type, message: str):
     with pytest.raises(kind) as error:
         list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
     assert str(error.value) == message
 
 
-def test_a_full_disk_ends_everything(standin: ModuleType):
+def test_a_full_disk_ends_the_batch(standin: ModuleType):
     with pytest.raises(OutputError) as error:
         outcomes(standin, "a", "full", "b", count=1)
     assert str(error.value) == "cannot write results: No space left on device"

@@ -100,17 +100,17 @@ def test_an_image_is_an_answer_too(cache: ResultCache):
     ],
     ids=str,
 )
-def test_another_question_is_another(cache: ResultCache, other: dict[str, object]):
+def test_another_input_has_another_cache_key(cache: ResultCache, other: dict[str, object]):
     assert ask(cache, **other).name != ask(cache).name  # type: ignore[arg-type]
 
 
-def test_another_version_of_the_interface_is_another_question(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_the_version_of_the_interface_is_part_of_the_cache_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
     monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
     assert ask(cache).name != before
 
 
-def test_a_library_of_another_version_is_another_question(
+def test_the_version_of_a_library_is_part_of_the_cache_key(
     cache: ResultCache, folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
     told = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
@@ -131,7 +131,7 @@ def test_a_distribution_requires_what_its_metadata_say():
     assert required_versions("registered by hand") == required_versions("") == {}
 
 
-def test_a_file_that_an_option_names_is_part_of_the_question(cache: ResultCache, tmp_path: Path):
+def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCache, tmp_path: Path):
     weights = tmp_path / "weights.pt"
     who = replace(WHO, options={"weights": str(weights), "more": [{"deep": str(weights)}], "odd": "\0"})
     absent = ask(cache, who).name
@@ -141,7 +141,7 @@ def test_a_file_that_an_option_names_is_part_of_the_question(cache: ResultCache,
     assert len({absent, before, ask(cache, who).name}) == 3
 
 
-def test_the_fingerprint_of_the_backend_is_part_of_the_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
+def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(cache: ResultCache, monkeypatch: pytest.MonkeyPatch):
     before = ask(cache).name
     monkeypatch.setattr(Depth, "stated", "revision 2")
     assert ask(cache).name != before

@@ -375,7 +375,7 @@ def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
     assert f"  weights   {licence}\n  needs     {', '.join(packages)}\n" in details(registry, "x")
 
 
-def test_a_gpu_that_is_needed_is_looked_for():
+def test_a_backend_that_needs_a_gpu_is_ready_with_one_only():
     registry = Registry(
         [BackendOffer(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False
     )

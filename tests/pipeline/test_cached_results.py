@@ -179,7 +179,7 @@ def test_swapping_a_backend_calls_it_and_what_depends_on_it(
     assert Counter(s.provenance.interface for s in result.stages if s.provenance and not s.cached) == asked
 
 
-def test_the_three_ways_ask_one_question(warm: Path, counts: Counts, photo: Path, tmp_path: Path) -> None:
+def test_file_set_and_python_give_one_cache_key(warm: Path, counts: Counts, photo: Path, tmp_path: Path) -> None:
     for way in (by_file, by_set, by_python):
         way(photo, tmp_path, {"metric_depth": "embedded"})
     assert counts.asked == Counter(["metric_depth"])
@@ -194,7 +194,7 @@ def test_the_three_ways_ask_one_question(warm: Path, counts: Counts, photo: Path
         ("metric_depth", Counter(["metric_depth"])),
     ],
 )
-def test_an_option_of_a_backend_is_a_question_of_its_own(
+def test_options_of_a_backend_are_part_of_the_cache_key(
     warm: Path, counts: Counts, photo: Path, interface: str, asked: Counter[str]
 ) -> None:
     config = load_config(preset="mock", overrides=[f"{interface}.options.noise=0.5"])

@@ -174,7 +174,7 @@ def test_without_a_contact_prior_distances_tell_contact(world: World, change: Ca
     ],
     ids=["transposed", "NaN", "a word"],
 )
-def test_without_a_mask_the_floor_is_sought_all_the_same(world: World, floor: object, fault: str) -> None:
+def test_without_a_floor_mask_the_floor_is_still_searched(world: World, floor: object, fault: str) -> None:
     result = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=floor))
     title = WRONG.format("segmenter", "people")
     assert (

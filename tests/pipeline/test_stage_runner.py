@@ -84,7 +84,7 @@ def if_it_can(stages: StageRunner, backend: Counting) -> DepthMap | None:
 # ---- loading and closing ---------------------------------------------------------------------------------------------
 
 
-def test_a_backend_is_loaded_at_its_first_question_and_closed_at_the_end(events: list[str]):
+def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: list[str]):
     stages, a, b = StageRunner("cuda:1", 3), Counting("a"), Counting("b")
     for backend in (a, b, a):
         ask(stages, backend)
@@ -101,7 +101,7 @@ def test_a_backend_that_was_never_called_is_neither_loaded_nor_closed(events: li
     assert events == []
 
 
-def test_where_memory_is_short_a_backend_is_closed_after_its_last_question(events: list[str]):
+def test_with_low_memory_a_backend_is_closed_after_its_last_call(events: list[str]):
     stages, a, b = StageRunner("cpu", 3, low_memory=True), Counting("a"), Counting("b")
     ask(stages, a, last=False)
     ask(stages, a)

@@ -141,7 +141,7 @@ def test_the_square_about_landmarks_turns_with_them() -> None:
     np.testing.assert_allclose([b.side, b.angle - a.angle], [a.side, np.arctan2(0.6, 0.8)])
 
 
-def test_hands_are_looked_for_beyond_the_wrist() -> None:
+def test_hands_are_searched_beyond_the_wrist() -> None:
     around, angle = hand_search_square(np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150)
     np.testing.assert_allclose(around.center, [132, 100])
     assert around.side == pytest.approx(2.6 * 75)

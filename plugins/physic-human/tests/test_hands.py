@@ -322,7 +322,7 @@ def test_hamer_sees_red_first_and_normalised(hamer: Hamer) -> None:
     np.testing.assert_allclose(normalised_back(network_of(hamer).seen[0][0])[128, 128], [200, 100, 10], atol=0.6)
 
 
-def test_hamer_widens_boxes_to_what_it_looks_at(hamer: Hamer) -> None:
+def test_hamer_widens_boxes_to_its_crop(hamer: Hamer) -> None:
     hamer.infer(coordinates(200, 300), *keypoints({"left": [120, 90, 180, 110]}))
     place = place_of(normalised_back(network_of(hamer).seen[0][0]), 200, 300)
     assert place.mirrored

@@ -115,7 +115,7 @@ def test_two_photos_are_kept(network, opened, photos):
     assert network.runs == 4
 
 
-def test_another_count_of_tokens_is_another_question(network, opened, photos):
+def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, photos):
     coarse, _ = backends(tokens=1200)
     _, fine = backends(tokens=3600)
     assert coarse.runner is fine.runner

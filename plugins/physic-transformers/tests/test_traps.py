@@ -329,7 +329,7 @@ class TestSam3:
     def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self) -> None:
         assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
 
-    def test_each_word_for_the_floor_is_looked_for_alone(self) -> None:
+    def test_each_word_for_the_floor_is_searched_alone(self) -> None:
         """Ground is at the left, floor at the right, and there is no carpet, wherever the network would see it."""
         left, right, everywhere = (self.out(presence, (3.0, (0, 0, 1, 1))) for presence in (9.0, 9.0, -3.0))
         left.semantic_seg[..., 144:] = -5
