@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import itertools
 import re
 import textwrap
 from collections.abc import Mapping
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["config_template"]
+__all__ = ["config_template", "texts_of_fields"]
 
 _WIDTH = 118
 _HEAD = """\
@@ -109,7 +111,7 @@ def _settings(name: str, settings: Any) -> list[str]:
 def _engine_meanings(kind: type) -> dict[str, str]:
     """Return the meaning of each setting from its docstring, and the type from its annotation."""
     schema = settings_model(kind).model_json_schema()
-    parts, meanings = schema.get("$defs", {}), _attributes(kind)
+    parts, meanings = schema.get("$defs", {}), texts_of_fields(kind)
     return {
         # All keys are optional in the model, but "unset" is no allowed value.
         name: _with_kind(meanings.get(name, ""), describe_schema(one, parts).removesuffix(" or unset"))
@@ -121,11 +123,17 @@ def _with_kind(meaning: str, kind: str) -> str:
     return f"{meaning.removesuffix('.')} ({kind})" if meaning else kind
 
 
-def _attributes(kind: type) -> dict[str, str]:
-    """Parse the ``Attributes:`` section of a docstring into texts by attribute name."""
-    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")
-    found = re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)
-    return {one[1]: _plain(" ".join(one[2].split())) for one in found}
+def texts_of_fields(kind: type) -> dict[str, str]:
+    """Return the text of each field by its name: that under it, or that of the ``Attributes:`` of the class."""
+    found = {}
+    for base in filter(is_dataclass, reversed(kind.__mro__)):
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
+        for field, text in itertools.pairwise(body):
+            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[ast.unparse(field.target)] = str(text.value.value)
+        section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")[2]
+        found |= {one[1]: one[2] for one in re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)}
+    return {name: _plain(" ".join(text.split())) for name, text in found.items()}
 
 
 def _plain(text: str) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 
 import pytest
 
 from physic_core import engine_preset
+from physic_core.cli.template import texts_of_fields
 from physic_core.engine.presets.default import DefaultOptimisation
 from physic_core.engine.settings import EngineSettings, PlacementSettings
 
@@ -36,10 +36,9 @@ def settings_of(presets: Iterable[object]) -> list[type]:
 
 
 @pytest.mark.parametrize("settings", settings_of(map(engine_preset, NAMES)), ids=lambda kind: kind.__name__)
-def test_every_field_is_in_the_docstring_of_its_class_or_of_a_base(settings: type) -> None:
+def test_every_field_has_a_text_in_its_class_or_in_a_base(settings: type) -> None:
     assert is_dataclass(settings)
-    docs = "".join(kind.__doc__ or "" for kind in settings.__mro__ if is_dataclass(kind))
-    assert {f.name for f in fields(settings)} == set(re.findall(r"^\s{8}(\w+): ", docs, flags=re.MULTILINE))
+    assert {f.name for f in fields(settings)} == set(texts_of_fields(settings))
 
 
 def test_settings_cannot_be_edited_in_place() -> None:

@@ -123,17 +123,14 @@ class BlockOptimiser(OptimiserSettings):
 
 @dataclass(frozen=True)
 class LbfgsSettings(BlockOptimiser):
-    """Settings of L-BFGS with a backtracking (Armijo) line search.
-
-    Attributes:
-        steps: at most; 40-100.
-        refresh_steps: steps between two updates of visibility and nearest points; 10-30.
-        tolerance: stop when the steps between two updates lower the energy by less than this share; 0 never stops.
-    """
+    """Settings of L-BFGS with a backtracking (Armijo) line search."""
 
     steps: Count = 80
+    """At most; 40-100."""
     refresh_steps: PositiveCount = 20
+    """Steps between two updates of visibility and nearest points; 10-30."""
     tolerance: NotNegative = 5e-3
+    """Stop when the steps between two updates lower the energy by less than this share; 0 never stops."""
 
     def start(self, energy: Energy) -> Callable[[int], Block]:
         """Return a function that takes steps. The history is kept over updates: the next energy is nearly equal."""

@@ -34,15 +34,12 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class OptimiserSettings(ABC):
-    """Settings of a minimiser of the energy.
-
-    Attributes:
-        steps: at most.
-        refresh_steps: steps between two updates of visibility and nearest points.
-    """
+    """Settings of a minimiser of the energy."""
 
     steps: Count
+    """At most."""
     refresh_steps: PositiveCount
+    """Steps between two updates of visibility and nearest points."""
 
     @abstractmethod
     def minimise(
@@ -59,19 +56,16 @@ class OptimiserSettings(ABC):
 
 @dataclass(frozen=True)
 class VisibilitySettings:
-    """Settings of the visibility of vertices.
-
-    Attributes:
-        vertex_spacing_m: vertices without contact are subsampled to this spacing, metres; 0 keeps all.
-        facing_deg: a vertex faces the camera when its normal is within this angle of the direction to the camera.
-        mask_tolerance: vertices this share of the person outside their mask still count as visible.
-        occlusion_aware: hidden vertices are left out of penetration and regularised more.
-    """
+    """Settings of the visibility of vertices."""
 
     vertex_spacing_m: NotNegative = 0.02
+    """Vertices without contact are subsampled to this spacing, metres; 0 keeps all."""
     facing_deg: Degrees = 70.0
+    """A vertex faces the camera when its normal is within this angle of the direction to the camera."""
     mask_tolerance: NotNegative = 0.01
+    """Vertices this share of the person outside their mask still count as visible."""
     occlusion_aware: bool = True
+    """Hidden vertices are left out of penetration and regularised more."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +74,12 @@ class JointSettings(ABC):
 
     An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. The other methods
     are what an energy may do in its own way; by default they do what preset "default" does.
-
-    Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
-        optimiser: of the energy.
     """
 
     frozen: FrozenGroups = ()
+    """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset."""
     optimiser: OptimiserSettings = field(kw_only=True)
+    """Optimiser of the energy."""
 
     nearest_every_step: ClassVar[bool] = False
     """Whether nearest points are searched at every evaluation, not only when visibility is updated."""

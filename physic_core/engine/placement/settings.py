@@ -15,36 +15,32 @@ __all__ = ["PlacementSettings"]
 
 @dataclass(frozen=True)
 class PlacementSettings:
-    """Settings of stage 2: human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
-
-    Attributes:
-        reprojection_weight: lambda_j2d of Eq. 3.
-        chamfer_weight: lambda_d of Eq. 3; 0 stops after Eq. 2.
-        min_confidence: keypoints below are ignored.
-        seen_confidence: a joint is observed if its keypoint has this confidence and lies on the person's mask, or if
-            the body estimator reports it; 1 uses the report alone.
-        robust_px_share: scale of the robust reprojection error, as a share of the person's size in the image; "inf" is
-            least squares.
-        robust_m: least scale of the robust Chamfer distance, metres; "inf" is least squares.
-        depth_offset_sigma: prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human
-            points to the scene.
-        floor_weight: of the distance of the lower foot to the floor, for visible feet on a known floor; 0 is off.
-        stand_reach_m: a person whose lower foot, without depth offset, is higher than this above the floor is on
-            furniture and not on the floor; 0 disables the test.
-        detect_lifted_feet: feet with a gap of depth behind them are in the air
-            (:mod:`physic_core.engine.placement.lifted_feet`), in photos whose segmenter labels surfaces.
-    """
+    """Settings of stage 2: human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4)."""
 
     reprojection_weight: NotNegative = 1000.0
+    """Lambda_j2d of Eq. 3."""
     chamfer_weight: NotNegative = 0.6
+    """Lambda_d of Eq. 3; 0 stops after Eq. 2."""
     min_confidence: Share = 0.3
+    """Keypoints below are ignored."""
     seen_confidence: Share = 0.7
+    """A joint is observed if its keypoint has this confidence and lies on the person's mask, or if the body estimator
+    reports it; 1 uses the report alone."""
     robust_px_share: PositiveOrInfinite = 0.05
+    """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
     robust_m: PositiveOrInfinite = 0.15
+    """Least scale of the robust Chamfer distance, metres; "inf" is least squares."""
     depth_offset_sigma: NotNegative = 0.2
+    """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human points to the
+    scene."""
     floor_weight: NotNegative = 1.0
+    """Weight of the distance of the lower foot to the floor, for visible feet on a known floor; 0 is off."""
     stand_reach_m: NotNegative = 0.45
+    """A person whose lower foot, without depth offset, is higher than this above the floor is on furniture and not on
+    the floor; 0 disables the test."""
     detect_lifted_feet: bool = False
+    """Feet with a gap of depth behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
+    whose segmenter labels surfaces."""
 
     def method(self) -> PlacementMethod:
         """Return what the stage does with these settings. An energy with other settings may have another method."""

@@ -47,34 +47,34 @@ class DefaultOptimisation(JointSettings):
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
-        optimiser: L-BFGS on whitened parameters.
-        visibility: of vertices.
-        reprojection: keypoints.
-        depth: depth of the visible surface.
-        contact: contact with scene and floor, and of hands with other people.
-        penetration: vertices inside the scene and inside other people.
-        floor: vertices under the floor.
-        soles: feet on the floor.
-        regularisation: deviation from the start.
-        scene_scale: scale of the scene.
-        limits: knees and elbows.
-        stature: height of people.
-        balance: centre of mass over the feet.
     """
 
     optimiser: LbfgsSettings = field(default_factory=LbfgsSettings)
+    """L-BFGS on whitened parameters."""
     visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
+    """Visibility of vertices."""
     reprojection: ReprojectionSettings = field(default_factory=ReprojectionSettings)
+    """Keypoints."""
     depth: DepthSettings = field(default_factory=DepthSettings)
+    """Depth of the visible surface."""
     contact: ContactSettings = field(default_factory=ContactSettings)
+    """Contact with scene and floor, and of hands with other people."""
     penetration: PenetrationSettings = field(default_factory=PenetrationSettings)
+    """Vertices inside the scene and inside other people."""
     floor: FloorSettings = field(default_factory=FloorSettings)
+    """Vertices under the floor."""
     soles: SoleSettings = field(default_factory=SoleSettings)
+    """Feet on the floor."""
     regularisation: RegularisationSettings = field(default_factory=RegularisationSettings)
+    """Deviation from the start."""
     scene_scale: SceneScaleSettings = field(default_factory=SceneScaleSettings)
+    """Scale of the scene."""
     limits: LimitSettings = field(default_factory=LimitSettings)
+    """Knees and elbows."""
     stature: StatureSettings = field(default_factory=StatureSettings)
+    """Height of people."""
     balance: BalanceSettings = field(default_factory=BalanceSettings)
+    """Centre of mass over the feet."""
 
     @property
     def energy_options(self) -> EnergyOptions:

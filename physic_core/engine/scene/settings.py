@@ -15,20 +15,17 @@ __all__ = ["SceneSettings"]
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Settings of stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1).
-
-    Attributes:
-        far_m: points beyond are removed, metres.
-        floor: "disparity" fits a plane in inverse depth. "off" finds no floor.
-        floor_under_people: if no floor is found, fit one under the soles of people who stand or sit upright.
-        carve_m: largest distance by which inpainted scene points are moved behind a body that contains or should
-            occlude them, metres; 0 moves none.
-    """
+    """Settings of stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1)."""
 
     far_m: PositiveOrInfinite = 50.0
+    """Points beyond are removed, metres."""
     floor: Literal["disparity", "off"] = "disparity"
+    """"disparity" fits a plane in inverse depth. "off" finds no floor."""
     floor_under_people: bool = True
+    """If no floor is found, fit one under the soles of people who stand or sit upright."""
     carve_m: NotNegative = 0.5
+    """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
+    metres; 0 moves none."""
 
     def method(self) -> SceneMethod:
         """Return what the stage does with these settings. An energy with other settings may have another method."""

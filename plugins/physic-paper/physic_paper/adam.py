@@ -25,17 +25,14 @@ _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose e
 
 @dataclass(frozen=True)
 class AdamSettings(BlockOptimiser):
-    """Settings of Adam.
-
-    Attributes:
-        steps: all of them are taken.
-        refresh_steps: steps between two updates of visibility.
-        learning_rate: of the raw parameters.
-    """
+    """Settings of Adam."""
 
     steps: Count = 100
+    """All of them are taken."""
     refresh_steps: PositiveCount = 30
+    """Steps between two updates of visibility."""
     learning_rate: Positive = 1e-2
+    """Step size of the raw parameters."""
 
     def start(self, energy: Energy) -> Callable[[int], Block]:
         """Return a function that takes steps; the moments are kept over updates."""

@@ -78,26 +78,20 @@ _square = partial(robust_loss, "square", c=1.0)
 
 @dataclass(frozen=True)
 class PaperReprojectionSettings:
-    """Settings of the reprojection term: errors in shares of the image.
-
-    Attributes:
-        weight: lambda_j2d of Eq. 5; 0 removes the term.
-        reduction: of a person's squared errors, weighted by confidence: their "sum", or their "mean" over keypoints.
-    """
+    """Settings of the reprojection term: errors in shares of the image."""
 
     weight: NotNegative = 10_000.0
+    """Lambda_j2d of Eq. 5; 0 removes the term."""
     reduction: Literal["sum", "mean"] = "sum"
+    """Reduction of a person's squared errors, weighted by confidence: their "sum", or their "mean" over keypoints."""
 
 
 @dataclass(frozen=True)
 class PaperVisibilitySettings:
-    """Settings of the visibility of vertices.
-
-    Attributes:
-        occlusion_aware: hidden vertices are left out of penetration and regularised more.
-    """
+    """Settings of the visibility of vertices."""
 
     occlusion_aware: bool = True
+    """Hidden vertices are left out of penetration and regularised more."""
 
 
 @dataclass(frozen=True)
@@ -106,22 +100,22 @@ class PaperOptimisation(JointSettings):
 
     Attributes:
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
-        optimiser: Adam.
-        visibility: of vertices.
-        reprojection: keypoints.
-        depth: human points.
-        contact: contact with the scene.
-        penetration: vertices inside the scene.
-        regularisation: deviation from the start.
     """
 
     optimiser: AdamSettings = field(default_factory=AdamSettings)
+    """Adam."""
     visibility: PaperVisibilitySettings = field(default_factory=PaperVisibilitySettings)
+    """Visibility of vertices."""
     reprojection: PaperReprojectionSettings = field(default_factory=PaperReprojectionSettings)
+    """Keypoints."""
     depth: ChamferSettings = field(default_factory=ChamferSettings)
+    """Human points."""
     contact: PointContactSettings = field(default_factory=PointContactSettings)
+    """Contact with the scene."""
     penetration: PointPenetrationSettings = field(default_factory=PointPenetrationSettings)
+    """Vertices inside the scene."""
     regularisation: PrintedRegularisationSettings = field(default_factory=PrintedRegularisationSettings)
+    """Deviation from the start."""
 
     nearest_every_step: ClassVar[bool] = True
 

@@ -34,11 +34,6 @@ class PaperPlacement(PlacementSettings):
     """Settings of stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
 
     The reprojection error is never increased.
-
-    Attributes:
-        depth_offset_sigma: not used.
-        floor_weight: not used.
-        stand_reach_m: not used.
     """
 
     reprojection_weight: NotNegative = 5000.0
@@ -47,8 +42,11 @@ class PaperPlacement(PlacementSettings):
     robust_px_share: PositiveOrInfinite = math.inf
     robust_m: PositiveOrInfinite = math.inf
     depth_offset_sigma: NotNegative = 0.0
+    """Not used."""
     floor_weight: NotNegative = 0.0
+    """Not used."""
     stand_reach_m: NotNegative = 0.0
+    """Not used."""
 
     def method(self) -> PlacementMethod:
         """Return the printed method."""

@@ -54,62 +54,50 @@ _FACING_DEG, _MASK_TOLERANCE, _VERTEX_SPACING_M = 70.0, 0.01, 0.02
 
 @dataclass(frozen=True)
 class ProxReprojectionSettings:
-    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920 px.
-
-    Attributes:
-        weight: of the term; 0 removes it.
-    """
+    """Settings of the reprojection term: errors in pixels of an image with a long side of 1920 px."""
 
     weight: NotNegative = 1.0
+    """Weight of the term; 0 removes it."""
 
 
 @dataclass(frozen=True)
 class ProxContactSettings:
-    """Settings of the contact term of static body parts.
-
-    Attributes:
-        weight: of the mean robust distance, which saturates at the square of its scale (in PROX at 1); 0 removes it.
-    """
+    """Settings of the contact term of static body parts."""
 
     weight: NotNegative = 1e4 / _CONTACT_SCALE_M**2
+    """Weight of the mean robust distance, which saturates at the square of its scale (in PROX at 1); 0 removes it."""
 
 
 @dataclass(frozen=True)
 class ProxPriorSettings:
-    """Settings of the priors of pose and shape.
-
-    Attributes:
-        pose_weight: of joints and fingers.
-        shape_weight: of the shape.
-    """
+    """Settings of the priors of pose and shape."""
 
     pose_weight: NotNegative = _POSE_WEIGHT
+    """Weight of joints and fingers."""
     shape_weight: NotNegative = 25.0
+    """Weight of the shape."""
 
 
 @dataclass(frozen=True)
 class ProxOptimisation(JointSettings):
-    """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps.
-
-    Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
-        optimiser: L-BFGS.
-        reprojection: keypoints.
-        contact: contact with the scene.
-        penetration: vertices inside the scene.
-        prior: of the parameters.
-        limits: knees and elbows.
-    """
+    """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps."""
 
     frozen: FrozenGroups = ("scale", "offset")
+    """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
     optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(120, 30, 0.0))
+    """L-BFGS."""
     reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
+    """Keypoints."""
     contact: ProxContactSettings = field(default_factory=ProxContactSettings)
+    """Contact with the scene."""
     penetration: PointPenetrationSettings = field(
         default_factory=lambda: PointPenetrationSettings(_VERTICES_PER_DM2, _SEARCH_RADIUS_M)
     )
+    """Vertices inside the scene."""
     prior: ProxPriorSettings = field(default_factory=ProxPriorSettings)
+    """Prior of the parameters."""
     limits: LimitSettings = field(default_factory=LimitSettings)
+    """Knees and elbows."""
 
     nearest_every_step: ClassVar[bool] = True
 

@@ -60,10 +60,10 @@ class ReleaseReprojectionSettings(PaperReprojectionSettings):
 
     Attributes:
         weight: of the term; 0 removes it.
-        reduction: always the "mean" over 133 keypoints.
     """
 
     reduction: Literal["mean"] = "mean"
+    """Always the "mean" over 133 keypoints."""
 
 
 @dataclass(frozen=True)
@@ -74,18 +74,18 @@ class ReleaseOptimisation(PaperOptimisation):
         frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
         optimiser: Adam.
         visibility: of vertices.
-        reprojection: keypoints.
         depth: human points.
         contact: contact with the scene.
-        penetration: vertices inside the scene.
-        regularisation: deviation from the start.
     """
 
     reprojection: ReleaseReprojectionSettings = field(default_factory=ReleaseReprojectionSettings)
+    """Keypoints."""
     penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15))
+    """Vertices inside the scene."""
     regularisation: PrintedRegularisationSettings = field(
         default_factory=lambda: PrintedRegularisationSettings(visible_weight=0.0)
     )
+    """Deviation from the start."""
 
     @property
     def energy_options(self) -> EnergyOptions:

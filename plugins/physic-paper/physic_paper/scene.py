@@ -32,15 +32,12 @@ def released_alignment_options(tolerance: float) -> AlignmentOptions:
 
 @dataclass(frozen=True)
 class PaperScene(SceneSettings):
-    """Settings of stage 1 as printed: the camera is the point map's, and points are not moved.
-
-    Attributes:
-        floor: "metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor points. "off"
-            finds no floor.
-    """
+    """Settings of stage 1 as printed: the camera is the point map's, and points are not moved."""
 
     far_m: PositiveOrInfinite = math.inf
     floor: Literal["metric", "off"] = "metric"  # type: ignore[assignment]  # its own search
+    """"metric" is the paper's RANSAC on the points of the floor mask, with its grid of floor points. "off" finds no
+    floor."""
     floor_under_people: bool = False
     carve_m: NotNegative = 0.0
 

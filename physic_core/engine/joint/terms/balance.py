@@ -27,13 +27,10 @@ _LEAN_SHARE = 0.006  # of the skin, the size of a palm; a person with more conta
 
 @dataclass(frozen=True)
 class BalanceSettings:
-    """Settings of the balance term: centre of mass over the feet, along the viewing direction.
-
-    Attributes:
-        weight: of the term; 0 removes it.
-    """
+    """Settings of the balance term: centre of mass over the feet, along the viewing direction."""
 
     weight: NotNegative = 16.0
+    """Weight of the term; 0 removes it."""
 
 
 def balance_energy(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:

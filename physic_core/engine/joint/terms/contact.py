@@ -18,27 +18,24 @@ __all__ = ["ContactSettings", "ContactTerm"]
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Settings of the contact term: distances along normals, so that sliding along a surface has no cost.
-
-    Attributes:
-        weight: lambda_c of Eq. 5; 0 removes the term.
-        source: contact vertices are those of the "prior", or "static" parts of every body: feet, hands, thighs, seat
-            and back.
-        static_weight: weight of static parts without expected contact; 0 leaves them out.
-        max_distance_m: contact vertices farther from scene and floor are left out, metres.
-        sigma_m: expected error of the surface, metres.
-        outlier_sigmas: beyond this many sigmas a distance counts as an outlier (Geman-McClure).
-        people_weight: of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``;
-            0 leaves it out.
-    """
+    """Settings of the contact term: distances along normals, so that sliding along a surface has no cost."""
 
     weight: NotNegative = 1.25
+    """Lambda_c of Eq. 5; 0 removes the term."""
     source: Literal["prior", "static"] = "prior"
+    """Contact vertices are those of the "prior", or "static" parts of every body: feet, hands, thighs, seat and
+    back."""
     static_weight: NotNegative = 0.4
+    """Weight of static parts without expected contact; 0 leaves them out."""
     max_distance_m: Positive = 0.15
+    """Contact vertices farther from scene and floor are left out, metres."""
     sigma_m: Positive = 0.02
+    """Expected error of the surface, metres."""
     outlier_sigmas: Positive = 3.5
+    """Beyond this many sigmas a distance counts as an outlier (Geman-McClure)."""
     people_weight: NotNegative = 0.8
+    """Weight of hands on other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0 leaves
+    it out."""
 
 
 class ContactTerm:

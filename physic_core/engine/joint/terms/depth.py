@@ -30,18 +30,15 @@ _EDGE_SHARE = 0.005  # of the stature in px; nearer to the silhouette, the depth
 
 @dataclass(frozen=True)
 class DepthSettings:
-    """Settings of the depth term: depth of visible vertices against the depth map.
-
-    Attributes:
-        weight: lambda_d of Eq. 5; 0 removes the term.
-        offset_sigma: expected log(depth offset) between person and scene, for people whose feet stand on a known
-            floor; 0 fixes their depth to the scene.
-        offset_alone_sigma: expected log(depth offset) of all other people.
-    """
+    """Settings of the depth term: depth of visible vertices against the depth map."""
 
     weight: NotNegative = 15.0
+    """Lambda_d of Eq. 5; 0 removes the term."""
     offset_sigma: NotNegative = 0.2
+    """Expected log(depth offset) between person and scene, for people whose feet stand on a known floor; 0 fixes their
+    depth to the scene."""
     offset_alone_sigma: NotNegative = 0.03
+    """Expected log(depth offset) of all other people."""
 
 
 class DepthTerm:

@@ -22,13 +22,10 @@ _MAX_DEPTH_M = 0.2  # people with deeper vertices get no weight on invisible lim
 
 @dataclass(frozen=True)
 class FloorSettings:
-    """Settings of the floor term: penalty on vertices below the floor.
-
-    Attributes:
-        weight: of the term; 0 removes it.
-    """
+    """Settings of the floor term: penalty on vertices below the floor."""
 
     weight: NotNegative = 6.0
+    """Weight of the term; 0 removes it."""
 
 
 class FloorTerm:

@@ -19,13 +19,10 @@ _SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 @dataclass(frozen=True)
 class LimitSettings:
-    """Settings of the limit term: flexion of knees and elbows between 0 and 2.7 rad.
-
-    Attributes:
-        weight: of the term; 0 removes it.
-    """
+    """Settings of the limit term: flexion of knees and elbows between 0 and 2.7 rad."""
 
     weight: NotNegative = 1.0
+    """Weight of the term; 0 removes it."""
 
 
 def limit_energy(rotations: Tensor) -> Tensor:

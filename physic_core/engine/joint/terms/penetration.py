@@ -17,24 +17,21 @@ __all__ = ["PenetrationSettings", "PenetrationTerm"]
 
 @dataclass(frozen=True)
 class PenetrationSettings:
-    """Settings of the penetration term: vertices inside the scene, along its normals.
-
-    Attributes:
-        weight: lambda_i of Eq. 5; 0 removes the term.
-        max_depth_m: deeper vertices are left out, metres.
-        slack_m: depth without a penalty, metres.
-        sigma_m: expected error of the surface, metres.
-        outlier_sigmas: beyond this many sigmas the gradient is constant (pseudo-Huber).
-        people_weight: of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to
-            ``weight``; 0 leaves it out.
-    """
+    """Settings of the penetration term: vertices inside the scene, along its normals."""
 
     weight: NotNegative = 0.3
+    """Lambda_i of Eq. 5; 0 removes the term."""
     max_depth_m: Positive = 0.15
+    """Deeper vertices are left out, metres."""
     slack_m: NotNegative = 0.005
+    """Depth without a penalty, metres."""
     sigma_m: Positive = 0.02
+    """Expected error of the surface, metres."""
     outlier_sigmas: Positive = 2.0
+    """Beyond this many sigmas the gradient is constant (pseudo-Huber)."""
     people_weight: NotNegative = 3.0
+    """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0
+    leaves it out."""
 
 
 class PenetrationTerm:

@@ -17,27 +17,24 @@ __all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_energy", "param
 
 @dataclass(frozen=True)
 class RegularisationSettings:
-    """Settings of the regularisation term: deviation of root-relative mesh and parameters from the start.
-
-    Attributes:
-        sigma_m: expected change of a vertex of weight 1, root-relative, metres.
-        visible_weight: of visible vertices.
-        occluded_weight: of hidden vertices and those on invisible limbs.
-        root_weight: of the root's rotation.
-        pose_weight: of the rotations of the other joints.
-        hands_weight: of the rotations of the fingers.
-        shape_weight: of the shape.
-        translation_weight: of the translation.
-    """
+    """Settings of the regularisation term: deviation of root-relative mesh and parameters from the start."""
 
     sigma_m: Positive = 0.06
+    """Expected change of a vertex of weight 1, root-relative, metres."""
     visible_weight: NotNegative = 0.01
+    """Weight of visible vertices."""
     occluded_weight: NotNegative = 0.05
+    """Weight of hidden vertices and those on invisible limbs."""
     root_weight: NotNegative = 0.3
+    """Weight of the root's rotation."""
     pose_weight: NotNegative = 1.0
+    """Weight of the rotations of the other joints."""
     hands_weight: NotNegative = 1.0
+    """Weight of the rotations of the fingers."""
     shape_weight: NotNegative = 1.0
+    """Weight of the shape."""
     translation_weight: NotNegative = 0.05
+    """Weight of the translation."""
 
 
 def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:

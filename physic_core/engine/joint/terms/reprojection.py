@@ -32,21 +32,18 @@ _BORDER_SHARE = 0.05  # of the stature in px; some detectors move keypoints outs
 
 @dataclass(frozen=True)
 class ReprojectionSettings:
-    """Settings of the reprojection term: projected joints of the body against keypoints.
-
-    Attributes:
-        weight: lambda_j2d of Eq. 5; 0 removes the term.
-        sigma: expected error, as a share of the person's stature in px.
-        outlier_sigmas: beyond this many sigmas a keypoint counts as an outlier (Cauchy).
-        min_confidence: keypoints below count ``low_confidence_weight`` times as much.
-        low_confidence_weight: 0 drops them.
-    """
+    """Settings of the reprojection term: projected joints of the body against keypoints."""
 
     weight: NotNegative = 1.0
+    """Lambda_j2d of Eq. 5; 0 removes the term."""
     sigma: Positive = 0.01
+    """Expected error, as a share of the person's stature in px."""
     outlier_sigmas: Positive = 5.0
+    """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
     min_confidence: Share = 0.3
+    """Keypoints below count ``low_confidence_weight`` times as much."""
     low_confidence_weight: NotNegative = 0.1
+    """0 drops them."""
 
     def rho(self) -> RobustLoss:
         """Return the robust loss of reprojection errors: Cauchy with scale ``outlier_sigmas``."""

@@ -17,13 +17,10 @@ DEPTH_SCALE_SIGMA = 0.1
 
 @dataclass(frozen=True)
 class SceneScaleSettings:
-    """Settings of the scene-scale term: change of the scene's scale.
-
-    Attributes:
-        weight: of the squared change, in units of its expected size.
-    """
+    """Settings of the scene-scale term: change of the scene's scale."""
 
     weight: NotNegative = 1.5
+    """Weight of the squared change, in units of its expected size."""
 
 
 class SceneScaleTerm(Term):

@@ -25,17 +25,14 @@ _STEP_SHARE = 0.3  # of a sole's vertices; a foot with more of them over a step 
 
 @dataclass(frozen=True)
 class SoleSettings:
-    """Settings of the sole term: mean height over the floor of the lowest 5 % of a sole's vertices.
-
-    Attributes:
-        weight: of each visible foot near the floor.
-        lower_weight: of the lower visible foot, up to a larger height.
-        unseen_weight: of each invisible foot; most feet stand on the floor.
-    """
+    """Settings of the sole term: mean height over the floor of the lowest 5 % of a sole's vertices."""
 
     weight: NotNegative = 2.0
+    """Weight of each visible foot near the floor."""
     lower_weight: NotNegative = 4.0
+    """Weight of the lower visible foot, up to a larger height."""
     unseen_weight: NotNegative = 4.0
+    """Weight of each invisible foot; most feet stand on the floor."""
 
 
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor, near: RobustLoss, far: RobustLoss) -> Tensor:

@@ -19,14 +19,11 @@ STATURE_SIGMA = 0.06
 
 @dataclass(frozen=True)
 class StatureSettings:
-    """Settings of the stature term: deviation of each person's height from the estimated height.
-
-    Attributes:
-        weight: together with the weight of the scene's scale, divides a disagreement of sizes between people and scene;
-            0 removes the term.
-    """
+    """Settings of the stature term: deviation of each person's height from the estimated height."""
 
     weight: NotNegative = 1.0
+    """Together with the weight of the scene's scale, divides a disagreement of sizes between people and scene; 0
+    removes the term."""
 
 
 class StatureTerm(Term):

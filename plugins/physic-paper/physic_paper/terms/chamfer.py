@@ -21,13 +21,10 @@ __all__ = ["ChamferSettings", "ChamferTerm", "HumanPoints", "chamfer_energy", "h
 
 @dataclass(frozen=True)
 class ChamferSettings:
-    """Settings of the Chamfer term between visible vertices and human points.
-
-    Attributes:
-        weight: lambda_d of Eq. 5, of square metres; 0 removes the term.
-    """
+    """Settings of the Chamfer term between visible vertices and human points."""
 
     weight: NotNegative = 0.005
+    """Lambda_d of Eq. 5, of square metres; 0 removes the term."""
 
 
 def chamfer_energy(

@@ -20,15 +20,12 @@ __all__ = ["PointContactSettings", "PointContactTerm", "squared_offsets"]
 
 @dataclass(frozen=True)
 class PointContactSettings:
-    """Settings of the contact term by distances to the nearest scene points.
-
-    Attributes:
-        weight: lambda_c; 0 removes the term.
-        source: contact vertices are those of the "prior", or "static" parts of every body.
-    """
+    """Settings of the contact term by distances to the nearest scene points."""
 
     weight: NotNegative = 0.7
+    """Lambda_c; 0 removes the term."""
     source: Literal["prior", "static"] = "prior"
+    """Contact vertices are those of the "prior", or "static" parts of every body."""
 
 
 class PointContactTerm(Term):

@@ -20,15 +20,12 @@ __all__ = ["PointPenetrationSettings", "PointPenetrationTerm", "point_penetratio
 
 @dataclass(frozen=True)
 class PointPenetrationSettings:
-    """Settings of the penetration term by distances to the nearest scene points.
-
-    Attributes:
-        weight: lambda_i; 0 removes the term.
-        max_depth_m: deeper vertices are left out, metres.
-    """
+    """Settings of the penetration term by distances to the nearest scene points."""
 
     weight: NotNegative = 0.3
+    """Lambda_i; 0 removes the term."""
     max_depth_m: Positive = 1.0
+    """Deeper vertices are left out, metres."""
 
 
 def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:

@@ -19,17 +19,14 @@ __all__ = ["ParameterPriorTerm", "PrintedRegularisationSettings", "PrintedRegula
 
 @dataclass(frozen=True)
 class PrintedRegularisationSettings:
-    """Settings of the regularisation term: deviation of the root-relative mesh and of the translation.
-
-    Attributes:
-        weight: lambda_reg of Eq. 5; also of the scene's scale.
-        visible_weight: of visible vertices.
-        occluded_weight: of hidden vertices.
-    """
+    """Settings of the regularisation term: deviation of the root-relative mesh and of the translation."""
 
     weight: NotNegative = 45.0
+    """Lambda_reg of Eq. 5; also of the scene's scale."""
     visible_weight: NotNegative = 1.0
+    """Weight of visible vertices."""
     occluded_weight: NotNegative = 12.0
+    """Weight of hidden vertices."""
 
 
 class PrintedRegularisationTerm(Term):
