@@ -133,7 +133,8 @@ def texts_of_fields(kind: type) -> dict[str, str]:
                 found[ast.unparse(field.target)] = str(text.value.value)
         section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")[2]
         found |= {one[1]: one[2] for one in re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)}
-    return {name: _plain(" ".join(text.split())) for name, text in found.items()}
+    texts = {field.name: found[field.name] for field in fields(kind) if field.name in found}
+    return {name: _plain(" ".join(text.split())) for name, text in texts.items()}
 
 
 def _plain(text: str) -> str:
