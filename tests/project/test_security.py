@@ -42,7 +42,7 @@ WEIGHTS = {
         "tests/weights/test_command.py::test_verify_lists_what_differs_and_what_has_no_published_hash"
     ),
     "A run compares a weight file": (
-        "tests/weights/test_published.py::test_a_file_that_is_written_while_it_is_compared_is_refused"
+        "tests/weights/test_verify.py::test_a_file_that_is_written_while_it_is_compared_is_refused"
     ),
     "A file from a zip archive": "tests/weights/test_fetch.py::test_names_inside_a_zip_decide_no_place",
     "A weight set with a restricted licence": (
