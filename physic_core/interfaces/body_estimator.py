@@ -62,6 +62,14 @@ class BodyEstimator(Backend):
 
         Bodies may be of any body model. Those of another than the configured one are converted to it from their
         ``joints``, and more accurately from their ``mesh``: give at least one of both unless the model is "embedded".
+
+        At rest, bodies are y up, face +z and have their left on +x. ``global_orient`` rotates about the pelvis joint,
+        then ``transl`` is added: to the origin of the body model, which is the pelvis joint of "embedded", but lies
+        above the pelvis joint of "smpl" and "smplx".
+
+        Example: ``global_orient`` (pi, 0, 0) and ``transl`` (0, 0, 3) of "embedded" are a person who stands 3 m ahead
+        and faces the camera: pelvis (0, 0, 3), head at y = -0.6, ankles at y = 0.9, and the left wrist at x = 0.7, to
+        the right in the image.
         """
 
     @classmethod

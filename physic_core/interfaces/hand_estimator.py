@@ -46,7 +46,11 @@ class HandEstimator(Backend):
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Estimate 15 joint rotations and a confidence for each hand; 0 for a hand that is not visible.
 
-        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by confidence.
+        With ``wrists``, the global rotation of each hand, forearms are rotated to fit, weighted by confidence. Fingers
+        of every confidence above 0 are used: return 0 for what is likely wrong.
+
+        Example: a network for right hands got the mirrored crop of a left hand. Each of its rotation vectors (x, y, z)
+        becomes (x, -y, -z), and hand 0. MANO's hands with flat_hand_mean=False need the mean pose added.
         """
 
     @classmethod

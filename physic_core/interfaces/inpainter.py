@@ -33,7 +33,13 @@ class Inpainter(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
-        """Replace the pixels where the mask is True; the other pixels and the size stay unchanged."""
+        """Replace the pixels where the mask is True; the other pixels and the size stay unchanged.
+
+        The mask is wider than the people by a margin: fill all of it, without blending at its border.
+
+        Example: ``np.where(mask[..., None], filled, image)``, where ``filled`` is the output of a network at the size
+        of the image.
+        """
 
     @classmethod
     def check(cls, result: UInt8Array, request: InpainterRequest) -> Iterator[str]:

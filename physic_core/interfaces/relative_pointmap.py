@@ -51,7 +51,10 @@ class RelativePointmap(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
-        """Estimate a point map of an image; ``hints.intrinsics`` are used if given."""
+        """Estimate a point map of an image; ``hints.intrinsics`` are used if given.
+
+        Example: with cx = 159.5, fx = 300 and z = 2, the point of column 159 has x = (159 - 159.5) / 300 * 2.
+        """
 
     @classmethod
     def check(cls, result: Pointmap, request: RelativePointmapRequest) -> Iterator[str]:

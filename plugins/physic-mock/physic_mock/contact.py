@@ -134,7 +134,7 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
 
     model = load_body(world.body_model)
     probability = np.zeros((len(bodies.parameters), model.num_vertices), np.float32)
-    hips = bodies.parameters.body_pose.reshape(len(bodies.parameters), -1, 3)[:, :2]
+    hips = bodies.parameters.body_pose.reshape(-1, 21, 3)[:, :2]
     bent = np.linalg.norm(hips, axis=-1).mean(1) > _BENT_HIPS
     seen = np.ones((len(bodies.parameters), len(JOINT_INDEX)), bool) if bodies.observed is None else bodies.observed
     for name, (value, joints) in _FIXED_PARTS.items():

@@ -10,7 +10,7 @@ import numpy as np
 from physic_core.metrics.contact_scores import contact_scores
 from physic_core.metrics.matching import mask_iou
 from physic_core.metrics.pose import BODY_JOINTS, mpjpe_mm, pa_mpjpe_mm
-from physic_testing.conformance.expect import CheckSkipped
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.truth import (
     comparable_keypoints,
     contact_on_embedded,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["BETTER_DIRECTION", "mean_accuracy", "measure_errors"]
+__all__ = ["BETTER_DIRECTION", "check_is_exact", "mean_accuracy", "measure_errors"]
 
 BETTER_DIRECTION: dict[str, str] = {
     "IoU": "higher",
@@ -61,6 +61,18 @@ BETTER_DIRECTION: dict[str, str] = {
     "recall": "higher",
 }
 """Error name -> whether higher or lower is better."""
+
+EXACT: dict[str, float] = {
+    "IoU": 0.99,
+    "PSNR in the hole, dB": 40,
+    "abs-rel": 0.01,
+    "abs-rel, aligned": 0.01,
+    "share of person": 0.002,
+    "MPJPE, mm": 5,
+    "degrees": 1,
+    "F1": 0.99,
+}
+"""Error name -> worst value in a photo of a backend with the capability "exact"."""
 
 _CONTACT_THRESHOLD = 0.5  # of a contact probability
 
@@ -94,6 +106,16 @@ def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
         except Exception:  # invalid output may not be measurable
             continue
     return mean_errors(found)
+
+
+def check_is_exact(subject: BackendUnderTest) -> None:
+    """The output for photos of people is the truth but for rounding, as the capability "exact" declares."""
+    for case, answer in subject.evidence():
+        for name, value in measure_errors(subject.interface, answer, case).items():
+            limit = EXACT.get(name, value)
+            right = value >= limit if BETTER_DIRECTION[name] == "higher" else value <= limit
+            bound = "at least" if BETTER_DIRECTION[name] == "higher" else "at most"
+            expect(right, f"{name} of {bound} {limit:g} in the photo '{case.name}'", f"{value:.3g}")
 
 
 def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -16,7 +16,8 @@ from physic_core.discovery.readiness import missing_requirements
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
-from physic_testing.conformance.cases import SIZE, build_case
+from physic_testing.conformance.bias import MIN_UNITS
+from physic_testing.conformance.cases import EVIDENCE, SIZE, build_case
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.field_comparison import changed_fields
@@ -36,6 +37,8 @@ CAPABILITIES: dict[str, str] = {
     "stochastic": "output differs between calls on purpose: checks that compare two calls are skipped",
     "needs_cuda": "requires a GPU: on other devices all calls are skipped",
     "returns_intrinsics": "always returns the camera intrinsics",
+    "ignores_image": "output depends on no pixel, such as that of a placeholder: checks of bias are skipped",
+    "exact": "output is the truth in synthetic photos, as of a perfect network: errors are limited",
 }
 """Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
 
@@ -44,8 +47,6 @@ FIRST_PHOTO = "odd size"
 
 OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
 """Options of a backend, or a function that returns the options for a world.
-
-A segmenter whose prompts depend on the photo needs the function.
 
 A segmenter whose prompts depend on the photo needs the function.
 """
@@ -202,6 +203,21 @@ class BackendUnderTest:
         if attempt.violations:
             raise CheckSkipped(f"its output for the photo '{name}' is invalid")
         return attempt.result
+
+    def evidence(self) -> list[tuple[Case, Any]]:
+        """Return the photos over which bias is measured, each with its valid result.
+
+        Raises:
+            CheckSkipped: the backend refused too many of them.
+        """
+        found = []
+        for name in EVIDENCE:
+            attempt = self.run_case(name)
+            if attempt.error is None and not attempt.violations:
+                found.append((self.case(name), attempt.result))
+        if len(found) < MIN_UNITS:
+            raise CheckSkipped(f"it has a valid output for {len(found)} of {len(EVIDENCE)} photos of people")
+        return found
 
     @property
     def case_runs(self) -> Mapping[str, CaseRun]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["CASES", "SIZE", "Case", "build_case", "case_of_world"]
+__all__ = ["CASES", "EVIDENCE", "SIZE", "Case", "build_case", "case_of_world"]
 
 SIZE = (320, 240)
 """Default width and height of the standard photos, px."""
@@ -33,8 +33,23 @@ CASES: dict[str, str] = {
     "tiny": "32 x 24 px",
     "large": "four times as wide and high",
     "close": "one person, three times as wide and high",
+    "walking": "one person who walks, higher than wide",
+    "sitting": "two people side by side on a seat",
+    "squatting": "one person who squats",
+    "leaning": "one person who leans on a wall",
 }
 """Name of each photo -> description."""
+
+EVIDENCE = ("one person", "several people", "walking", "sitting", "squatting", "leaning")
+"""Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
+
+_WORLDS = {
+    "several people": ("group", 0),
+    "walking": ("walk", 1),
+    "sitting": ("sit_side_by_side", 0),
+    "squatting": ("squat", 0),
+    "leaning": ("lean_on_wall", 0),
+}
 
 
 @dataclass(frozen=True)
@@ -96,8 +111,9 @@ def _build(name: str, size: tuple[int, int]) -> Case:
     width, height = size
     if name == "one person":
         return case_of_world(name, build_world("stand", 0, size))
-    if name == "several people":
-        return case_of_world(name, build_world("group", 0, size))
+    if name in _WORLDS:
+        sizes = {"walking": (height, width), "squatting": (width * 7 // 8, height * 7 // 8)}
+        return case_of_world(name, build_world(*_WORLDS[name], sizes.get(name, size)))
     if name == "odd size":
         return case_of_world(name, build_world("stand", 0, (131, 97)))
     if name == "portrait":

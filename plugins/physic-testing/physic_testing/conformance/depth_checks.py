@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
+from physic_core.types import AffineAmbiguity
+from physic_testing.conformance.bias import expect_no_better, expect_no_bias, pixel_shift
 from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Intrinsics
+    from physic_core.types import BoolArray, FloatArray, Intrinsics
+    from physic_testing.conformance.cases import Case
 
 __all__ = [
-    "aligned_depth_error",
     "expect_along_z",
+    "expect_ambiguity",
     "expect_camera_of_photo",
+    "expect_camera_without_bias",
     "expect_coverage",
     "expect_depth_grows_with_distance",
     "expect_not_flipped",
+    "expect_not_shifted",
     "rank_correlation",
 ]
+
+MAX_SHIFT_PX, MAX_CENTRE_PX, MAX_ASPECT = 0.5, 0.3, 2.0
+"""Mean shift of edges, mean error of the principal point, and mean error of fx / fy in %, that are taken for none."""
 
 MIN_COVERAGE = 0.3
 """Minimum share of pixels with known depth."""
@@ -41,20 +50,59 @@ def rank_correlation(first: FloatArray, second: FloatArray) -> float:
     return float(((a - a.mean()) * (b - b.mean())).mean()) / spread if spread > 0 else 0.0
 
 
-def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
-    """Return the median relative depth error after a robust fit of the unknown scale and shift.
-
-    The error is inf without common pixels.
+def expect_ambiguity(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity]], clearly: float) -> None:
+    """Raise CheckFailed if depth maps (H, W) fit the truth better after a fit of another scale and shift.
 
     Args:
-        z: (H, W) depth in any unit, NaN where unknown.
-        truth: (H, W) true depth, m.
-        unknown: ambiguity that is fitted.
+        answers: photo, depth in any unit with NaN where unknown, and the ambiguity that its backend states.
+        clearly: as of :func:`physic_testing.conformance.bias.expect_no_better`.
     """
+    stated = answers[0][2]
+    errors = {
+        kind: np.array([_aligned_error(z, case.truth.empty_depth, kind) for case, z, _ in answers])
+        for kind in get_args(AffineAmbiguity)
+    }
+    words = {f"fitted by {kind!r}": found for kind, found in errors.items() if kind != stated}
+    expect_no_better(
+        errors[stated],
+        words,
+        0.0001,
+        f"agreement with the truth after a fit of {stated!r}, relative error of depth",
+        {name: f"Return unknown={name.split()[-1]}, or remove the offset." for name in words},
+        clearly=clearly,
+    )
+
+
+def _aligned_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
+    """Return the median relative depth error after a robust fit of the unknown scale and shift; NaN without pixels."""
     both = np.isfinite(z) & np.isfinite(truth) & (z > 0) & (truth > 0)
     if both.sum() < 16:
-        return float("inf")
-    own, true = z[both].astype(np.float64), truth[both].astype(np.float64)
+        return float("nan")
+    return float(np.median(_fit(z[both].astype(np.float64), truth[both].astype(np.float64), unknown)[1]))
+
+
+def expect_not_shifted(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity]]) -> None:
+    """Raise CheckFailed if the edges of depth maps (H, W) have a common shift against the true ones."""
+    shifts = []
+    for case, z, unknown in answers:
+        truth = case.truth.empty_depth
+        both = np.isfinite(z) & np.isfinite(truth) & (z > 0)
+        ratio = _fit(z[both].astype(np.float64), truth[both].astype(np.float64), unknown)[0]
+        logs = np.zeros((2, *truth.shape))
+        logs[:, both] = np.log(np.maximum(ratio, 1e-3) * truth[both]), np.log(truth[both])
+        shifts.append(pixel_shift(*logs, both & ~case.hole))
+    for axis, way in enumerate("xy"):
+        expect_no_bias(
+            np.array(shifts)[:, axis],
+            MAX_SHIFT_PX,
+            f"edges of depth in place along {way}",
+            " px",
+            "Is the padding of the network's input subtracted, and the output resized by pixel centres?",
+        )
+
+
+def _fit(own: FloatArray, true: FloatArray, unknown: AffineAmbiguity) -> tuple[FloatArray, FloatArray]:
+    """Fit the unknown scale and shift of depths (M,) robustly; return fitted over true depth, and the residual."""
     # Each row: fitted depth / true depth = 1, in the space in which the unknowns are linear.
     columns = {
         "scale": [own / true],
@@ -63,12 +111,13 @@ def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbigui
     }[unknown]
     design = np.stack(columns, axis=1)
     weight = np.ones(len(own))
-    residual = np.zeros(len(own))
+    residual = fitted = np.zeros(len(own))
     for _ in range(_ROUNDS):
         found = np.linalg.lstsq(design * weight[:, None], weight, rcond=None)[0]
-        residual = np.abs(design @ found - 1)
+        fitted = design @ found
+        residual = np.abs(fitted - 1)
         weight = 1 / np.sqrt(1 + (residual / (2 * np.median(residual) + 1e-9)) ** 2)
-    return float(np.median(residual))
+    return 1 / np.maximum(fitted, 1e-3) if unknown == "inverse_scale_shift" else fitted, residual
 
 
 def expect_coverage(known: BoolArray) -> None:
@@ -115,7 +164,7 @@ def expect_along_z(z: FloatArray, truth: FloatArray, camera: Intrinsics, unknown
     """Raise CheckFailed if the values fit the ray length better than the depth along the optical axis."""
     rows, columns = np.mgrid[: truth.shape[0], : truth.shape[1]]
     stretch = np.sqrt(1 + ((columns - camera.cx) / camera.fx) ** 2 + ((rows - camera.cy) / camera.fy) ** 2)
-    as_z, as_ray = aligned_depth_error(z, truth, unknown), aligned_depth_error(z, truth * stretch, unknown)
+    as_z, as_ray = (_aligned_error(z, true, unknown) for true in (truth, truth * stretch))
     if not np.isfinite(as_z):
         raise CheckSkipped("no depth is known")
     expect(
@@ -139,6 +188,28 @@ def expect_camera_of_photo(camera: Intrinsics | None, truth: Intrinsics) -> None
     )
     inside = 0 < camera.cx < truth.width and 0 < camera.cy < truth.height
     expect(inside, "a principal point inside the photo, px", f"({camera.cx:.4g}, {camera.cy:.4g})")
+
+
+def expect_camera_without_bias(cameras: Sequence[tuple[Intrinsics | None, Intrinsics]]) -> None:
+    """Raise CheckFailed if returned cameras have a common error of the principal point or of the aspect ratio."""
+    known = [(camera, truth) for camera, truth in cameras if camera is not None]
+    if not known:
+        raise CheckSkipped("it returns no intrinsics")
+    for name in ("cx", "cy"):
+        expect_no_bias(
+            np.array([getattr(camera, name) - getattr(truth, name) for camera, truth in known]),
+            MAX_CENTRE_PX,
+            f"{name} in px from the centre of the first pixel",
+            " px",
+            "The centre of an image W px wide is (W - 1) / 2: integer coordinates are pixel centres.",
+        )
+    expect_no_bias(
+        np.array([100 * np.log(camera.fx / camera.fy * truth.fy / truth.fx) for camera, truth in known]),
+        MAX_ASPECT,
+        "fx over fy of the photo",
+        " %",
+        "Was the photo resized to another aspect ratio?",
+    )
 
 
 def _resampled(values: FloatArray, shape: tuple[int, ...]) -> FloatArray:

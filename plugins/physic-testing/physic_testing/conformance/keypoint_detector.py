@@ -8,19 +8,31 @@ import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Skeleton
-from physic_testing.conformance.check import Check
+from physic_testing.conformance.bias import expect_no_bias, expect_order, mean_and_margin
+from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import PEOPLE_CHECKS
 from physic_testing.conformance.row_order import check_rows_follow_the_people
-from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
+from physic_testing.conformance.truth import comparable_keypoints
 
 if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Keypoints
     from physic_testing.conformance.backend_under_test import BackendUnderTest
+    from physic_testing.conformance.cases import Case
 
 __all__ = ["CHECKS"]
 
 MAX_ERROR = 0.25
 """Maximum median error as a share of the larger side of the person's box."""
+
+MAX_SHIFT_PX, MAX_SCALE = 0.3, 0.006
+"""Mean shift and mean relative error of scale that are taken for none."""
+
+MAX_CONFIDENCE = 0.01
+"""Mean confidence by which hidden joints may be surer."""
+
+MIN_JOINTS = 5
+"""Joints in sight without which a person has no line of errors over places."""
 
 
 def check_skeleton_is_known(subject: BackendUnderTest) -> None:
@@ -60,20 +72,77 @@ def check_joints_lie_on_the_person(subject: BackendUnderTest) -> None:
     )
 
 
-def check_left_is_the_persons_left(subject: BackendUnderTest) -> None:
-    """Left joints are on the person's left side."""
-    points, true, seen, skeleton = comparable_keypoints(subject.result(), subject.case("one person").truth)
-    other = mirrored_order(skeleton.names)
-    sided = seen & seen[:, other] & (np.array(other) != np.arange(len(other)))
-    if not sided.any():
-        raise CheckSkipped("no left-right pair of joints is visible")
-    right = float(np.linalg.norm(points - true, axis=2)[sided].mean())
-    swapped = float(np.linalg.norm(points[:, other] - true, axis=2)[sided].mean())
-    expect(
-        swapped > 0.5 * right,
-        "left joints on the person's own left",
-        f"{right:.1f} px off as they are, {swapped:.1f} px with left and right exchanged",
+def check_joints_are_in_order(subject: BackendUnderTest) -> None:
+    """No joints are exchanged: none has the places of another, such as its left-right counterpart."""
+    found = [_normalised(answer, case) for case, answer in subject.evidence()]
+    skeleton = found[0][3]
+    apart = np.concatenate(
+        [
+            np.where(
+                seen[:, :, None] & seen[:, None], np.linalg.norm(points[:, :, None] - true[:, None], axis=3), np.nan
+            )
+            for points, true, seen, _ in found
+        ]
     )
+    expect_order(
+        apart,
+        skeleton.names,
+        0.001,
+        f"the joints of {skeleton.name!r} in order, left ones on the person's own left, mean error in sides of the box",
+        "Is it the order of another data set, or was the output of a mirrored photo not mirrored back?",
+    )
+
+
+def check_joints_are_not_shifted_or_scaled(subject: BackendUnderTest) -> None:
+    """The mean shift of the joints is below 0.3 px, and their mean scale about the box's centre right to 0.6 %."""
+    fits, sizes, residuals, places = [], [], [], []
+    for case, answer in subject.evidence():
+        points, true, seen, _ = _normalised(answer, case)
+        size = _sides(case)
+        for i, kept in enumerate(seen):
+            if kept.sum() > MIN_JOINTS:
+                fits.append([_line(true[i, kept, axis], (points - true)[i, kept, axis]) for axis in (0, 1)])
+                sizes.append(size[i])
+        residuals.append(np.where(seen[..., None], points - true, np.nan))
+        places.append(np.where(seen[..., None], true, np.nan))
+    if not fits:
+        raise CheckSkipped(f"nobody shows more than {MIN_JOINTS} joints")
+    lines, px = np.array(fits), np.array(sizes)
+    common, where = _means(np.concatenate(residuals)), _means(np.concatenate(places))
+    for axis, way in enumerate("xy"):
+        shift_error, scale_error = _line_errors(where[:, axis], common[:, axis])
+        expect_no_bias(
+            lines[:, axis, 0] * px,
+            MAX_SHIFT_PX,
+            f"joints without a common shift along {way}; integer coordinates are pixel centres",
+            " px",
+            "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?",
+            further=shift_error * float(px.mean()),
+        )
+        expect_no_bias(
+            100 * lines[:, axis, 1],
+            100 * MAX_SCALE,
+            f"joints of the right scale along {way} about the centre of the person's box",
+            " %",
+            "A grid of N cells between the borders has a step of size / N, between corners of size / (N - 1).",
+            further=100 * scale_error,
+        )
+
+
+def check_confidence_is_higher_in_sight(subject: BackendUnderTest) -> None:
+    """Joints in sight have no lower mean confidence than hidden ones."""
+    from physic_core.body.landmarks import keypoints_on_body
+    from physic_testing.conformance.true_keypoints import world_keypoints
+
+    more = []
+    for case, answer in subject.evidence():
+        known = keypoints_on_body(answer)
+        seen = world_keypoints(case.truth, known.joint_set)[1]
+        more += [
+            c[s].mean() - c[~s].mean() for c, s in zip(known.confidence, seen, strict=True) if 0 < s.sum() < len(s)
+        ]
+    mean, margin = mean_and_margin(np.array(more))
+    expect(mean + margin > -MAX_CONFIDENCE, "a higher confidence of joints in sight", f"{mean:+.2f} in the mean", "1 is sure.")
 
 
 def check_world_points_are_metres(subject: BackendUnderTest) -> None:
@@ -94,15 +163,57 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
         "metres: 0.5-3 m from nose to ankles of a standing person",
         f"{np.round(height, 2).tolist()}",
     )
+    flat, seen = answer.points[..., 0], answer.confidence > 0
+    slopes = [_line(flat[i, s], answer.world[i, s, 0])[1] for i, s in enumerate(seen) if s.sum() > MIN_JOINTS]
+    expect(min(slopes, default=1) > 0, "x of the world points to the right, as in the photo", "x to the left")
+
+
+def _sides(case: Case) -> FloatArray:
+    """Return the larger side of each person's box (N,), px."""
+    sides: FloatArray = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)
+    return sides
+
+
+def _normalised(answer: Keypoints, case: Case) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
+    """Return detected and true points (N, J, 2) about the boxes' centres, in sides of the boxes."""
+    points, true, seen, skeleton = comparable_keypoints(answer, case.truth)
+    boxes, sides = case.people.boxes, _sides(case)[:, None, None]
+    centre = ((boxes[:, :2] + boxes[:, 2:]) / 2 - 0.5)[:, None]
+    return (points - centre) / sides, (true - centre) / sides, seen, skeleton
+
+
+def _line(places: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Return offset and slope of the values (K,) over places (K,) by least squares."""
+    design = np.stack([np.ones_like(places), places], axis=1)
+    offset, slope = np.linalg.lstsq(design, values, rcond=None)[0]
+    return float(offset), float(slope)
+
+
+def _line_errors(places: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Return three standard errors of offset and slope of a line over the joints (J,)."""
+    kept = np.isfinite(places) & np.isfinite(values)
+    offset, slope = _line(places[kept], values[kept])
+    _, three = mean_and_margin(values[kept] - offset - slope * places[kept])
+    return three, three / max(float(places[kept].std()), 1e-9)
+
+
+def _means(values: FloatArray) -> FloatArray:
+    """Return the means (J, 2) over people of values (N, J, 2), NaN without any."""
+    known = np.isfinite(values)
+    means: FloatArray = np.where(known, values, 0).sum(0) / np.where(known.any(0), known.sum(0), np.nan)
+    return means
 
 
 _READ = "physic_core.types.Keypoints"
 _KNOWN = ("skeleton_is_known",)
+_PLACED = (*_KNOWN, "joints_lie_on_the_person")
 CHECKS: tuple[Check, ...] = (
     *PEOPLE_CHECKS,
     Check(check_skeleton_is_known, _READ),
     Check(check_joints_lie_on_the_person, _READ, after=_KNOWN),
-    Check(check_left_is_the_persons_left, _READ, after=(*_KNOWN, "joints_lie_on_the_person")),
+    Check(check_joints_are_in_order, _READ, after=_PLACED, unless=BLIND),
+    Check(check_joints_are_not_shifted_or_scaled, _READ, after=(*_PLACED, "joints_are_in_order"), unless=BLIND),
+    Check(check_confidence_is_higher_in_sight, _READ, after=_KNOWN, unless=BLIND),
     Check(check_world_points_are_metres, _READ, after=_KNOWN),
     Check(check_rows_follow_the_people, _READ),
 )

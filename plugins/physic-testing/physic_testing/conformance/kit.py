@@ -22,17 +22,18 @@ from physic_testing.conformance import (
     relative_pointmap,
     segmenter,
 )
+from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
+from physic_testing.conformance.check import Check
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_testing.conformance.backend_under_test import OptionsFor
-    from physic_testing.conformance.check import Check
     from physic_testing.conformance.report import Report
 
-__all__ = ["BoundCheck", "check_backend", "checks_for", "parametrize_with_checks", "start_checks"]
+__all__ = ["BoundCheck", "accuracy_checks", "check_backend", "checks_for", "parametrize_with_checks", "start_checks"]
 
 _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
     "segmenter": output_checks.PEOPLE_CHECKS + segmenter.CHECKS + colours.CHECKS,
@@ -46,6 +47,8 @@ _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
 }
 """Checks against the ground truth of a world, by interface; other interfaces have only the general checks."""
 
+_EXACT = Check(check_is_exact, "physic_testing.conformance.CAPABILITIES", only_with=frozenset({"exact"}))
+
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """Return all checks of an interface, in order of execution."""
@@ -54,9 +57,14 @@ def checks_for(interface: str) -> tuple[Check, ...]:
         + lifecycle.CHECKS_BEFORE_INFER
         + before_load.CHECKS
         + output_checks.CHECKS
-        + _INTERFACE_CHECKS.get(interface, ())
+        + accuracy_checks(interface)
         + lifecycle.CHECKS_AFTER_INFER
     )
+
+
+def accuracy_checks(interface: str) -> tuple[Check, ...]:
+    """Return the checks of an interface that compare outputs with the ground truth, in order of execution."""
+    return (*_INTERFACE_CHECKS[interface], _EXACT) if interface in _INTERFACE_CHECKS else ()
 
 
 def check_backend(

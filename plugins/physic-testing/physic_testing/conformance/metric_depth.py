@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.check import Check
+from physic_testing.conformance.bias import expect_no_bias
+from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.depth_checks import (
     expect_along_z,
+    expect_ambiguity,
     expect_camera_of_photo,
+    expect_camera_without_bias,
     expect_coverage,
     expect_depth_grows_with_distance,
     expect_not_flipped,
+    expect_not_shifted,
 )
 from physic_testing.conformance.expect import CheckSkipped, expect
 
@@ -20,6 +24,12 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 __all__ = ["CHECKS"]
+
+MAX_SCALE = 1.2
+"""Factor on all depths that is taken for none."""
+
+ALMOST_ALL = 0.9
+"""Depth of networks has errors that an offset explains in part; this is an offset that leaves a twentieth of them."""
 
 MAX_FACTOR = 3.0
 """Maximum factor between the median depth and the truth; it detects a wrong unit, not a low accuracy."""
@@ -57,6 +67,31 @@ def check_depth_is_in_metres(subject: BackendUnderTest) -> None:
     )
 
 
+def check_depth_has_no_bias_of_scale(subject: BackendUnderTest) -> None:
+    """Over several photos, depth is not too large or too small by more than a fifth in the mean."""
+    logs = []
+    for case, answer in subject.evidence():
+        both = np.isfinite(answer.depth) & np.isfinite(case.truth.empty_depth)
+        logs.append(np.median(np.log(answer.depth[both] / case.truth.empty_depth[both])))
+    expect_no_bias(
+        np.array(logs),
+        float(np.log(MAX_SCALE)),
+        f"metres: a mean log(depth / true depth) within +-{np.log(MAX_SCALE):.2f}",
+        "",
+        "Is the depth of a network for one focal length rescaled to the focal length of the photo?",
+    )
+
+
+def check_depth_has_no_offset(subject: BackendUnderTest) -> None:
+    """A constant added to z, or to 1 / z, is not all that the depth has of an error."""
+    expect_ambiguity([(case, answer.depth, "scale") for case, answer in subject.evidence()], ALMOST_ALL)
+
+
+def check_depth_is_not_shifted(subject: BackendUnderTest) -> None:
+    """Edges of depth are where they are in the photo: their mean shift is below half a pixel."""
+    expect_not_shifted([(case, answer.depth, "scale") for case, answer in subject.evidence()])
+
+
 def check_depth_is_along_z(subject: BackendUnderTest) -> None:
     """Depth is measured along the optical axis, not along the ray of each pixel."""
     truth = subject.case("one person").truth
@@ -66,6 +101,11 @@ def check_depth_is_along_z(subject: BackendUnderTest) -> None:
 def check_intrinsics_fit_the_photo(subject: BackendUnderTest) -> None:
     """Returned intrinsics are in pixels of the photo: plausible focal length, principal point inside."""
     expect_camera_of_photo(subject.result().intrinsics, subject.case("one person").intrinsics)
+
+
+def check_intrinsics_are_not_biased(subject: BackendUnderTest) -> None:
+    """Returned intrinsics have no common error of the principal point, such as half a pixel, or of the aspect ratio."""
+    expect_camera_without_bias([(answer.intrinsics, case.intrinsics) for case, answer in subject.evidence()])
 
 
 def check_returns_intrinsics_as_promised(subject: BackendUnderTest) -> None:
@@ -89,14 +129,19 @@ def check_scale_sigma_is_a_standard_deviation(subject: BackendUnderTest) -> None
 
 
 _READ = "physic_core.types.DepthMap"
+_UPRIGHT = ("depth_is_not_transposed_or_flipped", "depth_grows_with_distance")
 _CALLED = frozenset({"returns_intrinsics"})
 CHECKS: tuple[Check, ...] = (
     Check(check_depth_covers_the_photo, _READ),
     Check(check_depth_is_not_transposed_or_flipped, _READ),
     Check(check_depth_grows_with_distance, _READ, after=("depth_is_not_transposed_or_flipped",)),
     Check(check_depth_is_in_metres, _READ),
-    Check(check_depth_is_along_z, _READ, after=("depth_is_not_transposed_or_flipped", "depth_grows_with_distance")),
+    Check(check_depth_is_along_z, _READ, after=_UPRIGHT),
+    Check(check_depth_has_no_bias_of_scale, _READ, after=("depth_is_in_metres",), unless=BLIND),
+    Check(check_depth_has_no_offset, _READ, after=(*_UPRIGHT, "depth_is_along_z"), unless=BLIND),
+    Check(check_depth_is_not_shifted, _READ, after=_UPRIGHT, unless=BLIND),
     Check(check_intrinsics_fit_the_photo, _READ),
+    Check(check_intrinsics_are_not_biased, _READ, after=("intrinsics_fit_the_photo",)),
     Check(check_returns_intrinsics_as_promised, _READ, only_with=_CALLED),
     Check(check_scale_sigma_is_a_standard_deviation, _READ),
 )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import ConfigError, PhysicError
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
-from physic_testing.conformance.check import Check
+from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.requests import infer_arguments, read_only_views
@@ -86,7 +88,7 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
         raise CheckFailed(
             "valid output for read-only arrays with negative strides",
             describe_error(error, subject.kind),
-            "Call np.ascontiguousarray(image) before torch.from_numpy; copy before writing.",
+            "Call np.ascontiguousarray(array) before torch.from_numpy; copy before writing.",
         ) from error
     if "stochastic" not in subject.capabilities:
         changes = describe_difference(first, answer)
@@ -157,6 +159,19 @@ def check_works_without_hints(subject: BackendUnderTest) -> None:
     expect(not faults, "valid output for Hints()", "; ".join(faults))
 
 
+def check_ignores_the_image(subject: BackendUnderTest) -> None:
+    """The output for a grey photo is the same, as the capability "ignores_image" declares."""
+    first, case = subject.result(), subject.case("one person")
+    image, *rest = infer_arguments(subject.interface, case)
+    changes = describe_difference(first, subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest)))
+    expect(
+        not changes,
+        "the same output for an image all grey, as the capability 'ignores_image' declares",
+        changes,
+        "Remove 'ignores_image' from `capabilities`: the checks of bias then run.",
+    )
+
+
 def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -> None:
     """Raise CheckFailed unless the backend returned valid output for a photo."""
     attempt = _attempt(subject, name)
@@ -211,6 +226,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_does_not_modify_its_input, _BACKEND),
     Check(check_is_deterministic, _BACKEND, unless=_ALONE),
     Check(check_keeps_no_state_between_photos, _BACKEND, unless=_ALONE, after=("is_deterministic",)),
+    Check(check_ignores_the_image, "physic_testing.conformance.CAPABILITIES", only_with=BLIND),
     Check(check_accepts_array_views, _BACKEND, after=("keeps_no_state_between_photos", "does_not_modify_its_input")),
 )
 """Checks of every interface, in order of execution."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.metrics.matching import mask_iou
+from physic_testing.conformance.bias import MIN_UNITS, expect_no_bias, pixel_shift
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 
@@ -21,6 +22,12 @@ MIN_IOU = 0.3
 
 MIN_ENCLOSED, MIN_BOX_FILL = 0.95, 0.5
 """Minimum share of a mask inside its box, and minimum area of the mask's own box as a share of the box."""
+
+MIN_SAME, MIN_HELD = 0.5, 0.8
+"""Minimum IoU of a mask with the person that it shows, and share of a person whom a mask holds."""
+
+MAX_SHIFT_PX = 0.5
+"""Mean shift that is taken for none."""
 
 
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
@@ -37,29 +44,72 @@ def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
     )
 
 
+def check_people_have_masks_of_their_own(subject: BackendUnderTest) -> None:
+    """People who stand side by side are several people, not one mask of the class "person"."""
+    answer, truth = subject.result("several people"), subject.case("several people").truth
+    held = (answer.masks[:, None] & truth.masks).sum((2, 3)) / truth.masks.sum((1, 2))
+    expect(
+        not (held > MIN_HELD).all(axis=1).any(),
+        f"one mask for each of {len(truth.masks)} people",
+        "a mask that holds all of them",
+        "Is it a semantic class? Masks are those of instances.",
+    )
+
+
 def check_boxes_enclose_their_masks(subject: BackendUnderTest) -> None:
     """Each box is x0 y0 x1 y1 in px, end exclusive, and encloses its mask tightly."""
-    answer = subject.result()
-    if not len(answer):
+    people = [(mask, box) for _, a in subject.evidence() for mask, box in zip(a.masks, a.boxes, strict=True)]
+    if not people:
         raise CheckSkipped("no people were found")
-    for mask, box in zip(answer.masks, answer.boxes, strict=True):
+    tight = np.array([_enclosing_box(mask) for mask, _ in people])
+    for (mask, box), own in zip(people, tight, strict=True):
         inside = np.zeros_like(mask)
         x0, y0, x1, y1 = (max(0, round(float(value))) for value in box)
         inside[y0:y1, x0:x1] = True
         held = float((mask & inside).sum() / mask.sum())
-        tight = _enclosing_box(mask)
         expect(
             held >= MIN_ENCLOSED,
-            f"mask[y0:y1, x0:x1] to contain at least {MIN_ENCLOSED:.0%} of the mask, whose tight box is {tight} px",
+            f"mask[y0:y1, x0:x1] to contain at least {MIN_ENCLOSED:.0%} of the mask, whose tight box is {own} px",
             f"{held:.0%} in the box {np.round(box, 1).tolist()}",
-            "Boxes are x0 y0 x1 y1 in px of the photo: not x y w h, y x order or shares of the size.",
+            "Boxes are x0 y0 x1 y1 in px of the photo, of the mask of the same row: not x y w h, y x order or shares.",
         )
-        own = float(np.prod(np.subtract(tight[2:], tight[:2])))
         expect(
-            own / max(float(inside.sum()), 1.0) >= MIN_BOX_FILL,
-            f"a box about as large as the tight box, {tight} px",
+            float(np.prod(own[2:] - own[:2])) / max(float(inside.sum()), 1.0) >= MIN_BOX_FILL,
+            f"a box about as large as the tight box, {own} px",
             f"{np.round(box, 1).tolist()}",
         )
+    lost = (np.array([box for _, box in people]) - tight) * [1, 1, -1, -1]
+    for edge, values in zip(("left", "top", "right", "bottom"), lost.T, strict=True):
+        expect_no_bias(
+            np.maximum(values, 0),
+            MAX_SHIFT_PX,
+            f"boxes whose {edge} edge does not cut their masks",
+            " px cut off",
+            "The last row and column are exclusive: x1 is the last column of the mask + 1.",
+        )
+
+
+def check_masks_are_not_shifted(subject: BackendUnderTest) -> None:
+    """The mean shift of the masks of people, and of the floor, is below half a pixel."""
+    people, floors = [], []
+    for case, answer in subject.evidence():
+        everywhere = np.ones(case.photo.shape[:2], bool)
+        overlap = mask_iou(answer.masks, case.truth.masks)
+        for i, true in enumerate(case.truth.masks):
+            if len(answer) and overlap[:, i].max() > MIN_SAME:
+                people.append(_shift(answer.masks[int(overlap[:, i].argmax())], true, everywhere))
+        if answer.floor is not None:
+            floors.append(_shift(answer.floor, case.truth.empty_floor_mask, ~case.hole))
+    for what, found in (("masks of people", people), ("masks of the floor", floors)):
+        if len(found) >= MIN_UNITS:
+            for axis, way in enumerate("xy"):
+                expect_no_bias(
+                    np.array(found)[:, axis],
+                    MAX_SHIFT_PX,
+                    f"{what} in place along {way}",
+                    " px",
+                    "Is the padding of the network's input subtracted, and the mask resized to the photo's size?",
+                )
 
 
 def check_scores_are_sorted(subject: BackendUnderTest) -> None:
@@ -93,6 +143,11 @@ def check_floor_mask_excludes_people(subject: BackendUnderTest) -> None:
     expect(share < 0.1, "a floor mask without the pixels of people", f"{share:.0%} of it lies on people")
 
 
+def _shift(mask: BoolArray, true: BoolArray, known: BoolArray) -> FloatArray:
+    """Return the shift (2,) of a mask against the true one, px."""
+    return pixel_shift(mask.astype(float), true.astype(float), known, edges=False)
+
+
 def _enclosing_box(mask: BoolArray) -> list[int]:
     """Return the tight box x0 y0 x1 y1 of a mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -103,9 +158,11 @@ def _enclosing_box(mask: BoolArray) -> list[int]:
 _READ = "physic_core.types.People"
 CHECKS: tuple[Check, ...] = (
     Check(check_masks_lie_on_people, _READ),
+    Check(check_people_have_masks_of_their_own, _READ, after=("masks_lie_on_people",)),
     Check(check_boxes_enclose_their_masks, _READ),
     Check(check_scores_are_sorted, _READ),
     Check(check_floor_mask_is_on_the_floor, _READ),
     Check(check_floor_mask_excludes_people, _READ, after=("floor_mask_is_on_the_floor",)),
+    Check(check_masks_are_not_shifted, _READ, after=("masks_lie_on_people", "floor_mask_is_on_the_floor")),
 )
 """Checks of a Segmenter, in order of execution."""

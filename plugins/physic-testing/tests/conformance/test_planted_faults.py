@@ -1,0 +1,32 @@
+"""Faults in noise-free mocks are found, and mocks without a fault pass, with errors and without."""
+
+from __future__ import annotations
+
+import pytest
+from planted_faults import FAULTS, READER_FAULTS, Fault, run_checks
+
+from physic_core.interfaces import INTERFACES
+from physic_testing import check_backend
+from physic_testing.conformance.kit import accuracy_checks
+
+
+def failures(fault: Fault | str) -> list[str]:
+    run = run_checks(fault)
+    names = ["returns_valid_output", *(check.name for check in accuracy_checks(run.subject.interface))]
+    return [name for name in names if run.result(name).outcome == "failed"]
+
+
+@pytest.mark.parametrize("fault", FAULTS + READER_FAULTS, ids=lambda fault: fault.id)
+def test_a_planted_fault_is_found(fault: Fault):
+    assert bool(failures(fault)) != fault.missed
+
+
+@pytest.mark.parametrize("mock", sorted({fault.mock for fault in FAULTS}))
+def test_a_mock_without_a_fault_passes(mock: str):
+    assert failures(mock) == []
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_errors_as_large_as_those_of_networks_are_no_bias(interface: str):
+    report = check_backend("mock", interface, options={"version": 4, "noise_seed": 1000})
+    assert report.ok, report.text
