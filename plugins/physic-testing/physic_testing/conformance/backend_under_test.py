@@ -208,8 +208,9 @@ class BackendUnderTest:
         """Return the photos over which bias is measured, each with its valid result.
 
         Raises:
-            CheckSkipped: the backend refused too many of them.
+            CheckSkipped: there is none for one person, or the backend refused too many.
         """
+        self.result()
         found = []
         for name in EVIDENCE:
             attempt = self.run_case(name)

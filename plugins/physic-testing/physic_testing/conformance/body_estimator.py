@@ -164,12 +164,12 @@ def check_pose_is_not_turned_or_mirrored(subject: BackendUnderTest) -> None:
     """Bodies are upright as in the photo, face the same way, and have their left limbs on their left side."""
     people = [p for photo in _people(subject) for p in photo]
     joints, true = (np.stack([getattr(p, name) for p in people]) for name in ("joints", "true_joints"))
-    other = mirrored_order(JOINT_NAMES[:_BODY])
+    other, vertical = mirrored_order(JOINT_NAMES[:_BODY]), np.stack([p.vertical for p in people])[:, None]
     readings = {
         "mirrored": joints[:, other] * [-1, 1, 1],
         "with left and right limbs exchanged": joints[:, other],
         "turned upside down": joints * [1, -1, -1],
-        "facing the other way": joints * [-1, 1, -1],
+        "facing the other way": 2 * (joints * vertical).sum(2, keepdims=True) * vertical - joints,
     }
     expect_no_better(
         np.linalg.norm(joints - true, axis=2).mean(1),
@@ -222,7 +222,7 @@ def check_pose_follows_the_photo(subject: BackendUnderTest) -> None:
 
 @dataclass(frozen=True)
 class _Person:
-    """Estimated and true body: joints about the pelvis (22, 3) m, pose (21, 3) and errors of place and orientation."""
+    """Estimated and true body: joints about the pelvis (22, 3) m, pose (21, 3), errors and the upward axis."""
 
     joints: FloatArray
     true_joints: FloatArray
@@ -231,6 +231,7 @@ class _Person:
     across: FloatArray
     log_distance: float
     turn_deg: FloatArray
+    vertical: FloatArray
 
 
 @lru_cache(maxsize=1)
@@ -249,14 +250,11 @@ def _people(subject: BackendUnderTest) -> list[list[_Person]]:
         distance = np.log(np.linalg.norm(at, axis=1) / np.linalg.norm(place, axis=1))
         root, true_root = (Rotation.from_rotvec(p.global_orient) for p in (given, truth.parameters))
         turn = np.degrees((root * true_root.inv()).as_rotvec())
+        vertical = root.apply([0, 1, 0]).reshape(-1, 3)
         pose, true_pose = (p.body_pose.reshape(len(p), -1, 3) for p in (given, truth.parameters))
-        photos.append(
-            [
-                _Person(joints[i] - at[i], true[i] - place[i], pose[i], true_pose[i], across[i], distance[i], turn[i])
-                for i in range(len(at))
-                if np.isfinite(at[i]).all()
-            ]
-        )
+        rows = (joints - at[:, None], true - place[:, None], pose, true_pose, across, distance, turn, vertical)
+        known = np.isfinite(at).all(axis=1)
+        photos.append([_Person(*row) for row, kept in zip(zip(*rows, strict=True), known, strict=True) if kept])
     return [photo for photo in photos if photo]
 
 

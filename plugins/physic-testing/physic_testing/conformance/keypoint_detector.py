@@ -142,7 +142,12 @@ def check_confidence_is_higher_in_sight(subject: BackendUnderTest) -> None:
             c[s].mean() - c[~s].mean() for c, s in zip(known.confidence, seen, strict=True) if 0 < s.sum() < len(s)
         ]
     mean, margin = mean_and_margin(np.array(more))
-    expect(mean + margin > -MAX_CONFIDENCE, "a higher confidence of joints in sight", f"{mean:+.2f} in the mean", "1 is sure.")
+    expect(
+        mean + margin > -MAX_CONFIDENCE,
+        "a higher confidence of joints in sight",
+        f"{mean:+.2f} in the mean",
+        "1 is sure.",
+    )
 
 
 def check_world_points_are_metres(subject: BackendUnderTest) -> None:
@@ -206,7 +211,7 @@ def _means(values: FloatArray) -> FloatArray:
 
 _READ = "physic_core.types.Keypoints"
 _KNOWN = ("skeleton_is_known",)
-_PLACED = (*_KNOWN, "joints_lie_on_the_person")
+_PLACED = (*_KNOWN, "joints_lie_on_the_person", "reads_images_as_rgb")
 CHECKS: tuple[Check, ...] = (
     *PEOPLE_CHECKS,
     Check(check_skeleton_is_known, _READ),
@@ -214,7 +219,7 @@ CHECKS: tuple[Check, ...] = (
     Check(check_joints_are_in_order, _READ, after=_PLACED, unless=BLIND),
     Check(check_joints_are_not_shifted_or_scaled, _READ, after=(*_PLACED, "joints_are_in_order"), unless=BLIND),
     Check(check_confidence_is_higher_in_sight, _READ, after=_KNOWN, unless=BLIND),
-    Check(check_world_points_are_metres, _READ, after=_KNOWN),
+    Check(check_world_points_are_metres, _READ, after=(*_KNOWN, "joints_are_in_order")),
     Check(check_rows_follow_the_people, _READ),
 )
 """Checks of a KeypointDetector, in order of execution."""

@@ -40,7 +40,7 @@ _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
     "inpainter": inpainter.CHECKS,
     "metric_depth": output_checks.HINT_CHECKS + metric_depth.CHECKS + colours.CHECKS,
     "relative_pointmap": relative_pointmap.CHECKS + colours.CHECKS,
-    "keypoint_detector": keypoint_detector.CHECKS + colours.CHECKS,
+    "keypoint_detector": colours.CHECKS + keypoint_detector.CHECKS,
     "body_estimator": body_estimator.CHECKS,
     "hand_estimator": hand_estimator.CHECKS,
     "contact_prior": contact_prior.CHECKS,

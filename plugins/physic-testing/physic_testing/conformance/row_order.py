@@ -8,21 +8,43 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.discovery.error_text import describe_error
+from physic_core.errors import BodyModelError
+from physic_testing.conformance.accuracy import BETTER_DIRECTION, measure_errors
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.requests import infer_arguments
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
+    from physic_core.types import FloatArray, IntArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
+    from physic_testing.conformance.cases import Case
 
 __all__ = ["check_rows_follow_the_people"]
 
+_ERROR_NAMES = {
+    "keypoint_detector": "share of person",
+    "body_estimator": "MPJPE, mm",
+    "hand_estimator": "degrees",
+    "contact_prior": "F1",
+}
+
+MAX_RATIO = 0.5
+"""Share of the error that the rows in the right order leave at most."""
+
 
 def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
-    """Row i belongs to person i: if the input people are reversed, the output rows are reversed."""
+    """Row i belongs to person i: reversed for reversed people, and closer to the truth than in another order."""
     answer, case = subject.result("several people"), subject.case("several people")
     count = len(case.people)
-    turned = tuple(_reversed(a, count) for a in infer_arguments(subject.interface, case))
+    own = _error(subject.interface, answer, case)
+    for order in (np.arange(count)[::-1], *(np.roll(np.arange(count), k) for k in range(1, count))):
+        other = _error(subject.interface, _reordered(answer, order), case)
+        expect(
+            not other < MAX_RATIO * own,
+            "row i for person i",
+            f"an error of {own:.3g}, but of {other:.3g} with the rows in the order {order.tolist()}",
+            "Do not sort people by size or score.",
+        )
+    turned = tuple(_reordered(a, np.arange(count)[::-1]) for a in infer_arguments(subject.interface, case))
     try:
         again = subject.infer(subject.loaded(case), case, turned)
     except Exception as error:
@@ -40,12 +62,22 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     )
 
 
-def _reversed(thing: Any, count: int) -> Any:
-    """Reverse the rows of all arrays that have one row per person."""
+def _error(interface: str, answer: Any, case: Case) -> float:
+    """Return the error of the answer, lower is better; NaN where worlds have no ground truth for it."""
+    name = _ERROR_NAMES[interface]
+    try:
+        value = measure_errors(interface, answer, case).get(name, float("nan"))
+    except (BodyModelError, CheckSkipped):
+        return float("nan")
+    return 1 - value if BETTER_DIRECTION[name] == "higher" else value
+
+
+def _reordered(thing: Any, order: IntArray) -> Any:
+    """Reorder the rows of all arrays that have one row per person."""
     if isinstance(thing, np.ndarray):
-        return thing[::-1].copy() if thing.ndim and len(thing) == count else thing
+        return thing[order].copy() if thing.ndim and len(thing) == len(order) else thing
     if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(thing, **{f.name: _reversed(getattr(thing, f.name), count) for f in fields(thing)})
+        return replace(thing, **{f.name: _reordered(getattr(thing, f.name), order) for f in fields(thing)})
     return thing
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.metrics.matching import mask_iou
-from physic_testing.conformance.bias import MIN_UNITS, expect_no_bias, pixel_shift
+from physic_testing.conformance.bias import MIN_UNITS, expect_no_better, expect_no_bias, pixel_shift
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 
@@ -25,6 +26,11 @@ MIN_ENCLOSED, MIN_BOX_FILL = 0.95, 0.5
 
 MIN_SAME, MIN_HELD = 0.5, 0.8
 """Minimum IoU of a mask with the person that it shows, and share of a person whom a mask holds."""
+
+_READINGS: dict[str, Callable[[BoolArray], BoolArray]] = {
+    "mirrored": lambda masks: masks[:, :, ::-1],
+    "upside down": lambda masks: masks[:, ::-1],
+}
 
 MAX_SHIFT_PX = 0.5
 """Mean shift that is taken for none."""
@@ -90,9 +96,13 @@ def check_boxes_enclose_their_masks(subject: BackendUnderTest) -> None:
 
 
 def check_masks_are_not_shifted(subject: BackendUnderTest) -> None:
-    """The mean shift of the masks of people, and of the floor, is below half a pixel."""
+    """Masks are not mirrored, and the mean shift of those of people, and of the floor, is below half a pixel."""
     people, floors = [], []
+    own: list[float] = []
+    others: dict[str, list[float]] = {name: [] for name in _READINGS}
     for case, answer in subject.evidence():
+        for errors, masks in ((own, answer.masks), *((others[n], r(answer.masks)) for n, r in _READINGS.items())):
+            errors += list(1 - mask_iou(masks, case.truth.masks).max(axis=0, initial=0.0))
         everywhere = np.ones(case.photo.shape[:2], bool)
         overlap = mask_iou(answer.masks, case.truth.masks)
         for i, true in enumerate(case.truth.masks):
@@ -100,6 +110,8 @@ def check_masks_are_not_shifted(subject: BackendUnderTest) -> None:
                 people.append(_shift(answer.masks[int(overlap[:, i].argmax())], true, everywhere))
         if answer.floor is not None:
             floors.append(_shift(answer.floor, case.truth.empty_floor_mask, ~case.hole))
+    readings = {name: np.array(errors) for name, errors in others.items()}
+    expect_no_better(np.array(own), readings, 0.01, "masks in the rows and columns of the photo, mean 1 - IoU")
     for what, found in (("masks of people", people), ("masks of the floor", floors)):
         if len(found) >= MIN_UNITS:
             for axis, way in enumerate("xy"):

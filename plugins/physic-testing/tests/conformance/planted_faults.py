@@ -32,12 +32,12 @@ NO_NOISE: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Fault:
-    """A mock whose result is changed by ``change(result, *arguments)``; ``missed`` where no check finds it."""
+    """A mock whose result is changed by ``change(result, *arguments)``; ``check`` finds it, "" where none does."""
 
     mock: str
     words: str
+    check: str
     change: Callable[..., Any]
-    missed: bool = False
 
     @property
     def id(self) -> str:
@@ -316,77 +316,185 @@ _KEYPOINTS, _BODY, _HANDS, _CONTACT = (
 )
 
 FAULTS: tuple[Fault, ...] = (
-    Fault(_DEPTH, "along the ray", along_rays),
-    Fault(_DEPTH, "one pixel to the right", with_depth(lambda z: moved(z, 1, 0))),
-    Fault(_DEPTH, "half as far again", with_depth(lambda z: 1.5 * z)),
-    Fault(_DEPTH, "principal point half a pixel off", with_camera(cx=0.5, cy=0.5)),
-    Fault(_POINTS, "y up", with_points_of_map(lambda p, _: p * [1, -1, 1])),
-    Fault(_POINTS, "OpenGL camera", with_points_of_map(lambda p, _: p * [1, -1, -1])),
-    Fault(_POINTS, "half a pixel off", with_points_of_map(half_a_pixel_right)),
-    Fault(_POINTS, "offset of z not declared", with_points_of_map(lambda p, _: farther(p))),
-    Fault(_KEYPOINTS, "left and right exchanged", lambda k, *_: exchanged(k, *_KEYPOINT_SIDES)),
-    Fault(_KEYPOINTS, "half a pixel off", with_points(lambda p, _: p + 0.5)),
-    Fault(_KEYPOINTS, "1.25 % too large", with_points(lambda p, centre: centre + 1.0125 * (p - centre))),
-    Fault(_KEYPOINTS, "knees for ankles", lambda k, *_: exchanged(k, *_LEGS)),
-    Fault(_CONTACT, "vertices reversed", with_contact(lambda p: p[:, ::-1].copy())),
-    Fault(_CONTACT, "vertices moved by 37", with_contact(lambda p: np.roll(p, 37, axis=1))),
-    Fault(_CONTACT, "mirrored", with_contact(mirrored_contact)),
-    Fault(_BODY, "joints with left and right exchanged", with_joints(sides_of_joints)),
-    Fault(_BODY, "joints with knees for ankles", with_joints(knees_for_ankles)),
-    Fault(_BODY, "pose of the mirrored person", with_parameters(of_mirrored_person)),
-    Fault(_BODY, "pose always zero", with_parameters(lambda p: pose_of(p, np.zeros_like))),
-    Fault(_BODY, "distance times 1.4", pelvis_at(lambda pelvis: 1.4 * pelvis)),
-    Fault(_BODY, "0.25 m too low", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
-    Fault(_HANDS, "left hand not mirrored back", with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None])),
-    Fault(_HANDS, "thumb first", with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()])),
-    Fault(_HANDS, "always flat", with_fingers(np.zeros_like)),
-    Fault(_INPAINTER, "whole picture one pixel to the right", moved_picture),
-    Fault(_INPAINTER, "fill one pixel to the right", with_fill(lambda image: moved(image, 1, 0))),
-    Fault(_INPAINTER, "3 px of the border of people left", rim_left(3)),
-    Fault(_SEGMENTER, "masks one pixel to the right", lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False))),
-    Fault(_SEGMENTER, "boxes with the last pixel", lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1])),
-    Fault(_SEGMENTER, "floor one pixel to the right", lambda p, *_: replace(
-        p, floor=None if p.floor is None else moved(p.floor, 1, 0) & ~p.masks.any(axis=0)
-    )),
-)  # fmt: skip
+    Fault(_DEPTH, "along the ray", "depth_is_along_z", along_rays),
+    Fault(_DEPTH, "one pixel to the right", "depth_is_not_shifted", with_depth(lambda z: moved(z, 1, 0))),
+    Fault(_DEPTH, "half as far again", "depth_has_no_bias_of_scale", with_depth(lambda z: 1.5 * z)),
+    Fault(_DEPTH, "principal point half a pixel off", "intrinsics_are_not_biased", with_camera(cx=0.5, cy=0.5)),
+    Fault(_POINTS, "y up", "frame_is_opencv", with_points_of_map(lambda p, _: p * [1, -1, 1])),
+    Fault(_POINTS, "OpenGL camera", "returns_valid_output", with_points_of_map(lambda p, _: p * [1, -1, -1])),
+    Fault(_POINTS, "half a pixel off", "pixel_centres_are_integers", with_points_of_map(half_a_pixel_right)),
+    Fault(
+        _POINTS, "offset of z not declared", "unknown_names_the_ambiguity", with_points_of_map(lambda p, _: farther(p))
+    ),
+    Fault(_KEYPOINTS, "left and right exchanged", "joints_are_in_order", lambda k, *_: exchanged(k, *_KEYPOINT_SIDES)),
+    Fault(_KEYPOINTS, "half a pixel off", "joints_are_not_shifted_or_scaled", with_points(lambda p, _: p + 0.5)),
+    Fault(
+        _KEYPOINTS,
+        "1.25 % too large",
+        "joints_are_not_shifted_or_scaled",
+        with_points(lambda p, centre: centre + 1.0125 * (p - centre)),
+    ),
+    Fault(_KEYPOINTS, "knees for ankles", "joints_are_in_order", lambda k, *_: exchanged(k, *_LEGS)),
+    Fault(
+        _CONTACT,
+        "vertices reversed",
+        "contact_is_more_likely_where_bodies_touch",
+        with_contact(lambda p: p[:, ::-1].copy()),
+    ),
+    Fault(_CONTACT, "vertices moved by 37", "vertices_are_in_order", with_contact(lambda p: np.roll(p, 37, axis=1))),
+    Fault(_CONTACT, "mirrored", "vertices_are_in_order", with_contact(mirrored_contact)),
+    Fault(
+        _BODY, "joints with left and right exchanged", "pose_is_not_turned_or_mirrored", with_joints(sides_of_joints)
+    ),
+    Fault(_BODY, "joints with knees for ankles", "joints_are_in_order", with_joints(knees_for_ankles)),
+    Fault(_BODY, "pose of the mirrored person", "pose_is_not_turned_or_mirrored", with_parameters(of_mirrored_person)),
+    Fault(_BODY, "pose always zero", "pose_follows_the_photo", with_parameters(lambda p: pose_of(p, np.zeros_like))),
+    Fault(_BODY, "distance times 1.4", "bodies_are_in_place", pelvis_at(lambda pelvis: 1.4 * pelvis)),
+    Fault(_BODY, "0.25 m too low", "bodies_are_in_place", pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0]))),
+    Fault(
+        _HANDS,
+        "left hand not mirrored back",
+        "hands_are_those_of_the_person",
+        with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]),
+    ),
+    Fault(
+        _HANDS,
+        "thumb first",
+        "finger_joints_are_in_order",
+        with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
+    ),
+    Fault(_HANDS, "always flat", "fingers_follow_the_photo", with_fingers(np.zeros_like)),
+    Fault(_INPAINTER, "whole picture one pixel to the right", "pixels_outside_the_mask_are_unchanged", moved_picture),
+    Fault(
+        _INPAINTER, "fill one pixel to the right", "fill_is_not_shifted", with_fill(lambda image: moved(image, 1, 0))
+    ),
+    Fault(_INPAINTER, "3 px of the border of people left", "hole_is_filled", rim_left(3)),
+    Fault(
+        _SEGMENTER,
+        "masks one pixel to the right",
+        "masks_are_not_shifted",
+        lambda p, *_: with_masks(p, lambda m: moved(m, 1, 0, False)),
+    ),
+    Fault(
+        _SEGMENTER,
+        "boxes with the last pixel",
+        "boxes_enclose_their_masks",
+        lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
+    ),
+    Fault(
+        _SEGMENTER,
+        "floor one pixel to the right",
+        "masks_are_not_shifted",
+        lambda p, *_: replace(p, floor=None if p.floor is None else moved(p.floor, 1, 0) & ~p.masks.any(axis=0)),
+    ),
+)
 
 READER_FAULTS: tuple[Fault, ...] = (
-    Fault(_SEGMENTER, "masks 2 px too low", lambda p, *_: with_masks(p, lambda m: moved(m, 0, 2, False))),
-    Fault(_SEGMENTER, "masks 3 % too large", lambda p, *_: with_masks(p, enlarged)),
-    Fault(_SEGMENTER, "everybody in one mask", in_one_mask),
-    Fault(_SEGMENTER, "floor 4 px to the left", lambda p, *_: replace(
-        p, floor=None if p.floor is None else moved(p.floor, -4, 0) & ~p.masks.any(axis=0)
-    )),
-    Fault(_SEGMENTER, "boxes in another order than masks", lambda p, *_: replace(p, boxes=p.boxes[::-1].copy())),
-    Fault(_INPAINTER, "10 % darker", with_fill(lambda image: 0.9 * image)),
-    Fault(_INPAINTER, "mirrored", with_fill(lambda image: image[:, ::-1])),
-    Fault(_INPAINTER, "one pixel of the border of people left", rim_left(1)),
-    Fault(_INPAINTER, "without colour", with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1])),
-    Fault(_DEPTH, "times 1.25", with_depth(lambda z: 1.25 * z)),
-    Fault(_DEPTH, "0.3 m too far", with_depth(lambda z: z + 0.3)),
-    Fault(_DEPTH, "2 px too low", with_depth(lambda z: moved(z, 0, 2))),
-    Fault(_DEPTH, "intrinsics of the photo squeezed to a square", with_camera(fx=0.75)),
-    Fault(_POINTS, "rays of a focal length 2 % longer", with_points_of_map(lambda p, _: p / [1.02, 1.02, 1])),
-    Fault(_POINTS, "z of the next row", with_points_of_map(lambda p, _: on_same_rays(p, moved(p[..., 2], 0, -1)))),
-    Fault(_POINTS, "returned principal point W / 2", with_camera(cx=0.5, cy=0.5)),
-    Fault(_POINTS, "offset of 1 / z declared as one of z", bent),
-    Fault(_KEYPOINTS, "cut to whole pixels", with_points(lambda p, _: np.floor(p))),
-    Fault(_KEYPOINTS, "3 % too wide", with_points(lambda p, centre: centre + [1.03, 1] * (p - centre))),
-    Fault(_KEYPOINTS, "wrists exchanged", lambda k, *_: exchanged(k, ("left_wrist", "right_wrist"))),
-    Fault(_KEYPOINTS, "1 is unsure", lambda k, *_: replace(k, confidence=1 - k.confidence)),
-    Fault(_KEYPOINTS, "world points with x to the left", lambda *a: with_world(*a, right=-1)),
-    Fault(_BODY, "transl is the place of the pelvis", lambda b, *_: replace(b, parameters=replace(
-        b.parameters, transl=posed_bodies(b)[1][:, 0].astype(np.float32) if len(b.parameters) else b.parameters.transl
-    )), missed=True),  # the pelvis of the embedded body at rest is the origin, so there both are the same
-    Fault(_BODY, "8 degrees turned about the vertical", with_parameters(
-        lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}
-    )),
-    Fault(_BODY, "mean shape always", with_parameters(lambda p: {"betas": np.zeros_like(p.betas)}), missed=True),
-    Fault(_BODY, "collars for shoulders", with_parameters(lambda p: pose_of(
-        p, of_pose(("left_collar", "left_shoulder"), ("right_collar", "right_shoulder"))
-    ))),
-    Fault(_BODY, "inverse rotations", with_parameters(lambda p: pose_of(p, np.negative))),
-    Fault(_HANDS, "relative to a relaxed hand", with_fingers(lambda r: r - _MEAN_HAND)),
-    Fault(_HANDS, "joints from tip to palm", with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()])),
-    Fault(_CONTACT, "half of the vertices moved by 5", with_contact(half_moved), missed=True),
-)  # fmt: skip
+    Fault(
+        _SEGMENTER,
+        "masks 2 px too low",
+        "masks_are_not_shifted",
+        lambda p, *_: with_masks(p, lambda m: moved(m, 0, 2, False)),
+    ),
+    Fault(_SEGMENTER, "masks 3 % too large", "masks_are_not_shifted", lambda p, *_: with_masks(p, enlarged)),
+    Fault(_SEGMENTER, "everybody in one mask", "people_have_masks_of_their_own", in_one_mask),
+    Fault(
+        _SEGMENTER,
+        "floor 4 px to the left",
+        "masks_are_not_shifted",
+        lambda p, *_: replace(p, floor=None if p.floor is None else moved(p.floor, -4, 0) & ~p.masks.any(axis=0)),
+    ),
+    Fault(
+        _SEGMENTER,
+        "boxes in another order than masks",
+        "boxes_enclose_their_masks",
+        lambda p, *_: replace(p, boxes=p.boxes[::-1].copy()),
+    ),
+    Fault(_INPAINTER, "10 % darker", "fill_has_the_colours_around", with_fill(lambda image: 0.9 * image)),
+    Fault(_INPAINTER, "mirrored", "fill_has_the_colours_around", with_fill(lambda image: image[:, ::-1])),
+    Fault(_INPAINTER, "one pixel of the border of people left", "hole_is_filled", rim_left(1)),
+    Fault(
+        _INPAINTER,
+        "without colour",
+        "fill_has_the_colours_around",
+        with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1]),
+    ),
+    Fault(_DEPTH, "times 1.25", "depth_has_no_bias_of_scale", with_depth(lambda z: 1.25 * z)),
+    Fault(_DEPTH, "0.3 m too far", "depth_has_no_offset", with_depth(lambda z: z + 0.3)),
+    Fault(_DEPTH, "2 px too low", "depth_is_not_shifted", with_depth(lambda z: moved(z, 0, 2))),
+    Fault(_DEPTH, "intrinsics of the photo squeezed to a square", "intrinsics_are_not_biased", with_camera(fx=0.75)),
+    Fault(
+        _POINTS,
+        "rays of a focal length 2 % longer",
+        "given_camera_is_used",
+        with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
+    ),
+    Fault(
+        _POINTS,
+        "z of the next row",
+        "depth_is_not_shifted",
+        with_points_of_map(lambda p, _: on_same_rays(p, moved(p[..., 2], 0, -1))),
+    ),
+    Fault(_POINTS, "returned principal point W / 2", "intrinsics_are_not_biased", with_camera(cx=0.5, cy=0.5)),
+    Fault(_POINTS, "offset of 1 / z declared as one of z", "unknown_names_the_ambiguity", bent),
+    Fault(_KEYPOINTS, "cut to whole pixels", "joints_are_not_shifted_or_scaled", with_points(lambda p, _: np.floor(p))),
+    Fault(
+        _KEYPOINTS,
+        "3 % too wide",
+        "joints_are_not_shifted_or_scaled",
+        with_points(lambda p, centre: centre + [1.03, 1] * (p - centre)),
+    ),
+    Fault(
+        _KEYPOINTS, "wrists exchanged", "joints_are_in_order", lambda k, *_: exchanged(k, ("left_wrist", "right_wrist"))
+    ),
+    Fault(
+        _KEYPOINTS,
+        "1 is unsure",
+        "confidence_is_higher_in_sight",
+        lambda k, *_: replace(k, confidence=1 - k.confidence),
+    ),
+    Fault(
+        _KEYPOINTS, "world points with x to the left", "world_points_are_metres", lambda *a: with_world(*a, right=-1)
+    ),
+    Fault(
+        _BODY,
+        "transl is the place of the pelvis",
+        "",
+        lambda b, *_: replace(
+            b,
+            parameters=replace(
+                b.parameters,
+                transl=posed_bodies(b)[1][:, 0].astype(np.float32) if len(b.parameters) else b.parameters.transl,
+            ),
+        ),
+    ),  # the pelvis of the embedded body at rest is the origin, so there both are the same
+    Fault(
+        _BODY,
+        "8 degrees turned about the vertical",
+        "bodies_face_the_right_way",
+        with_parameters(lambda p: {"global_orient": turned(p.global_orient, [0, np.radians(8), 0])}),
+    ),
+    Fault(_BODY, "mean shape always", "", with_parameters(lambda p: {"betas": np.zeros_like(p.betas)})),
+    Fault(
+        _BODY,
+        "collars for shoulders",
+        "joints_are_in_order",
+        with_parameters(
+            lambda p: pose_of(p, of_pose(("left_collar", "left_shoulder"), ("right_collar", "right_shoulder")))
+        ),
+    ),
+    Fault(_BODY, "inverse rotations", "joints_are_in_order", with_parameters(lambda p: pose_of(p, np.negative))),
+    Fault(
+        _HANDS,
+        "relative to a relaxed hand",
+        "rotations_are_relative_to_the_flat_hand",
+        with_fingers(lambda r: r - _MEAN_HAND),
+    ),
+    Fault(
+        _HANDS,
+        "joints from tip to palm",
+        "finger_joints_are_in_order",
+        with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]),
+    ),
+    Fault(_CONTACT, "half of the vertices moved by 5", "", with_contact(half_moved)),
+)

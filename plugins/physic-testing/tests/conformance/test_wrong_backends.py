@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 import wrong_bodies
+from planted_faults import FAULTS, READER_FAULTS
 from right_backends import RIGHT, SIZE
 from table import row, table
 from wrong_backends import WRONG, Wrong
 
 from physic_core import interfaces
 from physic_core.interfaces import INTERFACES
+from physic_mock import backends as mocks
 from physic_testing import check_backend, conformance
 from physic_testing.conformance import checks_for
 
@@ -47,7 +49,8 @@ def test_a_wrong_backend_is_caught_by_its_own_check_and_by_no_other(mistake: Wro
 def test_every_check_catches_somebody(interface: str):
     own = {check.name for check in checks_for(interface)}
     common = set.intersection(*({check.name for check in checks_for(other)} for other in INTERFACES))
-    caught = {m.check for m in WRONG if m.kind.interface == interface}
+    planted = {f.check for f in FAULTS + READER_FAULTS if getattr(mocks, f.mock).interface == interface}
+    caught = {m.check for m in WRONG if m.kind.interface == interface} | planted
     everywhere = {m.check for m in WRONG}
     assert own & common <= everywhere
     # Checks that several interfaces share without any difference need one wrong backend only.

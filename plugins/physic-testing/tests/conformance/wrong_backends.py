@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import ConfigDict, Field
 from right_backends import (
+    SIZE,
     Knowing,
     RightBodies,
     RightContact,
@@ -25,6 +26,7 @@ from right_backends import (
 from physic_core import interfaces
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Skeleton
+from physic_testing.conformance.cases import build_case
 
 
 @dataclass(frozen=True)
@@ -584,7 +586,7 @@ class Idle(RightInpainter):
         return super().infer(image, np.zeros_like(mask))
 
 
-@wrong("a fill in BGR", "filled_pixels_are_rgb")
+@wrong("a fill in BGR", "fill_has_the_colours_around")
 class BlueFill(RightInpainter):
     def infer(self, image, mask):
         return np.where(mask[..., None], super().infer(image, mask)[..., ::-1], image)
@@ -657,7 +659,7 @@ altered(
 altered(
     RightKeypoints,
     "sides exchanged",
-    "left_is_the_persons_left",
+    "joints_are_in_order",
     lambda a, *_: replace(a, points=a.points[:, _PAIRS], confidence=a.confidence[:, _PAIRS]),
 )
 altered(RightKeypoints, "world y up", "world_points_are_metres", lambda a, *_: replace(a, world=a.world * [1, -1, 1]))
@@ -715,8 +717,8 @@ altered(
     "bodies_project_into_the_boxes",
     of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
 )
-altered(RightBodies, "y up", "bodies_are_upright", of_parameters(head_down))
-altered(RightBodies, "facing away", "left_is_the_bodys_left", turned_round)
+altered(RightBodies, "y up", "pose_is_not_turned_or_mirrored", of_parameters(head_down))
+altered(RightBodies, "facing away", "pose_is_not_turned_or_mirrored", turned_round)
 restless(
     RightBodies,
     "hints that are there",
@@ -726,7 +728,10 @@ restless(
 )
 altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
 altered(
-    RightHands, "hands exchanged", "left_hand_comes_first", lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy())
+    RightHands,
+    "hands exchanged",
+    "hands_are_those_of_the_person",
+    lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy()),
 )
 altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))
 altered(
@@ -740,4 +745,32 @@ altered(
     "1 is no contact",
     "contact_is_more_likely_where_bodies_touch",
     lambda a, *_: replace(a, probability=1 - a.probability),
+)
+
+
+@wrong("a placeholder that looks at the image", "ignores_the_image")
+class Looking(RightKeypoints):
+    capabilities: ClassVar[tuple[str, ...]] = ("ignores_image",)
+
+    def infer(self, image, people):
+        if image.std() == 0 and len(people):
+            case = build_case("one person", SIZE)
+            return replace(super().infer(case.photo, people), confidence=np.zeros((len(people), 33)))
+        return super().infer(image, people)
+
+
+@wrong("an exact backend with errors", "is_exact")
+class Inexact(RightMetricDepth):
+    capabilities: ClassVar[tuple[str, ...]] = ("exact",)
+
+    def infer(self, image, hints):
+        answer = super().infer(image, hints)
+        return replace(answer, depth=answer.depth * np.float32(1.05))
+
+
+altered(
+    RightKeypoints,
+    "people in reverse order",
+    "rows_follow_the_people",
+    lambda a, *_: replace(a, points=a.points[::-1].copy(), world=None),
 )
