@@ -145,6 +145,6 @@ CHECKS: tuple[Check, ...] = (
         after=_MESH,
     ),
     Check(check_vertices_are_in_order, _READ, after=(*_MESH, "contact_is_more_likely_where_bodies_touch")),
-    Check(check_rows_follow_the_people, _READ),
+    Check(check_rows_follow_the_people, _READ, after=_MESH),
 )
 """Checks of a ContactPrior, in order of execution."""
