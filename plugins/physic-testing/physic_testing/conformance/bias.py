@@ -14,7 +14,7 @@ import numpy as np
 from physic_testing.conformance.expect import CheckSkipped, expect
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray
+    from physic_core.types import BoolArray, FloatArray
 
 __all__ = [
     "MIN_UNITS",
@@ -168,7 +168,7 @@ def expect_order(apart: FloatArray, names: Sequence[str], negligible: float, exp
     expect_no_better(own, {f"reordered: {pairs}": other}, negligible, expected, {f"reordered: {pairs}": hint})
 
 
-def pixel_shift(values: FloatArray, truth: FloatArray, known: FloatArray, *, edges: bool = True) -> FloatArray:
+def pixel_shift(values: FloatArray, truth: FloatArray, known: BoolArray, *, edges: bool = True) -> FloatArray:
     """Return the shift (2,) of an image against the truth along x and y, px; NaN where it shows none.
 
     Args:
@@ -181,7 +181,9 @@ def pixel_shift(values: FloatArray, truth: FloatArray, known: FloatArray, *, edg
 
     found = np.full(2, np.nan)
     weight = known.astype(np.float64)
-    inner = cv2.erode(known.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0 if edges else known
+    inner = known
+    if edges:
+        inner = np.asarray(cv2.erode(known.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)).astype(bool)
     pictures = [np.where(np.isfinite(v), v, 0.0) * weight for v in (values, truth)]
     spread = np.maximum(cv2.GaussianBlur(weight, (0, 0), _BLUR_PX), 1e-6)
     smooth = [cv2.GaussianBlur(p, (0, 0), _BLUR_PX) / spread for p in pictures]

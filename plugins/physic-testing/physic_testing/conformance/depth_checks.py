@@ -90,7 +90,7 @@ def expect_not_shifted(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity
         ratio = _fit(z[both].astype(np.float64), truth[both].astype(np.float64), unknown)[0]
         logs = np.zeros((2, *truth.shape))
         logs[:, both] = np.log(np.maximum(ratio, 1e-3) * truth[both]), np.log(truth[both])
-        shifts.append(pixel_shift(*logs, both & ~case.hole))
+        shifts.append(pixel_shift(logs[0], logs[1], both & ~case.hole))
     for axis, way in enumerate("xy"):
         expect_no_bias(
             np.array(shifts)[:, axis],
@@ -104,12 +104,12 @@ def expect_not_shifted(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity
 def _fit(own: FloatArray, true: FloatArray, unknown: AffineAmbiguity) -> tuple[FloatArray, FloatArray]:
     """Fit the unknown scale and shift of depths (M,) robustly; return fitted over true depth, and the residual."""
     # Each row: fitted depth / true depth = 1, in the space in which the unknowns are linear.
-    columns = {
+    columns: dict[str, list[FloatArray]] = {
         "scale": [own / true],
         "scale_shift": [own / true, 1 / true],
         "inverse_scale_shift": [true / own, true],
-    }[unknown]
-    design = np.stack(columns, axis=1)
+    }
+    design = np.stack(columns[unknown], axis=1)
     weight = np.ones(len(own))
     residual = fitted = np.zeros(len(own))
     for _ in range(_ROUNDS):
