@@ -23,7 +23,7 @@ from physic_testing.conformance.truth import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Intrinsics
+    from physic_core.types import FloatArray, Intrinsics
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
 __all__ = ["CHECKS"]
@@ -253,8 +253,8 @@ def _people(subject: BackendUnderTest) -> list[list[_Person]]:
         vertical = root.apply([0, 1, 0]).reshape(-1, 3)
         pose, true_pose = (p.body_pose.reshape(len(p), -1, 3) for p in (given, truth.parameters))
         rows = (joints - at[:, None], true - place[:, None], pose, true_pose, across, distance, turn, vertical)
-        known: BoolArray = np.isfinite(at).all(axis=1)
-        photos.append([_Person(*row) for row, kept in zip(zip(*rows, strict=True), known, strict=True) if kept])
+        kept = np.flatnonzero(np.isfinite(at).all(axis=1))
+        photos.append([_Person(*(values[i] for values in rows)) for i in kept])
     return [photo for photo in photos if photo]
 
 
