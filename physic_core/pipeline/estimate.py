@@ -387,18 +387,10 @@ def _relative_floor(
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:
-    from physic_core.engine.placement.human_points import align_photo_points_to_scene
+    from physic_core.engine.placement.human_points import PhotoPoints, align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
     from physic_core.geometry.tensors import tensor
 
-    points = tensor(original.points)
-    alignment = align_photo_points_to_scene(
-        points,
-        tensor(original.valid),
-        original.unknown,
-        tensor(scene.points),
-        tensor(scene.valid),
-        tensor(hole),
-        settings.placement,
-    )
-    return replace(original, points=apply_alignment(points, alignment).numpy(), unknown=scene.unknown)
+    photo = PhotoPoints(tensor(original.points), tensor(original.valid), original.unknown, people=tensor(hole))
+    alignment = align_photo_points_to_scene(photo, tensor(scene.points), tensor(scene.valid), settings.placement)
+    return replace(original, points=apply_alignment(photo.points, alignment).numpy(), unknown=scene.unknown)

@@ -21,12 +21,7 @@ from physic_core.engine.joint.limbs import is_standing
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.known_sizes import known_geometry, scale_scene, scene_factor, stature_factor
-from physic_core.engine.placement.human_points import (
-    FAR_M,
-    align_photo_points_to_scene,
-    human_points,
-    move_photo_points_to_scene,
-)
+from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.lifted_feet import LiftedFeet, depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.people import Detections, observed_joints, place_people
 from physic_core.engine.placement.place import Placement, PosedBodies
@@ -47,7 +42,6 @@ if TYPE_CHECKING:
     from physic_core.engine.placement.settings import PlacementSettings
     from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.settings import EngineSettings
-    from physic_core.geometry.alignment import Alignment
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BodyParameters, Intrinsics, Skeleton
@@ -179,43 +173,12 @@ def _scene_of_known_size(
 # ---- stage 2: people in the scene (Sec. 3.2) -------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _AlignedPhoto:
-    """Point map of the original photo, aligned to the scene.
-
-    Attributes:
-        alignment: of its background to the scene.
-        points: (H, W, 3) metres; all NaN if no background pixel agrees.
-        valid: (H, W) bool.
-        people: per person (M_i, 3) metres, human points.
-    """
-
-    alignment: Alignment
-    points: Tensor
-    valid: Tensor
-    people: tuple[Tensor, ...]
-
-    @property
-    def depth(self) -> Tensor:
-        """Depth map (H, W), metres along z, NaN where unknown."""
-        return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
-
-
-def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSettings) -> _AlignedPhoto:
-    original, valid = tensor(estimates.original.points), tensor(estimates.original.valid)
-    alignment = align_photo_points_to_scene(
-        original,
-        valid,
-        estimates.original.unknown,
-        scene.points,
-        scene.valid,
-        tensor(estimates.hole),
-        settings,
-        far=FAR_M,
+def _align_photo(estimates: Estimates, scene: SceneState, settings: PlacementSettings) -> AlignedPhoto:
+    original = estimates.original
+    photo = PhotoPoints(
+        tensor(original.points), tensor(original.valid), original.unknown, people=tensor(estimates.hole)
     )
-    aligned = move_photo_points_to_scene(original, alignment, scene.K)
-    people = tuple(human_points(aligned, valid, tensor(mask), settings) for mask in estimates.people.masks)
-    return _AlignedPhoto(alignment, aligned, valid, people)
+    return align_photo(photo, scene, tensor(estimates.people.masks), settings)
 
 
 @dataclass(frozen=True)
@@ -317,7 +280,7 @@ def _bodies_of_scene_size(
 
 
 def _lifted_feet(
-    estimates: Estimates, scene: SceneState, photo: _AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
+    estimates: Estimates, scene: SceneState, photo: AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
 ) -> LiftedFeet:
     """Find the feet in the air of a photo with a floor and labels of its surfaces."""
     surfaces, up = estimates.people.surfaces, scene.floor_normal
@@ -346,7 +309,7 @@ def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, model: BodyM
 
 
 def _detections(
-    estimates: Estimates, photo: _AlignedPhoto, bodies: _EstimatedBodies, feet: LiftedFeet | None = None
+    estimates: Estimates, photo: AlignedPhoto, bodies: _EstimatedBodies, feet: LiftedFeet | None = None
 ) -> Detections:
     observed = estimates.bodies.observed
     return Detections(
@@ -366,7 +329,7 @@ def _detections(
 def _joint_problem(
     estimates: Estimates,
     scene: SceneState,
-    photo: _AlignedPhoto,
+    photo: AlignedPhoto,
     bodies: _EstimatedBodies,
     placed: Placement,
     observed: Tensor,

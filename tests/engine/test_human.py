@@ -17,6 +17,7 @@ from physic_core import engine_preset
 from physic_core.body.joints import joint_pair
 from physic_core.engine.placement import method, place, solvers
 from physic_core.engine.placement.human_points import (
+    PhotoPoints,
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
@@ -26,6 +27,7 @@ from physic_core.engine.placement.place import PeopleObservations, Placement, Po
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
 from physic_core.engine.placement.terms import FloorTerm, PlacementProblem, Residuals
 from physic_core.engine.settings import PlacementSettings
+from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_core.types import Skeleton
 from physic_paper import outliers, translation
@@ -373,12 +375,18 @@ BACKGROUND = torch.minimum(1.5 / RAYS[..., 1].clamp(min=0.05), torch.tensor(6.0,
 EVERYWHERE = torch.ones_like(PERSON)
 
 
+def align(points: Tensor, scene: Tensor, people: Tensor = PERSON, **options: object) -> Alignment:
+    """Align a photo of unknown scale to a scene, both valid everywhere."""
+    photo = PhotoPoints(points, EVERYWHERE, "scale", people)
+    return align_photo_points_to_scene(photo, scene, EVERYWHERE, **options)  # type: ignore[arg-type]
+
+
 def test_the_photo_is_aligned_outside_its_people_and_carries_them_along() -> None:
     photo = torch.where(PERSON, 2.0, BACKGROUND)
     relative = RAYS * (photo / 3.0)[..., None]
     # The network smears the person's rim, beyond the mask.
     relative[18:82, 43:77] *= torch.where(PERSON[18:82, 43:77], 1.0, 0.6)[..., None]
-    found = align_photo_points_to_scene(relative, EVERYWHERE, "scale", RAYS * BACKGROUND[..., None], EVERYWHERE, PERSON)
+    found = align(relative, RAYS * BACKGROUND[..., None])
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
     placed = move_photo_points_to_scene(relative, found, None)
@@ -393,9 +401,7 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 
     def scale(settings: PlacementSettings) -> float:
         scene_points = RAYS * scene[..., None]
-        return align_photo_points_to_scene(
-            RAYS * photo[..., None], EVERYWHERE, "scale", scene_points, EVERYWHERE, PERSON, settings
-        ).scale
+        return align(RAYS * photo[..., None], scene_points, settings=settings).scale
 
     assert scale(DEFAULT) == pytest.approx(1.0, abs=0.01)
     assert scale(PAPER) == pytest.approx(1 / 1.3, abs=0.01)
@@ -404,16 +410,14 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
 def test_far_background_takes_no_part_where_that_is_wanted() -> None:
     scene = BACKGROUND.clone()
     wrong = torch.where(scene > 5, scene * 1.5, scene)
-    found = align_photo_points_to_scene(
-        RAYS * wrong[..., None], EVERYWHERE, "scale", RAYS * scene[..., None], EVERYWHERE, PERSON, far=5.0
-    )
+    found = align(RAYS * wrong[..., None], RAYS * scene[..., None], far=5.0)
     assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
 
 
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
     K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     scene = RAYS * BACKGROUND[..., None]
-    found = align_photo_points_to_scene(scene / 2, EVERYWHERE, "scale", scene, EVERYWHERE, PERSON)
+    found = align(scene / 2, scene)
     placed = move_photo_points_to_scene(scene / 2, found, K)
     expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
     torch.testing.assert_close(placed, expected)
@@ -421,7 +425,7 @@ def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera() -> None:
 
 def test_without_a_common_background_no_person_has_points() -> None:
     scene = RAYS * BACKGROUND[..., None]
-    found = align_photo_points_to_scene(scene, EVERYWHERE, "scale", scene, EVERYWHERE, EVERYWHERE)
+    found = align(scene, scene, people=EVERYWHERE)
     assert found.inlier_share == 0
     assert len(human_points(move_photo_points_to_scene(scene, found, None), EVERYWHERE, PERSON)) == 0
 

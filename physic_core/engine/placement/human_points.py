@@ -6,11 +6,13 @@ The point map of the original photo is aligned to the scene on the background. O
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.types import AffineAmbiguity
@@ -18,6 +20,9 @@ from physic_core.types import AffineAmbiguity
 __all__ = [
     "FAR_M",
     "MIN_ALIGN_INLIER_SHARE",
+    "AlignedPhoto",
+    "PhotoPoints",
+    "align_photo",
     "align_photo_points_to_scene",
     "human_points",
     "move_photo_points_to_scene",
@@ -32,25 +37,66 @@ FAR_M = 50.0
 _MARGIN_PX = 8
 
 
+@dataclass(frozen=True)
+class PhotoPoints:
+    """Point map of the original photo.
+
+    Attributes:
+        points: (H, W, 3) any unit.
+        valid: (H, W) bool.
+        unknown: its ambiguity relative to the scene: scale, or scale and z-shift.
+        people: (H, W) bool, pixels of all people.
+    """
+
+    points: Tensor
+    valid: Tensor
+    unknown: AffineAmbiguity
+    people: Tensor
+
+
+@dataclass(frozen=True)
+class AlignedPhoto:
+    """Point map of the original photo, aligned to the scene.
+
+    Attributes:
+        alignment: of its background to the scene.
+        points: (H, W, 3) metres; all NaN if no background pixel agrees.
+        valid: (H, W) bool.
+        people: per person (M_i, 3) metres, human points.
+    """
+
+    alignment: Alignment
+    points: Tensor
+    valid: Tensor
+    people: tuple[Tensor, ...]
+
+    @property
+    def depth(self) -> Tensor:
+        """Depth map (H, W), metres along z, NaN where unknown."""
+        return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
+
+
+def align_photo(photo: PhotoPoints, scene: SceneState, masks: Tensor, settings: PlacementSettings) -> AlignedPhoto:
+    """Align the photo to the metric scene, and select the points of people with masks (B, H, W) bool."""
+    alignment = align_photo_points_to_scene(photo, scene.points, scene.valid, settings, far=FAR_M)
+    aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
+    people = tuple(human_points(aligned, photo.valid, mask, settings) for mask in masks)
+    return AlignedPhoto(alignment, aligned, photo.valid, people)
+
+
 def align_photo_points_to_scene(
-    points: Tensor,
-    valid: Tensor,
-    unknown: AffineAmbiguity,
+    photo: PhotoPoints,
     scene_points: Tensor,
     scene_valid: Tensor,
-    people_mask: Tensor,
     settings: PlacementSettings | None = None,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
 
     Args:
-        points: (H, W, 3) point map of the original photo.
-        valid: (H, W) bool.
-        unknown: its ambiguity relative to the scene: scale, or scale and z-shift.
+        photo: point map of the original photo.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
-        people_mask: (H, W) bool, all people.
         settings: of stage 2; preset "default" if None.
         far: largest depth of scene pixels used, in the unit of the scene; ``FAR_M`` for a metric scene.
 
@@ -58,15 +104,15 @@ def align_photo_points_to_scene(
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
     method = (settings or PlacementSettings()).method()
-    background = ~method.grow_mask(people_mask) & (scene_points[..., 2] <= far)
+    background = ~method.grow_mask(photo.people) & (scene_points[..., 2] <= far)
     return align(
-        points,
-        valid & background,
+        photo.points,
+        photo.valid & background,
         scene_points,
         scene_valid & background,
-        unknown,
+        photo.unknown,
         options=method.alignment,
-        weight=method.weigh_background(points[..., 2], valid, people_mask, background),
+        weight=method.weigh_background(photo.points[..., 2], photo.valid, photo.people, background),
     )
 
 
