@@ -22,7 +22,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.known_sizes import known_geometry, scale_scene, scene_factor, stature_factor
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
-from physic_core.engine.placement.lifted_feet import LiftedFeet, depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.people import Detections, observed_joints, place_people
 from physic_core.engine.placement.place import Placement, PosedBodies
 from physic_core.engine.scene.camera import Cameras
@@ -77,11 +77,13 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             assert known is not None
             stages.warn(*check_people_in_scene(known, estimates.statures, model.stature(bodies.betas), ratio))
             bodies = _bodies_of_scene_size(estimates, bodies, ratio, model, settings.placement)
+        detections = _detections(estimates, photo, bodies)
         feet = None
         labelled = estimates.people.surfaces is not None and scene.floor_normal is not None
         if settings.placement.detect_lifted_feet and labelled:
-            feet = _lifted_feet(estimates, scene, photo, bodies, model)
-        detections = _detections(estimates, photo, bodies, feet)
+            gaps = _gaps_at_feet(estimates, scene, photo, detections)
+            feet = find_lifted_feet(gaps, _hands_may_hold(estimates, bodies, scene), scene.floor_offset)
+            detections = replace(detections, airborne=feet.airborne)
         placed = place_people(bodies.posed, detections, bodies.K(scene), scene.floor_plane, settings.placement)
         normals = scene.normals[scene.valid]
         if not_theirs := wrong_floor(scene.floor, bodies.placed_vertices(placed), bodies.joints, normals):
@@ -90,9 +92,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
             scene = without_floor(scene, not_theirs)
             placed = place_people(bodies.posed, detections, bodies.K(scene), None, settings.placement, before=placed)
     with stages.time_engine("joint optimisation"):
-        problem = _joint_problem(
-            estimates, scene, photo, bodies, placed, observed_joints(detections, settings.placement), model
-        )
+        observed = observed_joints(detections, settings.placement)
+        problem = _joint_problem(estimates, scene, photo, bodies, placed, observed)
         if known is not None:
             sigma = problem.scale_sigma if factor is None else _EXACT_SCALE_SIGMA
             problem = replace(problem, known=known, scale_sigma=sigma)
@@ -186,6 +187,7 @@ class _EstimatedBodies:
     """Posed bodies of the body estimator on the engine's device.
 
     Attributes:
+        model: of all bodies.
         posed: their vertices and landmarks.
         rotations: (B, 55, 3, 3).
         betas: (B, K).
@@ -196,6 +198,7 @@ class _EstimatedBodies:
         joints: (B, 55, 3) metres.
     """
 
+    model: BodyModel
     posed: PosedBodies
     rotations: Tensor
     betas: Tensor
@@ -232,7 +235,9 @@ def _pose_bodies(
         outer=model.outer,
         soles=torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]]),
     )
-    return _EstimatedBodies(posed, rotations, betas, expression, keypoints, confidence, known.joint_set, body.joints)
+    return _EstimatedBodies(
+        model, posed, rotations, betas, expression, keypoints, confidence, known.joint_set, body.joints
+    )
 
 
 def _size_by_scene(
@@ -279,38 +284,27 @@ def _bodies_of_scene_size(
     return _pose_bodies(estimates, resized, model, settings)
 
 
-def _lifted_feet(
-    estimates: Estimates, scene: SceneState, photo: AlignedPhoto, bodies: _EstimatedBodies, model: BodyModel
-) -> LiftedFeet:
-    """Find the feet in the air of a photo with a floor and labels of its surfaces."""
-    surfaces, up = estimates.people.surfaces, scene.floor_normal
+def _gaps_at_feet(estimates: Estimates, scene: SceneState, photo: AlignedPhoto, detections: Detections) -> Tensor:
+    """Return the gaps of depth at the feet (B, 2) of a photo with labels of its surfaces."""
+    surfaces = estimates.people.surfaces
     assert surfaces is not None
-    assert up is not None
-    gap = depth_gaps_at_feet(
-        bodies.skeleton,
-        bodies.keypoints.cpu(),
-        bodies.confidence.cpu(),
-        tensor(estimates.people.masks),
-        photo.depth,
-        torch.where(scene.valid, scene.depth, torch.nan),
-        tensor(surfaces.mask(*_RAISED_SURFACES)),
-    )
-    return find_lifted_feet(gap, _hands_may_hold(estimates, bodies, model, up).cpu(), float(scene.floor_offset))
+    raised = tensor(surfaces.mask(*_RAISED_SURFACES))
+    return depth_gaps_at_feet(detections, photo.depth, torch.where(scene.valid, scene.depth, torch.nan), raised)
 
 
-def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, model: BodyModel, up: Tensor) -> Tensor:
+def _hands_may_hold(estimates: Estimates, bodies: _EstimatedBodies, scene: SceneState) -> Tensor:
     """Return which people (B,) bool may hold something, and do not stand upright with their hands down."""
+    assert scene.floor_normal is not None
     contact = tensor(estimates.contact.probability).to(bodies.betas)
-    joints, rotations, up = bodies.joints, bodies.rotations, up.to(bodies.betas)
+    joints, rotations, up = bodies.joints, bodies.rotations, scene.floor_normal.to(bodies.betas)
     everything = torch.ones(joints.shape[:2], dtype=torch.bool, device=joints.device)
     height = joints @ up
     hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
-    return hands_may_hold(model, contact).any(1) & (hands_up | ~is_standing(rotations, joints, everything, up))
+    may_hold = hands_may_hold(bodies.model, contact).any(1)
+    return (may_hold & (hands_up | ~is_standing(rotations, joints, everything, up))).cpu()
 
 
-def _detections(
-    estimates: Estimates, photo: AlignedPhoto, bodies: _EstimatedBodies, feet: LiftedFeet | None = None
-) -> Detections:
+def _detections(estimates: Estimates, photo: AlignedPhoto, bodies: _EstimatedBodies) -> Detections:
     observed = estimates.bodies.observed
     return Detections(
         skeleton=bodies.skeleton,
@@ -319,7 +313,6 @@ def _detections(
         observed=None if observed is None else tensor(observed),
         points=photo.people,
         masks=tensor(estimates.people.masks),
-        airborne=None if feet is None else feet.airborne,
     )
 
 
@@ -333,12 +326,11 @@ def _joint_problem(
     bodies: _EstimatedBodies,
     placed: Placement,
     observed: Tensor,
-    model: BodyModel,
 ) -> JointProblem:
     like = bodies.betas
     agrees = photo.alignment.inlier_share > 0
     return JointProblem(
-        model=model,
+        model=bodies.model,
         rotations0=bodies.rotations,
         betas0=bodies.betas,
         expression0=bodies.expression,

@@ -11,6 +11,7 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.placement.people import Detections
 
 NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
 
@@ -68,7 +69,9 @@ def gap_of(stage, raised=None):
     photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
     raised = torch.zeros_like(problem.masks[0]) if raised is None else raised
     confidence = problem.keypoint_confidence
-    return depth_gaps_at_feet(skeleton, problem.keypoints, confidence, problem.masks, photo, scene, raised)
+    points = [problem.scene_points[:0] for _ in range(len(problem))]
+    found = Detections(skeleton, problem.keypoints, confidence, None, points, problem.masks)
+    return depth_gaps_at_feet(found, photo, scene, raised)
 
 
 def floor_depth(problem):

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
-from physic_core.types import Skeleton
+from physic_core.engine.placement.people import Detections
 
 __all__ = ["LiftedFeet", "depth_gaps_at_feet", "find_lifted_feet"]
 
@@ -75,29 +75,20 @@ def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
     return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > MIN_FOOT_HEIGHT_M)
 
 
-def depth_gaps_at_feet(
-    skeleton: Skeleton,
-    keypoints: Tensor,
-    confidence: Tensor,
-    masks: Tensor,
-    photo: Tensor,
-    scene: Tensor,
-    raised: Tensor,
-) -> Tensor:
+def depth_gaps_at_feet(detections: Detections, photo: Tensor, scene: Tensor, raised: Tensor) -> Tensor:
     """Measure the gap of depth behind each foot: (B, 2), NaN where unknown.
 
     It is the median over the person's pixels around heel and toe, or around the lower one for a foot that points up or
     down in the image, minus the median over the background around the foot.
 
     Args:
-        skeleton: of the J keypoints.
-        keypoints: (B, J, 2) px.
-        confidence: (B, J).
-        masks: (B, H, W) bool, visible pixels of each person.
+        detections: keypoints and masks of B people.
         photo: (H, W) metres, depth of the photo, NaN where unknown.
         scene: (H, W) metres, depth of the scene without people, NaN where unknown.
         raised: (H, W) bool, surfaces that can carry a foot over the ground. Feet among them have no gap.
     """
+    skeleton, masks = detections.skeleton, detections.masks.cpu()
+    keypoints, confidence = detections.keypoints.cpu(), detections.confidence.cpu()
     log_ratio = scene.log() - photo.log()
     people = torch.nn.functional.max_pool2d(
         masks.any(0)[None, None].float(), 2 * _MARGIN_PX + 1, stride=1, padding=_MARGIN_PX
