@@ -67,7 +67,7 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
         "segmenter": ("grabcut",),
     },
     "physic-transformers": {
-        "keypoint_detector": ("vitpose-hf",),
+        "keypoint_detector": ("sapiens2-hf", "vitpose-hf"),
         "metric_depth": ("depth-anything-v2-metric-hf", "depth-pro-hf", "zoedepth-hf"),
         "relative_pointmap": ("depth-anything-hf",),
         "segmenter": ("eomt-hf", "grounded-sam2-hf", "sam3-hf"),

@@ -85,6 +85,16 @@ def physic_backends() -> list[BackendRecord]:
         ),
         BackendRecord(
             "keypoint_detector",
+            "sapiens2-hf",
+            "physic_transformers.sapiens2:Sapiens2",
+            api=1,
+            summary="Sapiens2: body, hands and feet of its 308 keypoints",
+            weights_license="Sapiens2 License: no surveillance, no biometric processing (Sapiens2)",
+            needs=("weights",),
+            weights=("sapiens2-pose-0.4b-hf",),
+        ),
+        BackendRecord(
+            "keypoint_detector",
             "vitpose-hf",
             "physic_transformers.vitpose:VitPose",
             api=1,

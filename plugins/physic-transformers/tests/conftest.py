@@ -266,6 +266,17 @@ def vitpose(experts: int = 1) -> Any:
     return VitPoseForPoseEstimation(VitPoseConfig(backbone_config=backbone, num_labels=17))
 
 
+def sapiens2() -> Any:
+    from transformers import Sapiens2Config, Sapiens2ForPoseEstimation, Sapiens2HeadConfig
+
+    head = Sapiens2HeadConfig(upsample_out_channels=[16, 16], conv_out_channels=[16], use_pixel_shuffle=False)
+    config = Sapiens2Config(
+        image_size=[256, 192], hidden_size=32, intermediate_size=64, num_hidden_layers=2, num_attention_heads=2,
+        num_key_value_attention_heads=2, num_register_tokens=2, head_config=head, num_labels=308,
+    )  # fmt: skip
+    return Sapiens2ForPoseEstimation(config)
+
+
 _TOKENIZERS: dict[Any, Callable[[Path], None]] = {
     grounding_dino: write_bert_tokenizer,
     sam3: write_clip_tokenizer,

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from physic_core.adapters.devices import check_device
 from physic_core.errors import NoPersonError
-from physic_core.types import PeoplePrompt
+from physic_core.types import SKELETONS, PeoplePrompt
 from physic_testing import build_world, check_backend
 from physic_testing.worlds import labels
 from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
@@ -25,6 +25,7 @@ from physic_transformers.depth_pro import DepthPro
 from physic_transformers.eomt import Eomt
 from physic_transformers.grounded_sam2 import GroundedSam2
 from physic_transformers.sam3 import Sam3
+from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
 from physic_transformers.vitpose import VitPose
 from physic_transformers.zoedepth import ZoeDepth
 
@@ -152,6 +153,7 @@ class ToldZoeDepth(Told):
 
 
 class ToldVitPose(Told):
+    skeleton = "coco17"
     config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6), num_labels=17)
 
     def show_people(self, boxes: np.ndarray) -> None:
@@ -164,8 +166,8 @@ class ToldVitPose(Told):
         return SimpleNamespace(heatmaps=torch.from_numpy(np.stack([self._maps(box) for box in boxes])))
 
     def _maps(self, box: np.ndarray) -> np.ndarray:
-        """(17, 64, 48): COCO's points in the frame of unbiased data processing."""
-        maps = np.zeros((17, 64, 48), np.float32)
+        """(J, 64, 48): COCO's points in the frame of unbiased data processing."""
+        maps = np.zeros((len(SKELETONS[self.skeleton].names), 64, 48), np.float32)
         if self.world is None:
             return maps
         person = int(np.abs(self.world.boxes - box).sum(1).argmin())
@@ -173,11 +175,23 @@ class ToldVitPose(Told):
         wide, high = 1.25 * max(wide, 0.75 * high), 1.25 * max(high, wide / 0.75)
         left, top = (box[0] + box[2] - 1 - wide) / 2, (box[1] + box[3] - 1 - high) / 2
         rows, columns = np.mgrid[:64, :48]
-        for joint, (x, y) in enumerate(self.world.keypoints["coco17"][person]):
+        for joint, (x, y) in enumerate(self.world.keypoints[self.skeleton][person]):
             column, row = (x - left) / wide * 47, (y - top) / high * 63
-            sure = 0.9 if self.world.visible["coco17"][person, joint] else 0.2
+            sure = 0.9 if self.world.visible[self.skeleton][person, joint] else 0.2
             maps[joint] = sure * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / 8)
         return maps
+
+
+class ToldSapiens2(ToldVitPose):
+    skeleton = "coco23"
+    config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
+
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        """Return the maps of body and feet; the worlds' truth has no hands."""
+        found = np.zeros((len(pixel_values), 308, 64, 48), np.float32)
+        for maps in found:
+            maps[[KEYPOINT_OF_WHOLEBODY[i] for i in range(23)]] = self._maps(self.boxes.pop(0))
+        return SimpleNamespace(heatmaps=torch.from_numpy(found))
 
 
 class ToldEomt(Told):
@@ -349,6 +363,10 @@ class TellingVitPose(Telling, VitPose):
     told = (("weights", ToldVitPose),)
 
 
+class TellingSapiens2(Telling, Sapiens2):
+    told = (("weights", ToldSapiens2),)
+
+
 class TellingEomt(Telling, Eomt):
     told = (("weights", ToldEomt),)
 
@@ -370,6 +388,7 @@ ALL = (
     TellingZoeDepth,
     TellingRelative,
     TellingVitPose,
+    TellingSapiens2,
 )
 
 
