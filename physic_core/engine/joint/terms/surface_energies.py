@@ -8,6 +8,7 @@ Distances are divided by the scene's scale, so that shrinking scene and people t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,10 +66,8 @@ class SurfaceInputs:
     soles: tuple[Tensor, Tensor]
 
 
-def surface_energies(
-    data: SurfaceInputs, vertices: Tensor, pelvis: Tensor, root: Tensor, log_scale: Tensor, offset: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Return the weighted energy of each surface term, by the equation of its class; differentiable once.
+class _SurfaceEnergies(torch.autograd.Function):
+    """Weighted energy of each surface term, by the equation of its class; differentiable once.
 
     Args:
         data: inputs since the last refresh.
@@ -82,14 +81,6 @@ def surface_energies(
         energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
         lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
     """
-    energies, lowest = _Fused.apply(  # type: ignore[no-untyped-call]
-        data, vertices, pelvis, root, log_scale, offset
-    )
-    return energies, lowest
-
-
-class _Fused(torch.autograd.Function):
-    """Autograd function of :func:`surface_energies`."""
 
     @staticmethod
     def forward(
@@ -184,3 +175,8 @@ class _Fused(torch.autograd.Function):
             by_offset = -by_log.sum(1)
             by_scale = by_scale + by_offset.sum()
         return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset
+
+
+surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+surface_energies = _SurfaceEnergies.apply
+"""The function of :class:`_SurfaceEnergies`."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 from physic_core.configuration.problems import did_you_mean
 from physic_core.errors import ConfigError
@@ -36,8 +36,11 @@ class Row:
 
     @property
     def digest(self) -> str:
-        """Hash of the settings, independent of the label."""
-        settings = None if self.settings is None else to_json(asdict(self.settings), digits=7)
+        """Hash of the settings and of their types, which select the energy; independent of the label."""
+        settings: Any = None
+        if self.settings is not None:
+            types = [type(getattr(self.settings, stage.name)).__name__ for stage in fields(self.settings)]
+            settings = [types, to_json(asdict(self.settings), digits=7)]
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
 
