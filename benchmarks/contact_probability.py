@@ -1,15 +1,17 @@
 """Fit the probability of contact, ``physic_core/engine/contact/coefficients.json``, on synthetic worlds.
 
-    python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 60 --people-worlds 36
-    python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 30
+    python -m benchmarks.contact_probability sample MAKE --seed 1 --worlds 45 --raised-worlds 35 --people-worlds 30
+    python -m benchmarks.contact_probability sample CHOOSE --seed 2 --worlds 20 --raised-worlds 15 --people-worlds 10
     python -m benchmarks.contact_probability columns MAKE CHOOSE
     python -m benchmarks.contact_probability fit MAKE CHOOSE
+    python -m benchmarks.contact_probability thresholds CHOOSE
 
 ``sample`` runs estimators and engine, and keeps the features of the vertices of each world in a folder; an interrupted
 run continues. ``fit`` finds the coefficients of the columns that the file names by maximum likelihood on one folder,
 and writes them with their error on another. ``columns`` prints the loss on the other folder with and without each
-column, for all columns that the engine computes. Each person counts the same. The worlds have the noise of version 4,
-other bodies and labelled surfaces; the worlds of people who touch each other are added, since this is rare.
+column, for all columns that the engine computes. ``thresholds`` prints what each threshold of the fitted model finds.
+Each person counts the same. The worlds have the noise of version 4, other bodies and labelled surfaces. Worlds of
+people whose feet are over the ground, and of people who touch each other, are added, since both are rare.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from numpy.typing import NDArray
 from benchmarks.rules import _setup
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
+from physic_core.engine.contact.partner import VertexContacts, body_contacts
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -39,7 +42,7 @@ from physic_core.pipeline import solution
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
-from physic_testing.worlds import World, benchmark_worlds, build_world
+from physic_testing.worlds import RAISED_FEET_WORLDS, World, benchmark_worlds, build_world
 
 Array = NDArray[np.float64]
 Table = tuple[Array, NDArray[np.bool_]]
@@ -61,19 +64,21 @@ def main() -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     sample = commands.add_parser("sample")
     sample.add_argument("out", type=Path)
-    for name, default in {"seed": 1, "worlds": 60, "people-worlds": 0}.items():
+    for name, default in {"seed": 1, "worlds": 45, "raised-worlds": 0, "people-worlds": 0}.items():
         sample.add_argument(f"--{name}", type=int, default=default)
-    for name in ("columns", "fit"):
+    for name in ("columns", "fit", "thresholds"):
         command = commands.add_parser(name)
-        command.add_argument("make", type=Path)
+        if name != "thresholds":
+            command.add_argument("make", type=Path)
         command.add_argument("choose", type=Path)
     given = parser.parse_args()
     if given.command == "sample":
         cases = [*benchmark_cases(given.worlds, given.seed, SIZE, "both")]
-        cases += [
-            WorldCase(name, seed, SIZE) for name, seed in benchmark_worlds(given.people_worlds, given.seed, PEOPLE)
-        ]
+        for count, names in ((given.raised_worlds, RAISED_FEET_WORLDS), (given.people_worlds, PEOPLE)):
+            cases += [WorldCase(name, seed, SIZE) for name, seed in benchmark_worlds(count, given.seed, names)]
         collect(with_other_bodies(cases), given.out)
+    elif given.command == "thresholds":
+        compare_thresholds(Samples.read(given.choose))
     else:
         (compare_columns if given.command == "columns" else fit)(Samples.read(given.make), Samples.read(given.choose))
     return 0
@@ -128,19 +133,18 @@ def true_contact(world: World, person: int) -> tuple[NDArray[np.bool_], ...]:
 def part_samples(
     model: BodyModel, result: ContactResult, row: int, touched: Mapping[str, NDArray[np.bool_]]
 ) -> list[tuple[float, float]]:
-    """Return log odds and truth of each contact of a body part; true is contact of at least ten vertices."""
+    """Return log odds and truth of each contact of a body part that is listed; true is contact of ten vertices."""
     regions, rows = contact_regions(model), []
     assert result.probability is not None
-    for index, partner in enumerate(result.partners):
-        for number in range(len(regions.names)):
-            here = (result.partner[row] == index) & (regions.region == number)
-            count = int(here.sum())
-            if count < 3:
-                continue
-            surest = result.probability[row][here].topk(min(10, count)).values.mean()
-            kind = next(kind for kind, names in STATED.items() if partner.kind in names)
-            true = touched[kind][(regions.region == number).numpy()].sum() >= 10
-            rows.append((float(torch.logit(surest.double(), 1e-6)), float(true)))
+    index, likely = result.partner[row], result.probability[row]
+    found = VertexContacts(index, None, torch.full_like(likely, torch.nan))
+    for one in body_contacts(found, result.partners, regions):
+        part = regions.region == regions.names.index(one.part)
+        here = part & (index == result.partners.index(one.partner))
+        surest = likely[here].topk(min(10, one.vertices)).values.mean()
+        kind = next(kind for kind, names in STATED.items() if one.partner.kind in names)
+        true = touched[kind][part.numpy()].sum() >= 10
+        rows.append((float(torch.logit(surest.double(), 1e-6)), float(true)))
     return rows
 
 
@@ -284,6 +288,56 @@ def anything_of(
         weights = np.array([vertex[kind].get(name, 0.0) for name in names[kind]])
         free = free * (1 - probability(columns.astype(np.float64), weights))
     return 1 - free
+
+
+def compare_thresholds(choose: Samples) -> None:
+    """Print the F1 of contact for each threshold: with anything, of seen and unseen limbs, and with skin.
+
+    For skin, the vertices found on body parts that touch no skin are counted too.
+    """
+    model = contact_model()
+    likely = [anything_of(one, model.vertex, choose.names) for one in choose.people]
+    for least in (0.25, 0.3, 0.35, 0.4, 0.45, 0.5):
+        scores = []
+        for shown in (True, False):
+            found = np.concatenate([(p >= least)[seen == shown] for p, seen in zip(likely, choose.seen, strict=True)])
+            true = np.concatenate([t[seen == shown] for t, seen in zip(choose.anything, choose.seen, strict=True)])
+            scores.append(f1(found, true))
+        print(f"threshold {least}: F1 {scores[0]:.3f} of seen limbs, {scores[1]:.3f} of unseen")
+    body = _setup()[1]
+    part = body.part_of_vertex.numpy()[body.outer.numpy()]
+    for least in (0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.35):
+        found, true, wrong = [], [], 0
+        for one in choose.people:
+            p, touches = skin_of(one, model.vertex, choose.names)
+            found.append(p >= least)
+            true.append(touches)
+            empty = np.bincount(part, touches, len(body.part_names)) == 0
+            wrong += int((found[-1] & empty[part]).sum())
+        score = f1(np.concatenate(found), np.concatenate(true))
+        print(f"skin threshold {least}: F1 {score:.3f}; {wrong} vertices on body parts that touch no skin")
+
+
+def skin_of(
+    person: Mapping[str, Table], vertex: Mapping[str, Mapping[str, float]], names: Mapping[str, Sequence[str]]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the probability (n,) of contact with the likelier kind of skin, 0 where scene is likelier, and truth."""
+    chances, truths = {}, []
+    for kind in ("scene", "person", "own body"):
+        columns, true = person.get(kind, (None, None))
+        if columns is None:
+            continue
+        weights = np.array([vertex[kind].get(name, 0.0) for name in names[kind]])
+        near = columns[:, names[kind].index("nothing near")] == 0
+        chances[kind] = np.where(near, probability(columns.astype(np.float64), weights), 0.0)
+        truths += [true] if kind != "scene" else []
+    skin = np.max([chance for kind, chance in chances.items() if kind != "scene"], axis=0)
+    return np.where(skin > chances["scene"], skin, 0.0), np.any(truths, axis=0)
+
+
+def f1(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> float:
+    """Return F1 over all vertices (n,)."""
+    return float(2 * (found & true).sum() / max(1, found.sum() + true.sum()))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from physic_core.engine.contact.distance import contact_surfaces
 from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
+from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
+from physic_core.engine.placement.people import Detections
 from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.person_measures import depth_ratios
@@ -69,7 +71,24 @@ def contact_input(
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
         free=free,
         objects=_held_objects(problem, result, objects),
+        foot_gap=_foot_gaps(problem),
     )
+
+
+def _foot_gaps(problem: JointProblem) -> Tensor | None:
+    """Return the gap (N, 2) of depth behind each foot; None if a depth is unknown."""
+    photo, scene = problem.human_depth, problem.scene_depth
+    if photo is None or scene is None:
+        return None
+    shown = Detections(
+        skeleton=problem.skeleton,
+        keypoints=problem.keypoints,
+        confidence=problem.keypoint_confidence,
+        observed=None,
+        points=(),
+        masks=problem.masks,
+    )
+    return depth_gaps_at_feet(shown, photo.cpu(), scene.cpu(), torch.zeros_like(photo, dtype=torch.bool, device="cpu"))
 
 
 def _held_objects(problem: JointProblem, result: JointResult, masks: Tensor) -> HeldObjects | None:

@@ -9,8 +9,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.engine.contact.features import KINDS, part_gaps
+from physic_core import engine_preset
+from physic_core.engine.contact.distance import ContactSurfaces
+from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances, part_gaps
 from physic_core.engine.contact.probability import ContactModel, contact_model
+from physic_core.engine.contact.problem import ContactInput
+from physic_core.engine.contact.scene_parts import ClassifiedPoints
+from physic_core.engine.contact.solve import solve_contact
+from physic_core.geometry.neighbors import NearestPointSearch
 
 LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0})
 
@@ -40,6 +46,7 @@ def test_the_fitted_model_has_all_kinds_and_is_less_sure_farther_away():
     for weights in model.vertex.values():
         assert weights["nothing near"] < 0
     assert model.vertex["scene"]["outside"] < 0
+    assert model.vertex["scene"]["foot, depth behind"] < 0
     assert model.part["log odds"] > 0
 
 
@@ -49,3 +56,28 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     gaps = part_gaps(distance, group)[0]
     assert gaps[:6].tolist() == pytest.approx([0.05] * 6)
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
+
+
+def test_depth_behind_a_foot_speaks_against_its_contact(body):
+    posed = body(*body.zero_pose())
+    empty, none = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3)), torch.zeros(0, dtype=torch.int64)
+    given = ContactInput(
+        model=body,
+        vertices=posed.vertices,
+        joints=posed.joints,
+        rotations=torch.eye(3).expand(1, 55, 3, 3),
+        prior=torch.full(posed.vertices.shape[:2], 0.5),
+        observed=torch.ones(1, 55, dtype=torch.bool),
+        lifted_feet=torch.zeros(1, 2, dtype=torch.bool),
+        surfaces=ContactSurfaces(empty, none, None),
+        uncarved=empty,
+        classes=ClassifiedPoints(("unknown",), none, none.bool()),
+        plane=None,
+        foot_gap=torch.tensor([[0.2, math.nan]]),
+    )
+    settings = engine_preset("default").contact
+    gaps = feature_columns(given, measure_distances(given, settings))["scene"]["foot, depth behind"][0]
+    assert gaps[given.part("left_foot")].unique().tolist() == pytest.approx([2.0])
+    assert not gaps[~given.part("left_foot")].any()
+    likely = solve_contact(given, contact_model(), settings).probability[0]
+    assert likely[given.part("left_foot")].max() < likely[given.part("right_foot")].max()

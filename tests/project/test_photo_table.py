@@ -32,6 +32,7 @@ def test_every_photo_has_its_row(tool, tmp_path, monkeypatch, capsys):
     Image.fromarray(build_world("stand", 0, (160, 120)).image).save(photos / "b_world.png")
     (photos / "a_empty.jpg").write_bytes(b"")
     (photos / "notes.txt").write_text("not a photo")
+    monkeypatch.setenv("PHYSIC__ENGINE__JOINT__OPTIMISER__STEPS", "10")  # after two steps a foot is 7 cm over the floor
     monkeypatch.setattr(sys, "argv", ["photo_table", str(photos), "--config", "mock", "--out", str(out)])
     assert tool.main() == 0
     header, rule, empty, world = capsys.readouterr().out.splitlines()
@@ -41,7 +42,7 @@ def test_every_photo_has_its_row(tool, tmp_path, monkeypatch, capsys):
     cells = [cell.strip() for cell in world.strip("|").split("|")]
     assert cells[:2] == ["b_world.png", "1"]
     assert float(cells[3]) < 5
-    assert float(cells[4]) < 10
+    assert float(cells[4]) < 3
     assert (out / "b_world.png" / "preview.png").is_file()
 
 

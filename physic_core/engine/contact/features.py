@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.body.joints import SIDES
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M, SurfaceDistances, surface_distances
 from physic_core.engine.contact.objects import ObjectDistances, object_distances
 from physic_core.engine.contact.problem import ContactInput
@@ -38,6 +39,7 @@ Columns: TypeAlias = Mapping[str, Tensor]
 _LOG_UNIT_M = 0.01
 _GAP_VERTICES = 5
 _PRIOR_RANGE = (0.05, 0.95)
+_LARGEST_FOOT_GAP = 0.3  # log ratio of depths; larger ones are no surer
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,6 @@ def _shared_columns(distance: Tensor, group: Tensor, seen: Tensor) -> dict[str, 
         "inside": _log_cm(-d),
         "rise": _log_cm(d - gap),
         "gap outside": _log_cm(gap),
-        "gap inside": _log_cm(-gap),
         "unseen limb": (~seen).to(d),
     }
 
@@ -157,21 +158,28 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
         towards = given.surfaces.scene.normals[point].to(towards)
     towards = torch.where(by_plane[..., None], given.up, towards)
     facing = torch.where(is_near, -(near.normals * towards).sum(-1), 0.0)
-    both = by_plane & ground & is_near
-    difference = torch.where(both, surface.scene - surface.floor, 0.0).clamp(-SEARCH_RADIUS_M, SEARCH_RADIUS_M)
+    foot = given.part("foot").to(distance).expand_as(distance)
     prior = torch.logit(given.prior.to(distance).clamp(*_PRIOR_RANGE))
     return shared | {
         "floor": floor,
-        "outside, floor": floor * shared["outside"],
         "rise, floor": floor * shared["rise"],
         "facing, no hand or foot": torch.where(given.part("hand", "foot"), 0.0, facing),
         "prior, seen limb": prior * seen,
-        "prior, unseen limb": prior * (1 - seen),
         "hand": given.part("hand").to(distance).expand_as(distance),
-        "foot": given.part("foot").to(distance).expand_as(distance),
+        "foot": foot,
+        "foot, nothing near": foot * shared["nothing near"],
+        "foot, depth behind": _depth_behind_feet(given, distance),
         "skin faces down": -(near.normals @ given.up),
-        "point from plane": difference / _LOG_UNIT_M,
     }
+
+
+def _depth_behind_feet(given: ContactInput, like: Tensor) -> Tensor:
+    """Return the gap (N, V) of depth behind the foot of each vertex, in units of 0.1; 0 elsewhere, and if unknown."""
+    if given.foot_gap is None:
+        return torch.zeros_like(like)
+    gap = torch.nan_to_num(given.foot_gap.to(like)).clamp(0.0, _LARGEST_FOOT_GAP) / 0.1
+    sides = torch.stack([given.part(f"{side}_foot") for side in SIDES]).to(like)
+    return gap @ sides
 
 
 def _skin_columns(given: ContactInput, skin: SkinDistances, group: Tensor) -> dict[str, Tensor]:

@@ -38,6 +38,8 @@ class ContactInput:
         plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
         free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
         objects: small objects in hands and on laps; None if people touch none.
+        foot_gap: (N, 2) log ratio of the depth behind the left and right foot to the foot's depth, NaN where unknown;
+            None if no depth is known. See :mod:`physic_core.engine.placement.lifted_feet`.
     """
 
     model: BodyModel
@@ -53,6 +55,7 @@ class ContactInput:
     plane: tuple[Tensor, float] | None
     free: Tensor | None = None
     objects: HeldObjects | None = None
+    foot_gap: Tensor | None = None
 
     @property
     def up(self) -> Tensor:
