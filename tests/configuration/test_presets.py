@@ -362,8 +362,7 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     save_flux(tmp_path / "flux", monkeypatch)
     asked = tell(monkeypatch, world)
     write_papers_config(place, tmp_path / "flux")
-    checked = CliRunner().invoke(main, ["config", "check", "my.toml"])
-    assert checked.output == "my.toml: no errors\n"
+    require_no_fault(CliRunner().invoke(main, ["config", "check", "my.toml"]), "my.toml: no errors\n")
     done = run("--config", "my.toml")
     found = Reconstruction.load("out")
     score = judged(found, world)
