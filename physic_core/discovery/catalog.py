@@ -82,6 +82,7 @@ COMMANDS = {
     ),
     "evaluate": "physic-evaluate",
     "serve": "physic-serve",
+    "simulate": "physic-export",
     "view": "physic-viewer",
 }
 """Distribution of each known plugin command of ``physic``; a test compares them with the distribution."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from physic_core import ExporterRecord, hookimpl
+from physic_core import CommandRecord, ExporterRecord, hookimpl
 
 __all__: list[str] = []
 
@@ -74,10 +74,11 @@ def physic_exporters() -> list[ExporterRecord]:
             (".xml", ".mjcf"),
             "physic_export.mjcf:export_mjcf",
             "MuJoCo",
-            "closed collision meshes of scene and people, floor, gravity",
+            "people with joints, closed collision meshes of the scene, floor, gravity",
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",
+            options={"rigid": (False, True)},
         ),
         ExporterRecord(
             "obj",
@@ -113,3 +114,9 @@ def physic_exporters() -> list[ExporterRecord]:
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
+
+
+@hookimpl
+def physic_commands() -> list[CommandRecord]:
+    """Return the record of ``physic simulate``."""
+    return [CommandRecord("simulate", "physic_export.simulate_command:simulate", summary="Let people stand in MuJoCo.")]

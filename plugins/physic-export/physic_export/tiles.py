@@ -7,11 +7,13 @@ convex, and its hull is the collision shape.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.rays import RayCaster
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Tile", "convex_tiles"]
+__all__ = ["Tile", "convex_tiles", "tile_errors"]
 
 THICKNESS_M = 0.1
 """Depth of a tile behind the surface; what is behind it is not known."""
@@ -70,6 +72,26 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     for square in _top_squares(cells, np.arange(len(cells)), _LARGEST):
         _divide(square, _LARGEST, cells, surface.faces, points, heights, colors, tiles)
     return tiles
+
+
+def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, float] | None:
+    """Return the median and the 95 % quantile of the distance from the scene's points to the tiles, metres.
+
+    It is measured along the rays of the camera, over the points above the floor whose ray meets a tile.
+    """
+    scene, floor = result.scene, result.scene.floor
+    points = scene.points[scene.valid & (scene.points[..., 2] < depth_limit(result))].astype(np.float64)
+    if floor is not None:
+        points = points[points @ np.asarray(floor.normal, np.float64) + floor.offset > 2 * FLOOR_M]
+    if not tiles or not len(points):
+        return None
+    points = points[:: max(1, len(points) // _MAX_VERTICES)]
+    starts = np.cumsum([0, *(len(tile.vertices) for tile in tiles)])
+    faces = np.concatenate([tile.faces + start for tile, start in zip(tiles, starts, strict=False)])
+    hits = RayCaster(np.concatenate([tile.vertices for tile in tiles]), faces).first(np.zeros(3), points)
+    met = hits.face >= 0
+    apart = np.abs(hits.distance[met] - 1) * np.linalg.norm(points[met], axis=1)
+    return (float(np.median(apart)), float(np.quantile(apart, 0.95))) if len(apart) else None
 
 
 def _cells(surface: SceneMesh) -> NDArray[np.int64]:

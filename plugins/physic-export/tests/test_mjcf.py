@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from physic_core import Reconstruction
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
@@ -86,9 +88,9 @@ def flat_spot(points: np.ndarray, people: list[np.ndarray]) -> np.ndarray:
     return candidates[int(np.argmin(spread))]
 
 
-def test_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, text: str):
+def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_string(export("a.xml", rigid=True).files[0].read_text())
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
@@ -105,6 +107,67 @@ def test_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reco
         np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
         collide = [i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")]
         assert sum(model.geom_contype[i] > 0 for i in collide) == 14
+
+
+def joint_places(model, data, person: int) -> np.ndarray:
+    """Positions (22, 3) of the bodies of a person."""
+    names = [f"person_{person}", *(f"person_{person}_{name}" for name in JOINT_NAMES[1:22])]
+    return np.stack([data.body(name).xpos for name in names])
+
+
+def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    for index, person in enumerate(result.people):
+        wanted = transform_points(matrix, person.joints[:22])
+        np.testing.assert_allclose(joint_places(model, data, index), wanted, atol=1e-4)
+        volume = trimesh.Trimesh(person.vertices, result.faces, process=False).volume
+        assert model.body_subtreemass[model.body(f"person_{index}").id] == pytest.approx(1010 * volume, rel=1e-3)
+    hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    angles = data.qpos[model.jnt_qposadr[hinges]]
+    assert hinges.sum() == 2 * 51
+    assert (model.jnt_range[hinges, 0] <= angles).all()
+    assert (angles <= model.jnt_range[hinges, 1]).all()
+    np.testing.assert_allclose(model.qpos_spring[model.jnt_qposadr[hinges]], angles, atol=1e-6)
+
+
+def test_angles_of_zero_are_a_t_pose(text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qpos[model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]] = 0
+    mujoco.mj_forward(model, data)
+    pelvis = data.body("person_0")
+    places = (joint_places(model, data, 0) - pelvis.xpos) @ pelvis.xmat.reshape(3, 3)
+    at = dict(zip(JOINT_NAMES, places, strict=False))
+    # Knees and elbows have fewer axes than the fitted rotations: a few degrees about the others remain.
+    assert at["left_wrist"][0] - at["left_shoulder"][0] == pytest.approx(
+        np.linalg.norm(at["left_wrist"] - at["left_shoulder"]), rel=0.02
+    )
+    assert at["right_hip"][1] - at["right_ankle"][1] == pytest.approx(
+        np.linalg.norm(at["right_hip"] - at["right_ankle"]), rel=0.02
+    )
+
+
+def test_people_do_not_collide_with_themselves(text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    first, second, floor = (model.geom(name) for name in ("person_0_head", "person_1_head", "floor"))
+
+    def collide(one, other) -> bool:
+        return bool(one.contype[0] & other.conaffinity[0] or other.contype[0] & one.conaffinity[0])
+
+    assert collide(first, second)
+    assert collide(first, floor)
+    assert not collide(first, model.geom("person_0"))
+
+
+def test_the_error_of_the_collision_mesh_is_stated(export):
+    (note,) = export("a.xml").notes
+    assert re.search(r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note)
 
 
 def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, text: str):

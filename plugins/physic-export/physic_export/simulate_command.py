@@ -1,0 +1,97 @@
+"""The command ``physic simulate``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from physic_export.simulate import Motion
+
+__all__ = ["simulate"]
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("--person", type=int, multiple=True, metavar="N", help="Only person N; may be repeated.")
+@click.option("--seconds", type=click.FloatRange(0.1, 60), default=2.0, show_default=True, help="Simulated time.")
+@click.option("--controls", is_flag=True, help="Also raised, on a tilted floor, and without contact: nobody may stay.")
+@click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
+@click.option("-o", "--out", "folder", type=click.Path(path_type=Path), help="Folder to write.  [default: OUT]")
+def simulate(
+    out: Path,
+    person: tuple[int, ...],
+    seconds: float,
+    controls: bool,
+    body_model: Path | None,
+    folder: Path | None,
+) -> None:
+    """Let the people of the result in folder OUT stand under gravity in MuJoCo, with passive joints.
+
+    Writes simulation.json, and simulation.png with each person before and after.
+    """
+    from importlib.util import find_spec
+
+    import numpy as np
+
+    from physic_core.errors import InputError, PackageMissingError
+
+    if find_spec("mujoco") is None:
+        raise PackageMissingError(
+            "physic simulate needs mujoco, which is not installed: pip install 'physic-export[simulate]'"
+        )
+    from physic_core.cli.output import echo
+    from physic_core.files.atomic import atomic_write
+    from physic_core.io.results import load_reconstruction
+    from physic_export.humanoid import PASSIVE
+    from physic_export.simulate import CONTROLS, simulate_people
+    from physic_export.simulate_picture import draw_motions
+
+    result = load_reconstruction(out)
+    posed = [index for index, one in enumerate(result.people) if np.isfinite(one.vertices).all()]
+    if missing := [index for index in person if index not in posed]:
+        raise InputError(f"there is no person {missing[0]} with a body: choose from {posed}")
+    motions: list[Motion] = []
+    for control in ("", *(CONTROLS if controls else ())):
+        motions += simulate_people(result, person or posed, seconds=seconds, control=control, body_file=body_model)
+    echo(_table(motions))
+    names = {name: vars(passive) for name, passive in PASSIVE.items()}
+    rows = [_row(motion) for motion in motions]
+    document = {"seconds": seconds, "passive_joints": names, "people": rows}
+    folder = folder or out
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_write(folder) as temporary:
+        temporary("simulation.json").write_text(json.dumps(document, indent=2) + "\n", "utf-8")
+        temporary("simulation.png").write_bytes(draw_motions([one for one in motions if not one.control], seconds))
+    echo(f"{folder / 'simulation.json'}\n{folder / 'simulation.png'}")
+
+
+def _row(motion: Motion) -> dict[str, Any]:
+    return {
+        "person": motion.person,
+        "posture": motion.posture,
+        "control": motion.control,
+        "stays": motion.stays,
+        "moved_m": round(motion.moved_m, 4),
+        "slip_m": None if motion.slip_m is None else round(motion.slip_m, 4),
+        "sinking_m": round(motion.sinking_m, 4),
+        "contacts": motion.contacts,
+        "lasting": motion.lasting,
+    }
+
+
+def _table(motions: list[Motion]) -> str:
+    rows = [("person", "posture", "change", "stays", "moved", "slip", "sinking", "contacts that last")]
+    for one in motions:
+        slip = "not measured" if one.slip_m is None else f"{100 * one.slip_m:.1f} cm"
+        lasting = f"{one.lasting} of {one.contacts}" if one.contacts else "none in the result"
+        change, stays = one.control or "-", "yes" if one.stays else "no"
+        moved, sinking = f"{100 * one.moved_m:.1f} cm", f"{100 * one.sinking_m:.1f} cm"
+        rows.append((str(one.person), one.posture, change, stays, moved, slip, sinking, lasting))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )

@@ -1,0 +1,104 @@
+"""``physic simulate``: a body that stands upright stays, and the controls move everybody."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+from PIL import Image
+
+from physic_core import Reconstruction
+from physic_core.body import load_body
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.cli import main
+from physic_core.types import BodyContact, ContactPartner
+from physic_core.types.support import Support, SupportState
+from physic_export.simulate import CONTROLS, STAY_M, posture, simulate_people
+
+pytest.importorskip("mujoco")
+
+
+@pytest.fixture(scope="module")
+def standing(result: Reconstruction) -> Reconstruction:
+    """The first person in a T-pose, upright, with the soles on a floor without a scene."""
+    model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
+    assert floor is not None
+    up = np.asarray(floor.normal, np.float64)
+    forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
+    forward /= np.linalg.norm(forward)
+    rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
+    rotations[0, 0] = torch.from_numpy(np.stack([np.cross(up, forward), up, forward], 1))
+    betas, transl = torch.zeros(1, 16, dtype=torch.float64), np.array([0.0, 0.0, 3.0])
+    low = (model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up + floor.offset).min()
+    place = torch.from_numpy((transl - low * up)[None])
+    posed = model(rotations, betas, place)
+    person = replace(
+        result.people[0],
+        parameters=parameters_from_rotations(rotations, betas, None, place),
+        vertices=posed.vertices[0].numpy().astype(np.float32),
+        joints=posed.joints[0].numpy().astype(np.float32),
+    )
+    empty = replace(result.scene, valid=np.zeros_like(result.scene.valid))
+    soles = person.vertices @ up + floor.offset < 0.01
+    partner = np.where(soles, 0, -1).astype(np.int16)
+    person = replace(person, contact=soles, contact_partner=partner)
+    return replace(result, people=(person,), scene=empty, contact_partners=(ContactPartner("floor"),))
+
+
+def test_an_upright_body_stays_and_its_soles_keep_contact(standing: Reconstruction):
+    (motion,) = simulate_people(standing, [0])
+    assert motion.stays
+    assert motion.moved_m < 0.02
+    assert motion.slip_m is not None
+    assert motion.slip_m < 0.01
+    assert 2 <= motion.lasting <= motion.contacts
+    assert motion.start.shape == motion.end.shape
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_nobody_stays_under_a_control(standing: Reconstruction, control: str):
+    (motion,) = simulate_people(standing, [0], control=control)
+    assert not motion.stays
+    assert motion.moved_m > STAY_M
+    assert motion.control == control
+
+
+@pytest.mark.parametrize(
+    ("state", "parts", "words"),
+    [
+        (SupportState.BALANCED, ("left_foot", "right_foot"), "stands on both feet"),
+        (SupportState.BALANCED, ("left_foot",), "in motion"),
+        (SupportState.BALANCED, ("left_foot", "seat"), "sits or lies"),
+        (SupportState.UNBALANCED, ("left_foot", "right_foot"), "in motion"),
+        (SupportState.ASSUMED, ("seat",), "in motion"),
+    ],
+)
+def test_the_posture_follows_from_the_support(result: Reconstruction, state: SupportState, parts, words: str):
+    contacts = tuple(BodyContact(part, ContactPartner("floor"), 0.9, 100) for part in parts)
+    support = Support(state, contacts, -0.1, (0.0, 0.0, 3.0))
+    assert posture(replace(result.people[0], support=support)) == words
+
+
+def test_the_command_writes_numbers_and_a_picture(standing: Reconstruction, tmp_path: Path):
+    standing.save(str(tmp_path / "out"), preview=False)
+    done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--seconds", "0.2", "-o", str(tmp_path / "s")])
+    assert done.exit_code == 0, done.output
+    head, row = done.output.splitlines()[:2]
+    assert head.split()[:4] == ["person", "posture", "change", "stays"]
+    assert "yes" in row
+    document = json.loads((tmp_path / "s" / "simulation.json").read_text())
+    assert document["passive_joints"]["trunk"] == {"stiffness": 10000.0, "damping": 500.0, "friction": 5.0}
+    assert document["people"][0]["stays"] is True
+    with Image.open(tmp_path / "s" / "simulation.png") as picture:
+        assert picture.size == (640, 320)
+
+
+def test_a_person_who_does_not_exist_is_an_error(saved_pair: Path):
+    done = CliRunner().invoke(main, ["simulate", str(saved_pair), "--person", "7"])
+    assert done.exit_code == 3
+    assert "there is no person 7 with a body: choose from [0, 1]" in done.output
