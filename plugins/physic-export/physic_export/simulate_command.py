@@ -45,12 +45,12 @@ def simulate(
         )
     from physic_core.cli.output import echo
     from physic_core.files.atomic import atomic_write
-    from physic_core.io.results import load_reconstruction
+    from physic_core.types import Reconstruction
     from physic_export.humanoid import PASSIVE
     from physic_export.simulate import CONTROLS, simulate_people
     from physic_export.simulate_picture import draw_motions
 
-    result = load_reconstruction(out)
+    result = Reconstruction.load(str(out))
     posed = [index for index, one in enumerate(result.people) if np.isfinite(one.vertices).all()]
     if missing := [index for index in person if index not in posed]:
         raise InputError(f"there is no person {missing[0]} with a body: choose from {posed}")
