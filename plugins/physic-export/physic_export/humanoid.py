@@ -103,7 +103,8 @@ def segments(weights: Array) -> NDArray[np.int64]:
         while above >= NUM_BODIES:
             above = PARENTS[above]
         merged[:, above] += weights[:, joint]
-    return merged.argmax(1)
+    body: NDArray[np.int64] = merged.argmax(1)
+    return body
 
 
 def add_humanoid(
