@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 __all__ = [
+    "aligned_depth_error",
     "expect_along_z",
     "expect_ambiguity",
     "expect_camera_of_photo",
@@ -59,7 +60,7 @@ def expect_ambiguity(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity]]
     """
     stated = answers[0][2]
     errors = {
-        kind: np.array([_aligned_error(z, case.truth.empty_depth, kind) for case, z, _ in answers])
+        kind: np.array([aligned_depth_error(z, case.truth.empty_depth, kind) for case, z, _ in answers])
         for kind in get_args(AffineAmbiguity)
     }
     words = {f"fitted by {kind!r}": found for kind, found in errors.items() if kind != stated}
@@ -73,7 +74,7 @@ def expect_ambiguity(answers: Sequence[tuple[Case, FloatArray, AffineAmbiguity]]
     )
 
 
-def _aligned_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
+def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
     """Return the median relative depth error after a robust fit of the unknown scale and shift; NaN without pixels."""
     both = np.isfinite(z) & np.isfinite(truth) & (z > 0) & (truth > 0)
     if both.sum() < 16:
@@ -164,7 +165,7 @@ def expect_along_z(z: FloatArray, truth: FloatArray, camera: Intrinsics, unknown
     """Raise CheckFailed if the values fit the ray length better than the depth along the optical axis."""
     rows, columns = np.mgrid[: truth.shape[0], : truth.shape[1]]
     stretch = np.sqrt(1 + ((columns - camera.cx) / camera.fx) ** 2 + ((rows - camera.cy) / camera.fy) ** 2)
-    as_z, as_ray = (_aligned_error(z, true, unknown) for true in (truth, truth * stretch))
+    as_z, as_ray = (aligned_depth_error(z, true, unknown) for true in (truth, truth * stretch))
     if not np.isfinite(as_z):
         raise CheckSkipped("no depth is known")
     expect(
