@@ -146,19 +146,13 @@ def draw_bvh(files: list[Path]) -> None:
 
 
 def draw_mjcf(files: list[Path]) -> None:
-    """Let balls fall for two seconds, and show the meshes that collide."""
+    """Show the shapes that collide, in the pose of the file."""
     spec = mujoco.MjSpec.from_file(str(files[0]))
     sky = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
     spec.add_texture(name="sky", rgb1=[0.74, 0.76, 0.79], rgb2=[0.74, 0.76, 0.79], width=64, height=64 * 6, **sky)
-    rng = np.random.default_rng(0)
-    for x, y in rng.uniform((-1.2, 2.4), (1.0, 4.4), (24, 2)):
-        body = spec.worldbody.add_body(pos=[x, y, rng.uniform(1.9, 2.5)])
-        body.add_freejoint()
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.06, 0, 0], rgba=[0.85, 0.4, 0.1, 1])
     model = spec.compile()
     data = mujoco.MjData(model)
-    while data.time < 2:
-        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
     camera, options = mujoco.MjvCamera(), mujoco.MjvOption()
     away = np.subtract(TARGET, EYE)
     camera.lookat, camera.distance = TARGET, np.linalg.norm(away)

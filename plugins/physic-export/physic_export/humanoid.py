@@ -157,12 +157,12 @@ def add_humanoid(
             body, "geom", {"name": f"{own_name}_skin", "type": "mesh", "mesh": f"{own_name}_skin"} | skin
         )
         shapes = _shapes(label, local[part == joint], poses, joint)
-        if not shapes:
+        if not shapes or shapes[0]["type"] == "sphere":
             add_mesh(asset, own_name, (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1])
-            shapes = [{"type": "mesh", "mesh": own_name}]
+            shapes = [{"type": "mesh", "mesh": own_name}, *shapes]
         for number, shape in enumerate(shapes):
-            own = {"name": f"{own_name}_{number}" if number else own_name, "mass": f"{masses[joint] / len(shapes):.4f}"}
-            ElementTree.SubElement(body, "geom", own | shape | geom)
+            own = {"name": f"{own_name}_{number}", "mass": "0"} if number else {"name": own_name}
+            ElementTree.SubElement(body, "geom", {"mass": f"{masses[joint]:.4f}"} | own | shape | geom)
 
 
 def _add_hinges(body: ElementTree.Element, name: str, label: str, rotation: Array) -> None:
