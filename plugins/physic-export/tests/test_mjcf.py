@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,8 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
 
 def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, export):
     mujoco = pytest.importorskip("mujoco")
-    text = export("a.xml", rigid=True).files[0].read_text()  # people with joints can fall onto the box
+    result = with_table(result)
+    text = export("a.xml", of=result, rigid=True).files[0].read_text()  # people with joints can fall onto the box
     points = upright_points(result).reshape(-1, 3)
     points = points[np.isfinite(points).all(1)]
     obstacles = np.concatenate([points[points[:, 2] > 0.05], *(p.reshape(-1, 3) for p in people_points(result))])
@@ -73,6 +75,28 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
         mujoco.mj_step(model, data)
     np.testing.assert_allclose(data.body("floor").xpos, [free[0], free[1], RADIUS], atol=0.01)
     assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
+
+
+def with_table(result: Reconstruction, height: float = 0.5) -> Reconstruction:
+    """A result whose scene shows a table in front of the people, over the whole width of the photo."""
+    scene, camera = result.scene, result.intrinsics
+    assert scene.floor is not None
+    rows, columns = np.indices(scene.valid.shape)
+    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1)
+    with np.errstate(divide="ignore"):
+        depth = (height - scene.floor.offset) / (rays @ np.asarray(scene.floor.normal, np.float64))
+    nearest = min(float(person.vertices[:, 2].min()) for person in result.people)
+    table = (depth > 0.4 * nearest) & (depth < nearest - 0.4)
+    assert table.sum() > 500
+    return replace(
+        result,
+        scene=replace(
+            scene,
+            points=np.where(table[..., None], rays * depth[..., None], scene.points).astype(np.float32),
+            normals=np.where(table[..., None], scene.floor.normal, scene.normals).astype(np.float32),
+            valid=scene.valid | table,
+        ),
+    )
 
 
 def people_points(result: Reconstruction) -> list[np.ndarray]:
