@@ -54,7 +54,7 @@ def load_texture_coordinates(source: str | Path, faces: NDArray[np.integer[Any]]
     except Exception as error:  # of zipfile and numpy, which have many
         raise BodyModelError(
             f"{source} has no usable texture coordinates (the arrays vt and ft, which official SMPL-X files have): "
-            "give another file, or export with --skin neutral"
+            "give another file"
         ) from error
 
 

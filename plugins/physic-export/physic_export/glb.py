@@ -14,8 +14,9 @@ from physic_core.visual.glb import Look, background_of, body_material, build_glb
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_export.bone_names import bone_names
+from physic_export.skins import skins_of
 from physic_export.t_pose import t_pose
-from physic_export.textures import encode_jpeg, encode_png, textured_bodies
+from physic_export.textures import encode_jpeg, encode_png
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,16 +43,17 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
 
     Raises:
         InputError: the skeleton of the bodies is not known.
-        BodyModelError: the user's body model file has no texture coordinates.
     """
     result, options = request.result, request.options
     prefix = "mixamorig:" if options["names"] == "mixamo" else ""
     names = tuple(prefix + name for name in bone_names(str(options["names"])))
     skins = {index: replace(rig, names=names) for index, rig in rigs(request)}
-    textured = textured_bodies(request, int(options["texture_size"])) if skins else None
+    colors = skins_of(request)
+    textured = colors.textured
 
     def look(glb: GlbBuffer, index: int, _: ExportRequest) -> Look:
-        assert textured is not None
+        if textured is None:
+            return Look(body_material("body", BODY_RGB))
         texture, mesh, name = textured.textures[index], textured.mesh, f"person_{index}"
         photo = body_material(name, texture=glb.texture(encode_jpeg(texture.image), "image/jpeg", name))
         photo["extensions"] = {"KHR_materials_unlit": {}}
@@ -70,16 +72,17 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
 
     background = background_of(result) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
-    if skins:
+    if textured is not None:
         used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
         glb.tree["extensionsUsed"] = sorted(used)
         glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": name} for name in _VARIANTS]}}
+    if skins:
         _add_animation(glb, list(skins.values()), request.frame.up_vector)
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and textured is not None:
         for index in request.people:
             files[f"{request.stem}_contact_{index}.png"] = encode_png(textured.contact_image(result, index))
-    return ExportedFiles(files, glb_notes(request, skins))
+    return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
 def _add_animation(glb: GlbBuffer, rigged: list[Rig], up: NDArray[np.float64]) -> None:
