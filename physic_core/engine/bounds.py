@@ -11,6 +11,7 @@ __all__ = [
     "Degrees",
     "FrozenGroups",
     "NotNegative",
+    "PointCount",
     "Positive",
     "PositiveCount",
     "PositiveOrInfinite",
@@ -28,6 +29,7 @@ Degrees = Annotated[float, Interval(ge=1e-6, le=180)]
 # Every preset has converged after 1,000 steps; the largest number takes minutes.
 Count = Annotated[int, Interval(ge=0, le=2000)]
 PositiveCount = Annotated[int, Interval(ge=1, le=2000)]
+PointCount = Annotated[int, Interval(ge=50, le=100_000)]
 FrozenGroups = Annotated[
     tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)
 ]

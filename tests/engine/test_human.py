@@ -447,12 +447,10 @@ def test_a_speck_of_background_in_the_mask_is_no_human_point(monkeypatch: pytest
         assert points[:, 2].max() == 2.0
 
 
-def test_no_more_points_than_the_limit_spread_over_the_person(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(method, "MAX_POINTS", 100)
-    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
+def test_no_more_points_than_the_limit_spread_over_the_person() -> None:
+    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
     assert points.shape == (100, 3)
-    monkeypatch.setattr(method, "MAX_POINTS", 10_000)
-    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, DEFAULT)
+    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000))
     assert len(every) == int(PERSON.sum())
     torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
 

@@ -42,7 +42,7 @@ from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing, inside_mask
 from physic_core.types import Skeleton
 
-__all__ = ["ALIGN_TOLERANCE", "FEWEST_POINTS", "MAX_POINTS", "Fit", "PlacementMethod"]
+__all__ = ["ALIGN_TOLERANCE", "FEWEST_POINTS", "Fit", "PlacementMethod"]
 
 ALIGN_TOLERANCE = 0.15
 """Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
@@ -50,9 +50,6 @@ one surface."""
 
 FEWEST_POINTS = 50
 """Least number of human points and of camera-facing vertices for Eq. 4."""
-
-MAX_POINTS = 3000
-"""Largest number of points of a person; the time of Eq. 4 is proportional to it."""
 
 _MASK_GROWTH = 0.01  # of the long image side: networks blur depth at the silhouette
 _FACING_DEG = 70.0  # between a vertex's normal and the direction to the camera
@@ -115,7 +112,7 @@ class PlacementMethod:
         ratio = edge_ratio(size[0], size[1])
         # Depth edges need pixels outside the mask, as networks mix person and background at its rim.
         own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
-        return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)])
+        return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.settings.max_points)
 
     def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
         """Return the normals (B, V, 3) of the estimated bodies."""
@@ -163,7 +160,7 @@ class PlacementMethod:
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times lambda_d."""
-        vertices, weight = _subsample(person.vertices[seen]), self.settings.chamfer_weight
+        vertices, weight = _subsample(person.vertices[seen], self.settings.max_points), self.settings.chamfer_weight
         weights = weight / len(vertices), weight / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.settings.robust_m)
 
@@ -225,9 +222,9 @@ class PlacementMethod:
         return lower > min(self.settings.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
-def _subsample(points: Tensor) -> Tensor:
-    """Return at most :data:`MAX_POINTS` of points (N, 3), evenly spaced by index."""
+def _subsample(points: Tensor, most: int) -> Tensor:
+    """Return at most ``most`` of points (N, 3), evenly spaced by index."""
     last = len(points) - 1
-    if last < MAX_POINTS:
+    if last < most:
         return points
-    return points[torch.linspace(0, last, MAX_POINTS, dtype=torch.float64, device=points.device).round().long()]
+    return points[torch.linspace(0, last, most, dtype=torch.float64, device=points.device).round().long()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from physic_core.engine.bounds import NotNegative, PositiveOrInfinite, Share
+from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 
 if TYPE_CHECKING:
     from physic_core.engine.placement.method import PlacementMethod
@@ -30,6 +30,8 @@ class PlacementSettings:
     """Scale of the robust reprojection error, as a share of the person's size in the image; "inf" is least squares."""
     robust_m: PositiveOrInfinite = 0.15
     """Least scale of the robust Chamfer distance, metres; "inf" is least squares."""
+    max_points: PointCount = 1000
+    """Most points of a person, and most camera-facing vertices, in Eq. 4, whose time is proportional to it."""
     depth_offset_sigma: NotNegative = 0.2
     """Prior of log(depth offset) of a person with visible feet on a known floor; 0 fixes the human points to the
     scene."""

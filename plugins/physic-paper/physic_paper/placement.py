@@ -9,7 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, PositiveOrInfinite, Share
+from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_core.engine.placement.method import ALIGN_TOLERANCE, FEWEST_POINTS, Fit, PlacementMethod
 from physic_core.engine.placement.place import median_reprojection_px
 from physic_core.engine.placement.settings import PlacementSettings
@@ -41,6 +41,7 @@ class PaperPlacement(PlacementSettings):
     seen_confidence: Share = 1.0
     robust_px_share: PositiveOrInfinite = math.inf
     robust_m: PositiveOrInfinite = math.inf
+    max_points: PointCount = 3000
     depth_offset_sigma: NotNegative = 0.0
     """Not used."""
     floor_weight: NotNegative = 0.0
