@@ -336,7 +336,9 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
 
 def test_chamfer_pairs_are_those_of_all_distances() -> None:
     person = subject()
-    term = DEFAULT.method().chamfer_term(person, torch.ones(len(VERTICES), dtype=torch.bool))
+    term = (
+        replace(DEFAULT, max_points=10_000).method().chamfer_term(person, torch.ones(len(VERTICES), dtype=torch.bool))
+    )
     x = torch.tensor([-0.1, 0.05, -0.5, -0.1], dtype=torch.float64)
     of_vertex, of_point = term.matched(x)
     distance = torch.cdist(person.vertices + x[:3], person.points * math.exp(-0.1))
@@ -433,7 +435,7 @@ def test_without_a_common_background_no_person_has_points() -> None:
 def test_points_that_float_at_the_rim_are_no_human_points() -> None:
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[20:80, 45] = 3.0  # mixed pixels inside the mask
-    points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON)
+    points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, replace(DEFAULT, max_points=10_000))
     assert points[:, 2].unique().tolist() == [2.0]
     assert len(points) > 0.85 * int(PERSON.sum())
 
