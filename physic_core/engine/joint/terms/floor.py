@@ -41,6 +41,8 @@ class FloorTerm:
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
         invisible = torch.where(below < _MAX_DEPTH_M, _UNSEEN_SHARE * area, torch.zeros_like(area))
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
+        # People far below contradict the floor or the scene's scale: they shall not draw it away from the others.
+        weight = weight / (1 + (below / _MAX_DEPTH_M).square())
         self.weights = {"floor": torch.zeros_like(area) if self._context.floor_normal is None else weight}
 
     def robust_sum(self) -> RobustSum | None:
