@@ -137,6 +137,12 @@ def test_ten_clients_at_once_with_broken_uploads_among_them(address: str, photo:
     assert httpx2.get(f"{address}/health").json()["state"] == "ready"
 
 
+USD_FILES = (
+    *("stage.usdc", "stage_scene.jpg"),
+    *("stage_person_0.jpg", "stage_person_0_filled.png", "stage_person_0_contact.png"),
+)
+
+
 def test_a_program_gets_the_files_of_a_result(address: str, photo: Path, tmp_path: Path):
     with httpx2.Client(base_url=address, timeout=300) as client:
         posted = client.post("/reconstructions", content=photo.read_bytes(), headers={"content-type": "image/png"})
@@ -145,7 +151,7 @@ def test_a_program_gets_the_files_of_a_result(address: str, photo: Path, tmp_pat
         assert set(done["files"]) == {
             *("combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz"),
             *("report.html", "scene.glb", "skinned.glb", "skeleton.bvh", "mujoco.xml"),
-            *(["stage.usdc"] if find_spec("pxr") else []),
+            *(USD_FILES if find_spec("pxr") else ()),
         }
         for name, place in done["files"].items():
             (tmp_path / name).write_bytes(client.get(place).content)

@@ -84,7 +84,7 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
     offer("physic-flat", 3.0)
     done = physic("plugins", "check", "flat")
     assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines()[-2].startswith("metric_depth:flat  39 checks: 3")
+    assert done.stdout.splitlines()[-2].startswith("metric_depth:flat  45 checks: 3")
     offer("physic-far", 300.0)
     done = physic("plugins", "check", "far", "--interface", "metric_depth")
     assert done.exit_code == 5, done.output
