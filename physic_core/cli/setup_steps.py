@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from physic_core.adapters.checkouts import PIP_NAMES
+from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
 from physic_core.cli.toml import toml_value
 from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import distribution_for, how_to_install
@@ -192,8 +192,14 @@ def _packages(plan: ResolvedPipeline, sets: tuple[WeightSet, ...]) -> SetupStep 
     lacking = [PIP_NAMES.get(module, module) for module in modules if find_spec(module) is None]
     if not modules:
         return None
-    commands = (f"python -m pip install{_constraints()} {shlex.join(lacking)}",) if lacking else ()
-    return SetupStep(f"Packages of Python ({len(modules)})", not lacking, commands)
+    install = f"python -m pip install{_constraints()}"
+    free = [name for name in lacking if name not in NON_COMMERCIAL]
+    return SetupStep(
+        f"Packages of Python ({len(modules)})",
+        not lacking,
+        (f"{install} {shlex.join(free)}",) if free else (),
+        tuple(f"no commercial use: {install} {name}" for name in lacking if name in NON_COMMERCIAL),
+    )
 
 
 def _is_here(weights: WeightSet, path: str) -> bool:

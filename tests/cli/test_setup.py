@@ -195,3 +195,13 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition() -> 
     }  # fmt: skip
     assert all(weights.is_free and all(file.source and file.sha256 for file in weights.files) for weights in sets)
     assert all(resolved.backend.requirements() == () for resolved in plan.backends.values())
+
+
+def test_a_package_without_commercial_use_is_left_to_the_user() -> None:
+    lines = physic("setup", "paper").stdout.splitlines()
+    installs = [line for line in lines if line.startswith("python -m pip install")]
+    assert installs
+    assert not [line for line in installs if "smplx" in line.split()]
+    assert (
+        len([line for line in lines if line.startswith("#    by hand: no commercial use: ") and "smplx" in line]) == 1
+    )

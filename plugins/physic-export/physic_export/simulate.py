@@ -33,7 +33,7 @@ STAY_M = 0.05
 """Distance up to which a person stays, metres: of the pelvis, and of the parts that carry, over the whole time."""
 
 CONTROLS = ("raised", "tilted", "no contact")
-"""Changes after which nobody should stay: the body 0.25 m higher, the floor tilted by 10 degrees backward under the
+"""Changes after which no person should stay: the body 0.25 m higher, the floor tilted by 10 degrees backward under the
 person, and floor and scene without collisions."""
 
 _RAISED_M, _TILT = 0.25, np.deg2rad(10.0)

@@ -18,7 +18,7 @@ __all__ = ["simulate"]
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--person", type=int, multiple=True, metavar="N", help="Only person N; may be repeated.")
 @click.option("--seconds", type=click.FloatRange(0.1, 60), default=2.0, show_default=True, help="Simulated time.")
-@click.option("--controls", is_flag=True, help="Also raised, on a tilted floor, and without contact: nobody may stay.")
+@click.option("--controls", is_flag=True, help="Also raised, on a tilted floor, without contact: no person may stay.")
 @click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option("-o", "--out", "folder", type=click.Path(path_type=Path), help="Folder to write.  [default: OUT]")
 def simulate(

@@ -91,10 +91,10 @@ class Sapiens2(PretrainedBackend, KeypointDetector):
             rows, columns = heatmaps.shape[2:]
             grids = [crop_around_box(box, columns, rows, grid="corners") for box in boxes]
             placed = np.stack([grid.to_photo(cell) for grid, cell in zip(grids, cells, strict=True)])
-            whole, own = list(KEYPOINT_OF_WHOLEBODY), list(KEYPOINT_OF_WHOLEBODY.values())
+            wholebody_rows, own = list(KEYPOINT_OF_WHOLEBODY), list(KEYPOINT_OF_WHOLEBODY.values())
             people_here = slice(first, first + len(boxes))
-            points[people_here, whole] = placed[:, own]
-            confidence[people_here, whole] = scores_to_confidence(scores)[:, own]
+            points[people_here, wholebody_rows] = placed[:, own]
+            confidence[people_here, wholebody_rows] = scores_to_confidence(scores)[:, own]
         return Keypoints(points, confidence, _SKELETON)
 
     def _heatmaps(self, image: UInt8Array, crops: list[Crop]) -> FloatArray:

@@ -106,7 +106,7 @@ def check_joints_are_not_shifted_or_scaled(subject: BackendUnderTest) -> None:
         residuals.append(np.where(seen[..., None], points - true, np.nan))
         places.append(np.where(seen[..., None], true, np.nan))
     if not fits:
-        raise CheckSkipped(f"nobody shows more than {MIN_JOINTS} joints")
+        raise CheckSkipped(f"no person shows more than {MIN_JOINTS} joints")
     lines, px = np.array(fits), np.array(sizes)
     common, where = _means(np.concatenate(residuals)), _means(np.concatenate(places))
     for axis, way in enumerate("xy"):
