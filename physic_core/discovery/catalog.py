@@ -77,7 +77,7 @@ CATALOG: dict[str, dict[str, tuple[str, ...]]] = {
 
 COMMANDS = {
     **dict.fromkeys(
-        ("bench", "plugins check", "plugins compare", "plugins doctor", "plugins new"),
+        ("bench", "plugins check", "plugins compare", "plugins doctor", "plugins new", "setup"),
         "physic-testing",
     ),
     "evaluate": "physic-evaluate",

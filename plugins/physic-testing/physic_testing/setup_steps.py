@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
-from physic_core.cli.toml import toml_value
 from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import distribution_for, how_to_install
 from physic_core.errors import BackendNotFoundError
@@ -262,7 +262,11 @@ def _config_file(preset: str, folder: Path, options: list[tuple[str, Repository 
     for interface in dict.fromkeys(name for name, _ in options):
         values = dict(_paths(interface, options, folder))
         if values:
-            lines += ["", f"[{interface}.options]", *(f"{key} = {toml_value(value)}" for key, value in values.items())]
+            lines += [
+                "",
+                f"[{interface}.options]",
+                *(f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()),
+            ]
     return SetupStep("Configuration", path.is_file(), file=(path, "\n".join(lines) + "\n"))
 
 
