@@ -168,7 +168,9 @@ def _stature_draws(world: World, options: BodyOptions) -> FloatArray | None:
     """Return a normal draw (N,) of each person's stature if it decides the distance, too; else None."""
     if not options.size_gives_depth:
         return None
-    draws: FloatArray = seeded_rng(world, options.noise_seed, "statures").normal(size=len(world.vertices))
+    draws: FloatArray = seeded_rng(world, options.noise_seed, "statures", all_views=True).normal(
+        size=len(world.vertices)
+    )
     return draws
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_testing.worlds import OTHER_BODIES
+from physic_testing.worlds.views import split_name
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
@@ -32,9 +33,15 @@ REFERENCE_WIDTH_PX = 640
 """Longer image side for which options in px are defined; they scale with the image."""
 
 
-def seeded_rng(world: World, noise_seed: int, purpose: str) -> np.random.Generator:
-    """Return a random generator that depends only on the world, the noise seed and the purpose."""
-    name = world.name.removesuffix(OTHER_BODIES)  # the same errors as with bodies of the body model
+def seeded_rng(world: World, noise_seed: int, purpose: str, *, all_views: bool = False) -> np.random.Generator:
+    """Return a random generator that depends only on the world, the noise seed and the purpose.
+
+    Views of one moment have errors of their own, but for what every photo of a person shows alike (``all_views``).
+    """
+    base, view = split_name(world.name)
+    name = base.removesuffix(OTHER_BODIES)  # the same errors as with bodies of the body model
+    if view is not None and not all_views:
+        name = f"{name} view {view}"
     return np.random.default_rng([noise_seed, world.seed, zlib.crc32(f"{name} {purpose}".encode())])
 
 

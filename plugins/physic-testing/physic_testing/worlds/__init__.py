@@ -1,6 +1,7 @@
 """Synthetic scenes of people, indoors and outdoors, with ground truth for all estimates of PhySIC."""
 
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
+from physic_testing.worlds.views import VIEWS, view_names
 from physic_testing.worlds.world import (
     CONTACT_DISTANCE,
     CONTACT_WORLDS,
@@ -20,9 +21,11 @@ __all__ = [
     "OTHER_BODIES",
     "RAISED_FEET_WORLDS",
     "SKELETONS",
+    "VIEWS",
     "WORLDS",
     "World",
     "benchmark_worlds",
     "build_world",
     "is_world",
+    "view_names",
 ]

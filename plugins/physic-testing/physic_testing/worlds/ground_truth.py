@@ -237,8 +237,8 @@ def _lighting(stage: StagedScene, vertices: FloatArray, rng: np.random.Generator
     people = stage.camera.to_room(vertices).reshape(-1, 3)
     middle, walls = people.mean(axis=0), stage.room.walls
     if walls is None:
-        # Rather from behind the camera than into it.
-        back = np.arctan2(*(stage.camera.position - middle)[[0, 2]]) + rng.uniform(-2.0, 2.0)
+        # Rather from behind the first camera than into it.
+        back = np.arctan2(*(stage.first_camera.position - middle)[[0, 2]]) + rng.uniform(-2.0, 2.0)
         high = np.radians(rng.uniform(25, 65))
         sun = 200 * np.array([np.sin(back) * np.cos(high), np.sin(high), np.cos(back) * np.cos(high)])
         warm = np.array([1.0, rng.uniform(0.90, 1.0), rng.uniform(0.78, 0.98)])

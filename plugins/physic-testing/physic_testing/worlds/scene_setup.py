@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.types import Intrinsics
 from physic_testing.worlds import disk_cache
 from physic_testing.worlds.action_scenes import (
     RAISED_FEET_ACTIONS,
@@ -23,10 +24,13 @@ from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, fin
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.solids import Block, Ground
 from physic_testing.worlds.surroundings import build_outdoor_place, build_room
+from physic_testing.worlds.views import CameraShots, find_views
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from physic_core.body.model import BodyModel
-    from physic_core.types import FloatArray, Intrinsics
+    from physic_core.types import FloatArray
     from physic_testing.worlds.rooms import Room
 
 __all__ = ["StagedScene", "set_up_scene"]
@@ -47,6 +51,7 @@ _UNRELATED_MODULES = (
     "scene_setup",
     "surroundings",
     "textures",
+    "views",
     "world",
 )
 """Modules that do not affect an action scene and its cache key."""
@@ -57,16 +62,21 @@ _CONTACT_MODULES = ("contact_actions", "contact_groups", "small_objects")
 
 @dataclass(frozen=True)
 class StagedScene:
-    """A room or outdoor place with posed people and a camera."""
+    """A room or outdoor place with posed people and a camera.
+
+    Attributes:
+        first_camera: that of view 0, which the light depends on; ``camera`` in a world of one camera.
+    """
 
     room: Room
     actors: tuple[PosedPerson, ...]
     camera: Camera
     intrinsics: Intrinsics
+    first_camera: Camera
 
 
 def set_up_scene(
-    model: BodyModel, name: str, seed: int, size: tuple[int, int], other_bodies: bool = False
+    model: BodyModel, name: str, seed: int, size: tuple[int, int], other_bodies: bool = False, view: int | None = None
 ) -> StagedScene:
     """Draw action scenes until a camera shows everybody, then build the surroundings.
 
@@ -76,6 +86,7 @@ def set_up_scene(
         seed: seed of all random choices.
         size: width and height of the photo, px.
         other_bodies: whether the model is one of ``other_bodies``, which has action scenes of its own.
+        view: number of the camera in a world with several views; None in a world of one camera.
 
     Raises:
         RuntimeError: no camera shows everybody in any of the drawn action scenes.
@@ -103,8 +114,17 @@ def set_up_scene(
             outdoors=action_scene.outdoors,
         )
         if shot is not None:
-            room = _build_surroundings(action_scene, subject.sparse, shot, place)
-            return StagedScene(room, action_scene.actors, shot.camera, shot.intrinsics)
+            shots: tuple[CameraShot, ...] = (shot,)
+            if view is not None:
+                shots = disk_cache.load_or_build(
+                    disk_cache.cache_key("views", f"{name}{'+other' * other_bodies}", seed, *size),
+                    CameraShots,
+                    (CameraShot, Camera, Intrinsics),
+                    lambda: find_views(subject, look, size, shot, outdoors=action_scene.outdoors),  # noqa: B023
+                ).shots
+            own = shots[view or 0]
+            room = _build_surroundings(action_scene, subject.sparse, shots, place)
+            return StagedScene(room, action_scene.actors, own.camera, own.intrinsics, shot.camera)
     raise RuntimeError(f"No camera sees everybody of the world {name!r}, seed {seed}, at {size[0]} x {size[1]} px.")
 
 
@@ -121,10 +141,10 @@ def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
 
 
 def _build_surroundings(
-    action_scene: ActionScene, people: FloatArray, shot: CameraShot, rng: np.random.Generator
+    action_scene: ActionScene, people: FloatArray, shots: Sequence[CameraShot], rng: np.random.Generator
 ) -> Room:
     """Build the room or the outdoor place of an action scene."""
     seed = int(rng.integers(1 << 30))
     if action_scene.outdoors:
-        return build_outdoor_place(people, action_scene.blocks, action_scene.ground, shot, rng, seed)
-    return build_room(people, action_scene.blocks, shot, rng, seed)
+        return build_outdoor_place(people, action_scene.blocks, action_scene.ground, shots, rng, seed)
+    return build_room(people, action_scene.blocks, shots, rng, seed)

@@ -38,11 +38,13 @@ Place = tuple[float, float]
 
 
 class _FreeSpace:
-    """Tests whether added furniture keeps clear of people, camera and other furniture."""
+    """Tests whether added furniture keeps clear of people, cameras and other furniture."""
 
-    def __init__(self, people: FloatArray, blocks: Sequence[Block], shot: CameraShot, rng: np.random.Generator) -> None:
+    def __init__(
+        self, people: FloatArray, blocks: Sequence[Block], shots: Sequence[CameraShot], rng: np.random.Generator
+    ) -> None:
         self.people = people
-        self.position = shot.camera.position
+        self.positions = [shot.camera.position for shot in shots]
         self.taken = [_footprint((block,)) for block in blocks]
         # Now and then one piece may stand before somebody's legs.
         self._before_legs = rng.random() < 0.25
@@ -56,10 +58,11 @@ class _FreeSpace:
             return False
         if min(distance_to(block, self.people).min() for block in blocks) < _PEOPLE_CLEARANCE:
             return False
-        if min(float(distance_to(block, self.position)) for block in blocks) < _CAMERA_CLEARANCE:
+        eyes = self.positions
+        if min(float(distance_to(block, eye)) for block in blocks for eye in eyes) < _CAMERA_CLEARANCE:
             return False
-        hidden = hidden_by(blocks, self.position, self.people)
-        share, legs_alone = hidden.mean(axis=1), not (hidden & ~self._legs).any()
+        hidden = np.stack([hidden_by(blocks, eye, self.people) for eye in eyes])
+        share, legs_alone = hidden.mean(axis=2).max(axis=0), not (hidden & ~self._legs).any()
         if (share > _MAX_HIDDEN).any():
             if not (self._before_legs and legs_alone and (share < _MAX_HIDDEN_LEGS).all()):
                 return False
@@ -68,21 +71,23 @@ class _FreeSpace:
         return True
 
 
-def build_room(people: FloatArray, blocks: Blocks, shot: CameraShot, rng: np.random.Generator, seed: int) -> Room:
+def build_room(
+    people: FloatArray, blocks: Blocks, shots: Sequence[CameraShot], rng: np.random.Generator, seed: int
+) -> Room:
     """Build a closed room with random furniture around an action.
 
     Args:
         people: (N, M, 3) points of the people.
         blocks: blocks of the action.
-        shot: camera.
+        shots: cameras; the first one has the photo of a world of one camera.
         rng: random generator.
         seed: seed of the colours.
     """
-    walls = _walls(people, blocks, shot, rng)
-    clear = _FreeSpace(people, blocks, shot, rng)
+    walls = _walls(people, blocks, shots, rng)
+    clear = _FreeSpace(people, blocks, shots, rng)
     added: list[Block] = []
     for _ in range(rng.integers(14, 26)):
-        piece = _against_a_wall(walls, rng) if rng.random() < 0.7 else _free(people, shot, walls, rng)
+        piece = _against_a_wall(walls, rng) if rng.random() < 0.7 else _free(people, walls, rng)
         if piece is not None and _inside(piece, walls) and clear.admit(piece):
             added += piece
     floor = Patch(str(rng.choice(["planks", "planks", "tiles", "carpet"])), seed, _rugs(people, walls, rng))
@@ -90,7 +95,7 @@ def build_room(people: FloatArray, blocks: Blocks, shot: CameraShot, rng: np.ran
 
 
 def build_outdoor_place(
-    people: FloatArray, blocks: Blocks, ground: Ground, shot: CameraShot, rng: np.random.Generator, seed: int
+    people: FloatArray, blocks: Blocks, ground: Ground, shots: Sequence[CameraShot], rng: np.random.Generator, seed: int
 ) -> Room:
     """Build open ground with random benches, hedges, walls, trees and houses.
 
@@ -98,11 +103,11 @@ def build_outdoor_place(
         people: (N, M, 3) points of the people.
         blocks: blocks of the action.
         ground: ground plane, which may slope.
-        shot: camera.
+        shots: cameras; the first one has the photo of a world of one camera.
         rng: random generator.
         seed: seed of the colours.
     """
-    clear = _FreeSpace(people, blocks, shot, rng)
+    clear, shot = _FreeSpace(people, blocks, shots, rng), shots[0]
     middle, position = people.reshape(-1, 3).mean(axis=0), shot.camera.position
     away = np.arctan2(middle[0] - position[0], middle[2] - position[2])
     half_field = np.arctan(shot.intrinsics.width / 2 / shot.intrinsics.fx)
@@ -143,23 +148,23 @@ def hidden_by(blocks: Sequence[Block], eye: FloatArray, points: FloatArray) -> B
     return hidden
 
 
-def _walls(people: FloatArray, blocks: Blocks, shot: CameraShot, rng: np.random.Generator) -> Walls:
-    """Draw walls around people, blocks and camera; a tall block of the action becomes part of a wall."""
+def _walls(people: FloatArray, blocks: Blocks, shots: Sequence[CameraShot], rng: np.random.Generator) -> Walls:
+    """Draw walls around people, blocks and cameras; a tall block of the action becomes part of a wall."""
     tall = [block for block in blocks if 2 * block.half[1] > _TALL and max(block.half[0], block.half[2]) > 0.5]
     yaw = tall[0].yaw if tall else rng.uniform(-0.5, 0.5)
     turn = yaw_matrix(yaw)
     corners = [_wall_front(block).corners() if block in tall else block.corners() for block in blocks]
     things = apply(turn.T, np.concatenate([people.reshape(-1, 3), *corners]))
-    camera = apply(turn.T, shot.camera.position)
+    cameras = apply(turn.T, np.stack([shot.camera.position for shot in shots]))
     low, high = things.min(axis=0), things.max(axis=0)
     border = np.zeros((2, 2))
     for k, axis in enumerate((0, 2)):
         margins = np.array([0.0 if _backs_onto(tall, turn, axis, side) else rng.uniform(0.25, 1.8) for side in (-1, 1)])
         border[k] = (
-            min(low[axis] - margins[0], camera[axis] - rng.uniform(0.5, 0.9)),
-            max(high[axis] + margins[1], camera[axis] + rng.uniform(0.5, 0.9)),
+            min(low[axis] - margins[0], cameras[:, axis].min() - rng.uniform(0.5, 0.9)),
+            max(high[axis] + margins[1], cameras[:, axis].max() + rng.uniform(0.5, 0.9)),
         )
-    height = max(rng.uniform(2.4, 3.0), camera[1] + _CAMERA_CLEARANCE, float(people[..., 1].max()) + 0.25)
+    height = max(rng.uniform(2.4, 3.0), cameras[:, 1].max() + _CAMERA_CLEARANCE, float(people[..., 1].max()) + 0.25)
     (x0, x1), (z0, z1) = border.tolist()
     walls = Walls((x0, z0), (x1, z1), float(height), float(yaw))
     return replace(walls, decorations=_decorations(walls, rng))
@@ -246,7 +251,7 @@ def _against_a_wall(walls: Walls, rng: np.random.Generator) -> Blocks | None:
     return make(np.random.default_rng(own), (float(x), float(z)), walls.yaw + turn)
 
 
-def _free(people: FloatArray, shot: CameraShot, walls: Walls, rng: np.random.Generator) -> Blocks:
+def _free(people: FloatArray, walls: Walls, rng: np.random.Generator) -> Blocks:
     """Draw a chair, stool, table or bench near the people."""
     makers: tuple[Callable[[np.random.Generator, Place, float], Blocks], ...] = (
         furniture.chair,

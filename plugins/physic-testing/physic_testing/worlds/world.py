@@ -20,6 +20,7 @@ from physic_core.types import BodyParameters, Intrinsics, Plane
 from physic_testing.worlds import disk_cache, labels
 from physic_testing.worlds.rendering import pixel_rays
 from physic_testing.worlds.skeletons import SKELETONS
+from physic_testing.worlds.views import VIEWS, split_name
 
 # Building a world needs torch, so the builders are imported in the functions.
 if TYPE_CHECKING:
@@ -105,7 +106,8 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing.
+        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing, and by a view of
+            ``view_names`` or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
         empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
@@ -211,7 +213,7 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
 
     Args:
         name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS; with OTHER_BODIES after it, people have bodies that
-            no shape of the body model has.
+            no shape of the body model has. Names of ``view_names`` show one moment from several cameras.
         seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
@@ -235,7 +237,9 @@ _BODY_STREAM = 10  # of those of other bodies
 
 def is_world(name: str) -> bool:
     """Return whether a world has this name."""
-    return name.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
+    base, view = split_name(name)
+    known = base.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
+    return known and (view is None or 0 <= view < VIEWS)
 
 
 def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> tuple[tuple[str, int], ...]:
@@ -288,11 +292,12 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     from physic_testing.worlds.scene_setup import set_up_scene
 
     fitted = model = load_body("embedded").to(dtype=torch.float64)
-    action, other = name.removesuffix(OTHER_BODIES), name.endswith(OTHER_BODIES)
+    base, view = split_name(name)
+    action, other = base.removesuffix(OTHER_BODIES), base.endswith(OTHER_BODIES)
     number = zlib.crc32(action.encode())
     if other:
         model = other_body(model, np.random.default_rng([seed, number, _BODY_STREAM]))
-    stage = set_up_scene(model, action, seed, size, other)
+    stage = set_up_scene(model, action, seed, size, other, view)
     intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
     parameters = _with_same_pelvis(fitted, bodies) if other else bodies.parameters
