@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 from physic_core.batch.machine import default_workers
 from physic_core.batch.run import local_executor
 from physic_core.batch.workers import WorkerSettings
-from physic_core.discovery.catalog import EXECUTORS, how_to_install
-from physic_core.discovery.installed import Installed, find_installed, import_target
+from physic_core.discovery.catalog import EXECUTORS
+from physic_core.discovery.installed import find_one, import_target
 from physic_core.discovery.records import ExecutorRecord
-from physic_core.discovery.registration import PLUGINS_VARIABLE
 from physic_core.errors import ConfigError, PluginError
 
 if TYPE_CHECKING:
@@ -58,7 +56,8 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == LOCAL:
         return _local(settings)
-    executor: Executor = import_target(_find(name), "executor")(settings)
+    found = find_one(ExecutorRecord, name, "executor", own=LOCAL, known=EXECUTORS)
+    executor: Executor = import_target(found, "executor")(settings)
     if not callable(executor):
         raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")
     return executor
@@ -74,23 +73,3 @@ def _local(settings: ExecutorSettings) -> Executor:
         return local_executor(WorkerSettings(count, settings.timeout, settings.logs))(items, job)
 
     return run
-
-
-def _find(name: str) -> Installed[ExecutorRecord]:
-    """Return the executor of a plugin.
-
-    Raises:
-        ConfigError: no plugin, or more than one, offers the name; the message lists what is installed.
-    """
-    executors = find_installed(ExecutorRecord)
-    fitting = [executor for executor in executors if executor.record.name == name]
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
-        owners = " and ".join(executor.origin.distribution for executor in fitting)
-        raise ConfigError(f"the executor '{name}' is offered by {owners}: uninstall one of them")
-    names = ", ".join([LOCAL, *(executor.record.name for executor in executors)])
-    hint = f". '{name}' comes with {EXECUTORS[name]}: {how_to_install(EXECUTORS[name])}" if name in EXECUTORS else ""
-    if (restriction := os.environ.get(PLUGINS_VARIABLE)) is not None:
-        hint += f" ({PLUGINS_VARIABLE}='{restriction}' hides other plugins)"
-    raise ConfigError(f"no executor named '{name}'; installed: {names}{hint}")

@@ -14,9 +14,9 @@ __all__ = ["export"]
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from physic_core.discovery.catalog import EXPORTERS, how_to_install
+    from physic_core.discovery.catalog import EXPORTERS
     from physic_core.discovery.exporters import find_exporters
-    from physic_core.discovery.installed import why_unavailable
+    from physic_core.discovery.installed import explain_absence
 
     rows = [("format", "suffix", "for", "content", "needs")]
     for exporter in find_exporters():
@@ -32,8 +32,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     listed = {row[0] for row in rows}
     for distribution, formats in EXPORTERS.items():
         if missing := ", ".join(sorted(formats.keys() - listed)):
-            why = why_unavailable(distribution)
-            echo(f"{missing}: in {distribution}, which is {why}: {how_to_install(distribution)}")
+            echo(f"{missing}: in {explain_absence(distribution)}")
     ctx.exit()
 
 

@@ -67,15 +67,12 @@ class ExtensibleGroup(click.Group):
         """
         name = args[0]
         if not name.startswith("-") and self.get_command(ctx, name) is None:
-            from physic_core.discovery.catalog import COMMANDS, how_to_install
-            from physic_core.discovery.installed import why_unavailable
+            from physic_core.discovery.catalog import COMMANDS
+            from physic_core.discovery.installed import explain_absence
 
             full_name = f"{self.path} {name}".strip()
             if (distribution := COMMANDS.get(full_name)) is not None:
-                raise click.UsageError(
-                    f"'physic {full_name}' is a command of {distribution}, which is {why_unavailable(distribution)}: "
-                    f"{how_to_install(distribution)}"
-                )
+                raise click.UsageError(f"'physic {full_name}' is a command of {explain_absence(distribution)}")
             raise click.exceptions.NoSuchCommand(name, possibilities=self.list_commands(ctx), ctx=ctx)
         return super().resolve_command(ctx, args)
 

@@ -46,7 +46,6 @@ def list_(interface: str | None, as_json: bool) -> None:
 
 def _list(interface: str | None, as_json: bool) -> None:
     from physic_core.cli.listing import plugins_as_dicts, plugins_table
-    from physic_core.discovery.misregistered import find_plugins_in_other_groups
     from physic_core.discovery.plugins import discover
 
     require_interface(interface)
@@ -55,9 +54,6 @@ def _list(interface: str | None, as_json: bool) -> None:
         echo_json(plugins_as_dicts(found, interface))
     else:
         echo(plugins_table(found, interface))
-    if unread := find_plugins_in_other_groups():
-        names = ", ".join(str(plugin.origin) for plugin in unread)
-        echo(f"not read, wrong entry-point group: {names}; see `physic plugins doctor`", err=True)
 
 
 @click.command()

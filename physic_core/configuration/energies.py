@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.configuration.problems import did_you_mean
-from physic_core.discovery.catalog import ENERGIES, how_to_install
-from physic_core.discovery.installed import Installed, find_installed, import_target, why_unavailable
+from physic_core.discovery.catalog import ENERGIES
+from physic_core.discovery.installed import Installed, find_installed, find_one, import_target
 from physic_core.discovery.records import EnergyRecord
-from physic_core.errors import ConfigError, PluginError
+from physic_core.errors import PluginError
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -58,17 +57,4 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
 
 def _find(name: str) -> Installed[EnergyRecord]:
-    installed = find_installed(EnergyRecord)
-    found = [energy for energy in installed if energy.record.name == name]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        owners = " and ".join(sorted(energy.origin.distribution for energy in found))
-        raise ConfigError(f"the engine preset '{name}' is offered by {owners}: uninstall one of them")
-    if name in ENERGIES:
-        owner = ENERGIES[name]
-        raise ConfigError(
-            f"the engine preset '{name}' needs {owner}, which is {why_unavailable(owner)}: {how_to_install(owner)}"
-        )
-    names = sorted({DEFAULT_ENERGY, *ENERGIES, *(energy.record.name for energy in installed)})
-    raise ConfigError(f"no engine preset named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
+    return find_one(EnergyRecord, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from physic_core.configuration.quoting import printable, quoted, shorten
+from physic_core.discovery.catalog import did_you_mean
 from physic_core.errors import BackendError, ConfigError
 
 if TYPE_CHECKING:
@@ -130,14 +130,6 @@ def problems_from_pydantic(
             message = _describe_pydantic_error(found)
         problems.append(Problem(at or path, message))
     return problems
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the hint ". Did you mean 'x'?" for a misspelt name, or "" if no known name is similar."""
-    if len(name) > 100:  # comparing takes long, and no known name is similar
-        return ""
-    close = get_close_matches(name, list(known), n=1)
-    return f". Did you mean '{close[0]}'?" if close else ""
 
 
 def _clean(text: str, limit: int) -> str:

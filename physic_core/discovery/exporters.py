@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 
 from physic_core.discovery.catalog import EXPORTERS, how_to_install
-from physic_core.discovery.installed import Installed, find_installed, why_unavailable
+from physic_core.discovery.installed import Installed, explain_absence, find_installed
 from physic_core.discovery.records import ExporterRecord
 from physic_core.errors import InputError, PackageMissingError
 
@@ -75,9 +75,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Installed[ExporterRecor
     for distribution, formats in EXPORTERS.items():
         if wanted in formats if name else any(suffix.lower() in suffixes for suffixes in formats.values()):
             what = f"the export format '{wanted}'" if name else f"the export to a file {suffix}"
-            raise InputError(
-                f"{what} needs {distribution}, which is {why_unavailable(distribution)}: {how_to_install(distribution)}"
-            )
+            raise InputError(f"{what} needs {explain_absence(distribution)}")
     choose = f"choose one of {', '.join(each.record.name for each in exporters)}"
     if name:
         raise InputError(f"there is no export format '{name}': {choose}")

@@ -20,12 +20,12 @@ from physic_core.discovery.records import (
     ReportRecord,
 )
 from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
-from physic_core.errors import PhysicError, PluginError
+from physic_core.errors import ConfigError, PhysicError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = ["Installed", "call_target", "find_installed", "import_target", "why_unavailable"]
+__all__ = ["Installed", "call_target", "explain_absence", "find_installed", "find_one", "import_target"]
 
 _Record = TypeVar("_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | ReportRecord)
 
@@ -62,6 +62,34 @@ def find_installed(
             records = call_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
             found += [Installed(record, entry) for record in records]
     return tuple(found)
+
+
+def find_one(kind: type[_Record], name: str, role: str, *, own: str, known: Mapping[str, str]) -> Installed[_Record]:
+    """Return the record of a name.
+
+    Args:
+        kind: class of the record.
+        name: of the record.
+        role: what the record is, for the messages, such as "executor".
+        own: name that the core itself offers, which the messages list, too.
+        known: distribution of each known name.
+
+    Raises:
+        ConfigError: no plugin, or more than one, offers the name.
+    """
+    from physic_core.discovery.catalog import did_you_mean
+
+    installed = find_installed(kind)
+    found = [one for one in installed if one.record.name == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        owners = " and ".join(sorted(one.origin.distribution for one in found))
+        raise ConfigError(f"the {role} '{name}' is offered by {owners}: uninstall one of them")
+    if name in known:
+        raise ConfigError(f"the {role} '{name}' needs {explain_absence(known[name])}")
+    names = sorted({own, *known, *(one.record.name for one in installed)})
+    raise ConfigError(f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
 
 
 def import_target(found: Installed[Any], role: str) -> Any:
@@ -113,14 +141,18 @@ def call_target(found: Installed[Any], role: str, *arguments: object) -> Any:
         ) from error
 
 
-def why_unavailable(distribution: str) -> str:
-    """Return the reason why nothing of a known distribution is found, such as "not installed"."""
+def explain_absence(distribution: str) -> str:
+    """Return the reason why nothing of a known distribution is found, and how to install it.
+
+    As "physic-ray, which is not installed: `pip install ...`".
+    """
+    from physic_core.discovery.catalog import how_to_install
     from physic_core.discovery.entry_points import find_plugins
 
-    found = find_plugins()
-    for broken in found.broken:
-        if broken.origin.distribution == distribution:
-            return f"broken ({broken.cause})"
+    found, reason = find_plugins(), "not installed"
     if found.restriction is not None:
-        return f"not installed, or hidden by PHYSIC_PLUGINS='{found.restriction}'"
-    return "not installed"
+        reason = f"not installed, or hidden by PHYSIC_PLUGINS='{found.restriction}'"
+    broken = [plugin.cause for plugin in found.broken if plugin.origin.distribution == distribution]
+    if broken:
+        reason = f"broken ({broken[0]})"
+    return f"{distribution}, which is {reason}: {how_to_install(distribution)}"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.catalog import how_to_install
-from physic_core.discovery.installed import Installed, call_target, find_installed, why_unavailable
+from physic_core.discovery.installed import Installed, call_target, explain_absence, find_installed
 from physic_core.discovery.records import ReportRecord
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
@@ -60,10 +59,7 @@ def require_report() -> None:
 def _find() -> Installed[ReportRecord]:
     found = find_installed(ReportRecord)
     if not found:
-        raise PackageMissingError(
-            f"report.html is made by {_DISTRIBUTION}, which is {why_unavailable(_DISTRIBUTION)}: "
-            f"{how_to_install(_DISTRIBUTION)}"
-        )
+        raise PackageMissingError(f"report.html is made by {explain_absence(_DISTRIBUTION)}")
     if len(found) > 1:
         names = " and ".join(one.origin.distribution for one in found)
         raise ConfigError(f"report.html is made by {names}: uninstall one of them")

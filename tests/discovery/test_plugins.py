@@ -1,14 +1,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import distributions
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-from physic_core.cli import main
-from physic_core.discovery.misregistered import find_misregistered
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError
@@ -226,73 +222,6 @@ def test_two_distributions_may_claim_one_name_and_both_are_kept(site):
     claims = list(registry)
     assert [c.origin.distribution for c in claims] == ["physic-a", "physic-b"]
     assert registry.with_same_name(claims[0]) == (claims[1],)
-
-
-# ---- distributions that look like plugins ----------------------------------------------------------------------------
-
-CURE = 'write [project.entry-points."physic.plugins"] in its pyproject.toml, and install it again'
-
-
-def installed_as(site: Any, distribution: str, group: str, requires: str = "") -> None:
-    module = site.install(distribution, "")
-    folder = site.folder / f"{module}-1.0.dist-info"
-    (folder / "entry_points.txt").write_text(f"[{group}]\nx = {module}\n" if group else "")
-    if requires:
-        with (folder / "METADATA").open("a") as metadata:
-            metadata.write(f"Requires-Dist: {requires}\n")
-
-
-@pytest.mark.parametrize(
-    ("distribution", "group", "requires"),
-    [
-        ("heuristics", "physic_plugins", ""),
-        ("heuristics", "physic.plugin", ""),
-        ("heuristics", "Physic.Plugins", ""),
-        ("physic-mine", "physic", ""),
-        ("heuristics", "physics.plugins", "physic-core>=0.1"),
-        ("heuristics", "phyisc.plugins", "physic_core"),
-    ],
-)
-def test_an_entry_point_in_a_group_that_is_called_nearly_so_is_noticed(site, distribution, group, requires):
-    installed_as(site, distribution, group, requires)
-    (row,) = find_misregistered(distributions(path=[str(site.folder)]), environment={})
-    assert str(row.origin) == f"{distribution} 1.0"
-    assert row.cause == f"its entry points are in the group '{group}', which is not read: {CURE}"
-    assert (
-        find_misregistered(distributions(path=[str(site.folder)]), environment={"PHYSIC_PLUGINS": "physic-other"}) == ()
-    )
-
-
-def test_a_distribution_that_is_called_like_a_plugin_and_offers_nothing_is_noticed(site):
-    installed_as(site, "physic-mine", "console_scripts")
-    (row,) = find_misregistered(distributions(path=[str(site.folder)]), environment={})
-    assert row.cause == (
-        f"it has no entry point in the group 'physic.plugins', so that no backend of it is found: {CURE}"
-    )
-
-
-@pytest.mark.parametrize(
-    ("distribution", "group", "requires"),
-    [
-        ("physic-mine", "physic.plugins", "physic-core"),
-        ("physics-engine", "physics.plugins", "numpy"),
-        ("physic", "console_scripts", ""),
-        ("studio", "console_scripts", "physic-core"),
-        ("studio", "physics.plugins", "physic-core-extras"),
-    ],
-)
-def test_a_distribution_that_is_no_lost_plugin_is_left_alone(site, distribution, group, requires):
-    installed_as(site, distribution, group, requires)
-    assert find_misregistered(distributions(path=[str(site.folder)]), environment={}) == ()
-
-
-def test_the_listing_names_plugins_of_another_group_in_one_line(site, monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine,physic-mock")
-    installed_as(site, "physic-mine", "")
-    assert CliRunner().invoke(main, ["plugins"]).stderr == ""
-    installed_as(site, "heuristics", "physic_plugins")
-    done = CliRunner().invoke(main, ["plugins"])
-    assert done.stderr == "not read, wrong entry-point group: heuristics 1.0; see `physic plugins doctor`\n"
 
 
 # ---- lists of weights ------------------------------------------------------------------------------------------------

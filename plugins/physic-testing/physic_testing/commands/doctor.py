@@ -113,7 +113,7 @@ def diagnose(
         load: function that loads one backend.
         with_plugins: whether to include broken plugins.
     """
-    from physic_core.discovery.misregistered import find_misregistered
+    from physic_testing.commands.misregistered import find_misregistered
 
     for offer in offers:
         if offer.problem:
@@ -124,7 +124,7 @@ def diagnose(
         return
     for broken in registry.broken:
         yield DoctorResult("-", "-", str(broken.origin), "broken", broken.cause, traceback=traceback_text(broken.error))
-    for plugin in find_misregistered():
+    for plugin in find_misregistered(restriction=registry.restriction):
         # A library that is called physic-... may offer no backends on purpose.
         yield DoctorResult("-", "-", str(plugin.origin), "broken" if plugin.group else "missing", plugin.cause)
 

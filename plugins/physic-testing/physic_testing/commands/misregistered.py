@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
-from importlib.metadata import Distribution, distributions, entry_points
+from importlib.metadata import Distribution, distributions
 
-from physic_core.discovery.offers import Origin, canonicalize_name
-from physic_core.discovery.registration import GROUP, requested_plugins
+from physic_core.discovery.plugins import GROUP
+from physic_core.discovery.registry import Origin, canonicalize_name
 
-__all__ = ["MisregisteredPlugin", "find_misregistered", "find_plugins_in_other_groups"]
+__all__ = ["MisregisteredPlugin", "find_misregistered"]
 
 _CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
 
@@ -33,17 +32,17 @@ class MisregisteredPlugin:
 
 
 def find_misregistered(
-    installed: Iterable[Distribution] | None = None, *, environment: Mapping[str, str] = os.environ
+    installed: Iterable[Distribution] | None = None, *, restriction: str | None = None
 ) -> tuple[MisregisteredPlugin, ...]:
-    """List distributions that look like plugins, but that :func:`find_plugins` does not find.
+    """List distributions that look like plugins, but whose backends :func:`physic_core.discover` does not find.
 
     Their entry points are in a group with a similar name, or they are called physic-... and have no entry point.
 
     Args:
         installed: distributions; None for those of this Python.
-        environment: as for :func:`find_plugins`.
+        restriction: value of ``PHYSIC_PLUGINS``, which hides all other plugins; None if it is not set.
     """
-    wanted = requested_plugins(environment)
+    wanted = None if restriction is None else {canonicalize_name(name.strip()) for name in restriction.split(",")}
     known: dict[str, MisregisteredPlugin | None] = {}
     for found in distributions() if installed is None else installed:
         name = found.metadata["Name"] or ""
@@ -52,15 +51,6 @@ def find_misregistered(
         if name and key not in known and key != "physic-core" and (wanted is None or key in wanted):
             known[key] = _misregistered(found, name)
     return tuple(row for _, row in sorted(known.items()) if row is not None)
-
-
-def find_plugins_in_other_groups(environment: Mapping[str, str] = os.environ) -> tuple[MisregisteredPlugin, ...]:
-    """List distributions with entry points in a group of similar name; faster than :func:`find_misregistered`."""
-    found = entry_points()
-    similar = {group for group in found.groups if group != GROUP and (_is_named_ours(group) or _is_close(group))}
-    entries = (entry for group in similar for entry in found.select(group=group))
-    owners = {entry.dist.name: entry.dist for entry in entries if entry.dist is not None}
-    return tuple(row for row in find_misregistered(owners.values(), environment=environment) if row.group)
 
 
 def _is_named_ours(group: str) -> bool:
