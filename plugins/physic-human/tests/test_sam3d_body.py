@@ -18,10 +18,11 @@ from physic_core.adapters.devices import check_device
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
-from physic_human.sam3d_body import JOINT_BY_KEYPOINT, Sam3dBody, Sam3dBodyOptions, joints_from_keypoints
+from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
 from physic_human.torch_guard import guarded_torch
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World, build_world
+from physic_testing.conformance.true_keypoints import world_mhr_keypoints
+from physic_testing.worlds import build_world
 
 from .seen import network_of, world_of
 
@@ -113,19 +114,6 @@ class Transformer(torch.nn.Module):
         self.mask_token = torch.nn.Parameter(torch.zeros(1, 2))  # the published checkpoint lacks it
 """,
 }
-
-# Names of the 70 keypoints as the project lists them, and the joints of SMPL-X that mean the same.
-NAMES = {
-    1: "left_eye", 2: "right_eye", 5: "left_shoulder", 6: "right_shoulder", 7: "left_elbow", 8: "right_elbow",
-    9: "left_hip", 10: "right_hip", 11: "left_knee", 12: "right_knee", 13: "left_ankle", 14: "right_ankle",
-    22: "right_thumb3", 23: "right_thumb2", 24: "right_thumb1", 26: "right_index3", 27: "right_index2",
-    28: "right_index1", 30: "right_middle3", 31: "right_middle2", 32: "right_middle1", 34: "right_ring3",
-    35: "right_ring2", 36: "right_ring1", 38: "right_pinky3", 39: "right_pinky2", 40: "right_pinky1",
-    41: "right_wrist", 43: "left_thumb3", 44: "left_thumb2", 45: "left_thumb1", 47: "left_index3",
-    48: "left_index2", 49: "left_index1", 51: "left_middle3", 52: "left_middle2", 53: "left_middle1",
-    55: "left_ring3", 56: "left_ring2", 57: "left_ring1", 59: "left_pinky3", 60: "left_pinky2",
-    61: "left_pinky1", 62: "left_wrist",
-}  # fmt: skip
 
 
 def people(count: int = 2) -> People:
@@ -339,45 +327,6 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     assert current == ["none"]
 
 
-def test_every_keypoint_is_the_joint_of_the_same_name() -> None:
-    assert {number: JOINT_INDEX[name] for number, name in NAMES.items()} == JOINT_BY_KEYPOINT
-
-
-def test_joints_without_a_keypoint_are_not_numbers() -> None:
-    joints = joints_from_keypoints(np.zeros((1, 70, 3), np.float32))[0]
-    unknown = np.flatnonzero(np.isnan(joints).all(axis=1)).tolist()
-    assert unknown == [JOINT_INDEX[n] for n in (
-        "pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar",
-        "head", "jaw",
-    )]  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "most_mm"), [("stand", 12), ("sit_on_chair", 12), ("walk", 15), ("kneel", 35)])
-def test_feet_are_turned_towards_their_toes(name: str, most_mm: float) -> None:
-    """The true tips of the toes, on the skin, give the joint that toes bend at; who kneels has bent them."""
-    world = build_world(name)
-    ankles, feet = world.joints[:, [7, 8]], world.joints[:, [10, 11]]
-    points = np.zeros((len(ankles), 70, 3), np.float32)
-    points[:, [13, 14]] = ankles
-    points[:, [15, 16, 18, 19]] = toes_of(world)
-    found = joints_from_keypoints(points)[:, [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]]
-    apart = 1000 * np.linalg.norm(found - feet, axis=2).mean()
-    print(f"{apart:.1f} mm")
-    assert apart < most_mm
-
-
-def toes_of(world: World) -> np.ndarray:
-    """(N, 4, 3) tips of the big and the small toe, of the left foot and of the right."""
-    from physic_core.body import load_body
-    from physic_core.types import SKELETONS
-
-    regressor = load_body("embedded").regressor("coco23")
-    given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
-    points = regressor(torch.from_numpy(world.joints.copy()), given).numpy()
-    names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
-    return points[:, [SKELETONS["coco23"].names.index(name) for name in names]]
-
-
 def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
     with pytest.raises(DeviceError, match="SAM 3D Body's own code runs on a GPU only, got 'cpu'"):
         sam.load("cpu")
@@ -412,13 +361,8 @@ class PerfectSam:
                 assert cam_int is not None
                 np.testing.assert_allclose(cam_int[0, 0, 0], world.intrinsics.fx, rtol=1e-5)
                 row = int(np.abs(world.boxes - box).sum(axis=1).argmin())
-                joints = world.joints[row].astype(float)
-                place = joints[0] + np.array([0.0, 1.0, 0.0])
-                points = np.tile(joints[15], (70, 1))
-                for number, name in NAMES.items():
-                    points[number] = joints[JOINT_INDEX[name]]
-                points[[15, 16, 18, 19]] = toes_of(world)[row]
-                points = points - place
+                place = world.joints[row, 0] + np.array([0.0, 1.0, 0.0])
+                points = world_mhr_keypoints(world)[row] - place
             told.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
         return told
 

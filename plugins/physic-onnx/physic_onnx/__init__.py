@@ -164,6 +164,16 @@ def physic_backends() -> list[BackendRecord]:
             weights=("camerahmr-onnx",),
         ),
         BackendRecord(
+            "body_estimator",
+            "instanthmr-onnx",
+            "physic_onnx.instanthmr:InstantHmr",
+            api=1,
+            summary="InstantHMR: joints of MHR bodies, by a small network that was trained on SAM 3D Body's data",
+            weights_license="SAM License: commercial use with conditions (InstantHMR)",
+            needs=("weights",),
+            weights=("instanthmr",),
+        ),
+        BackendRecord(
             "hand_estimator",
             "wilor-onnx",
             "physic_onnx.wilor:Wilor",

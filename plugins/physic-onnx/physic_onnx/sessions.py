@@ -46,6 +46,7 @@ class Network:
         inputs: name -> port, in the file's order.
         outputs: name -> port, in the file's order.
         provider: execution provider that runs it: "CPU", "CUDA", ...
+        metadata: what the exporter wrote beside the graph, as texts.
     """
 
     def __init__(self, session: OnnxSession, name: str) -> None:
@@ -53,6 +54,7 @@ class Network:
         self.provider = session.provider.name
         self.inputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_inputs()}
         self.outputs: Mapping[str, Port] = {node.name: _port(node) for node in session.session.get_outputs()}
+        self.metadata: Mapping[str, str] = dict(session.session.get_modelmeta().custom_metadata_map)
         self._session = session
 
     def run(self, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> list[NDArray[Any]]:

@@ -143,6 +143,7 @@ class ToldNetwork:
 
     name = "told.onnx"
     provider = "CPU"
+    metadata: Mapping[str, str] = {}
 
     def __init__(
         self,

@@ -12,11 +12,8 @@ import numpy as np
 import torch
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from physic_core.body import load_body
-from physic_core.types import SKELETONS
-from physic_human.sam3d_body import JOINT_BY_KEYPOINT, NUM_KEYPOINTS
 from physic_testing.body_files import mano_arrays, write_published
-from physic_testing.conformance.true_keypoints import world_keypoints
+from physic_testing.conformance.true_keypoints import world_keypoints, world_mhr_keypoints
 from physic_testing.worlds import World
 
 from .files import relative_points
@@ -255,20 +252,8 @@ def truth_of(world: World) -> dict[str, np.ndarray]:
     known["body_seen"], known["contact_seen"] = body_seen(world), contact_seen(world)
     known["faces"] = np.asarray(world.faces).copy()
     known["vertices"] = world.vertices[0].copy()
-    keypoints = np.tile(world.joints[0, 15], (NUM_KEYPOINTS, 1))
-    keypoints[list(JOINT_BY_KEYPOINT)] = world.joints[0, list(JOINT_BY_KEYPOINT.values())]
-    keypoints[[15, 16, 18, 19]] = toes(world)
-    known["keypoints"] = keypoints.astype(np.float32)
+    known["keypoints"] = world_mhr_keypoints(world)[0].astype(np.float32)
     return known
-
-
-def toes(world: World) -> np.ndarray:
-    """(4, 3) tips of the big and the small toe, of the left foot and of the right."""
-    regressor = load_body("embedded").regressor("coco23")
-    given = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
-    points = regressor(torch.from_numpy(world.joints.copy()), given)[0].numpy()
-    names = ("left_big_toe", "left_small_toe", "right_big_toe", "right_small_toe")
-    return np.asarray(points[[SKELETONS["coco23"].names.index(name) for name in names]])
 
 
 SIDE = 32

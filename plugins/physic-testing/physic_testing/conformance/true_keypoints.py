@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
 
-__all__ = ["world_keypoints"]
+__all__ = ["world_keypoints", "world_mhr_keypoints"]
 
 
 def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray, BoolArray]:
@@ -56,6 +56,27 @@ def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray,
     for row in columns:
         visible[:, row] = _visible(world, _nearest_body_point(skeleton, skeleton.names[row]))
     return points, visible
+
+
+def world_mhr_keypoints(world: World) -> FloatArray:
+    """Return the 70 keypoints of MHR bodies (N, 70, 3) of a world's people, metres, camera frame.
+
+    Keypoints that the body model lacks are placed at the head joint.
+    """
+    import torch
+
+    from physic_core.adapters.mhr import JOINT_BY_KEYPOINT, NUM_KEYPOINTS
+    from physic_core.body import JOINT_INDEX, load_body
+
+    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], NUM_KEYPOINTS, axis=1).astype(np.float64)
+    points[:, list(JOINT_BY_KEYPOINT)] = world.joints[:, list(JOINT_BY_KEYPOINT.values())]
+    regressor = load_body(world.body_model).regressor("coco23")
+    vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
+    on_body = regressor(torch.from_numpy(world.joints.copy()), vertices).numpy()
+    names = SKELETONS["coco23"].names
+    for keypoint, toe in ((15, "left_big_toe"), (16, "left_small_toe"), (18, "right_big_toe"), (19, "right_small_toe")):
+        points[:, keypoint] = on_body[:, names.index(toe)]
+    return points
 
 
 def _nearest_body_point(skeleton: Skeleton, name: str) -> str:

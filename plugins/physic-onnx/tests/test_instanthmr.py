@@ -1,0 +1,191 @@
+"""InstantHMR: its crop, the condition of the box, its camera and the pipeline's, and the kit on a perfect network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+from physic_core.adapters.mhr import joints_from_keypoints
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.errors import BackendError
+from physic_core.types import Hints, Intrinsics, Keypoints, People
+from physic_onnx.instanthmr import InstantHmr
+from physic_testing.conformance import check_backend
+from physic_testing.conformance.true_keypoints import world_mhr_keypoints
+
+from .pose_worlds import normalised, whose
+
+INPUTS = {"image": ("float32", ("batch", 3, 224, 224)), "cliff_cond": ("float32", ("batch", 3))}
+OUTPUTS = {
+    "mhr_params": ("float32", ("batch", 204)),
+    "shape_params": ("float32", ("batch", 45)),
+    "cam_trans": ("float32", ("batch", 3)),
+    "joints_2d": ("float32", ("batch", 70, 2)),
+    "joints_3d": ("float32", ("batch", 70, 3)),
+}
+IMAGE = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (300, 400, 3), np.uint8), (0, 0), 3)
+BOXES = np.array([[101.3, 40.2, 180.9, 260.6], [0.0, 10.0, 70.5, 299.0], [250.0, 60.0, 400.0, 160.0]])
+PEOPLE = People(np.zeros((3, 300, 400), bool), BOXES, np.ones(3))
+NO_KEYPOINTS = Keypoints(np.zeros((3, 17, 2)), np.zeros((3, 17)), "coco17")
+OWN_CAMERA = Intrinsics(500.0, 500.0, 199.5, 149.5, 400, 300)
+"""The network's own: the diagonal of the photo, and its centre."""
+
+
+@pytest.fixture
+def graph_file(tmp_path: Path, graph: Any, node: Any) -> Any:
+    """A network with random weights: each output is linear in the picture and the condition."""
+
+    def make(metadata: dict[str, str] | None = None, outputs: dict[str, Any] = OUTPUTS) -> Path:
+        rng = np.random.default_rng(1)
+        nodes = [
+            node("AveragePool", ["image"], ["pooled"], kernel_shape=[28, 28], strides=[28, 28]),
+            node("Flatten", ["pooled"], ["flat"]),
+            node("Concat", ["flat", "cliff_cond"], ["seen"], axis=1),
+        ]
+        constants: dict[str, np.ndarray] = {}
+        for name, (_, (_, *shape)) in outputs.items():
+            bias = np.array([0.1, 0.2, 4.0]) if name == "cam_trans" else rng.normal(0, 0.3, int(np.prod(shape)))
+            constants[f"{name} weights"] = rng.normal(0, 0.02, (195, len(bias))).astype(np.float32)
+            constants[f"{name} bias"] = bias.astype(np.float32)
+            constants[f"{name} shape"] = np.array([-1, *shape])
+            nodes += [
+                node("Gemm", ["seen", f"{name} weights", f"{name} bias"], [f"{name} flat"]),
+                node("Reshape", [f"{name} flat", f"{name} shape"], [name]),
+            ]
+        path: Path = graph(tmp_path / "instanthmr.onnx", INPUTS, outputs, nodes, constants)
+        if metadata:
+            model = onnx.load(path)
+            onnx.helper.set_model_props(model, metadata)
+            onnx.save(model, path)
+        return path
+
+    return make
+
+
+def loaded(path: Path, **options: Any) -> InstantHmr:
+    backend = InstantHmr(InstantHmr.Options(weights=str(path), **options))
+    backend.load()
+    return backend
+
+
+def as_published(path: Path, image: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(70, 3) metres in the network's own camera and (45,) shape, by the steps that its repository describes."""
+    height, width = image.shape[:2]
+    x0, y0, x1, y1 = box
+    side = max(x1 - x0, y1 - y0)
+    left, top = (x0 + x1) / 2 - 0.6 * side, (y0 + y1) / 2 - 0.6 * side
+    columns = int(np.floor(left)), int(np.ceil(left + 1.2 * side))
+    rows = int(np.floor(top)), int(np.ceil(top + 1.2 * side))
+    beyond = 300
+    framed = np.pad(image, ((beyond, beyond), (beyond, beyond), (0, 0)))
+    patch = framed[beyond + rows[0] : beyond + rows[1], beyond + columns[0] : beyond + columns[1]]
+    picture = cv2.resize(patch, (224, 224), interpolation=cv2.INTER_LINEAR)
+    condition = [(x0 + x1) / width - 1, (y0 + y1) / height - 1, side / max(height, width)]
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    feed = {
+        "image": normalised(picture)[None].astype(np.float32),
+        "cliff_cond": np.array([condition], np.float32),
+    }
+    shape, place, points = session.run(["shape_params", "cam_trans", "joints_3d"], feed)
+    return points[0] + place[0], shape[0]
+
+
+def project(points: np.ndarray, camera: Intrinsics) -> np.ndarray:
+    return points[..., :2] / points[..., 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+
+
+@pytest.mark.parametrize("batch", [1, 8])
+def test_in_its_own_camera_bodies_are_those_of_the_published_steps(graph_file: Any, batch: int) -> None:
+    path = graph_file()
+    found = loaded(path, batch=batch).infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
+    expected = [as_published(path, IMAGE, box) for box in BOXES]
+    joints = joints_from_keypoints(np.stack([points for points, _ in expected]))
+    assert found.body_model == "mhr"
+    # The crops differ by one grey level at most, which these weights make 2 mm; one pixel aside is 20 mm.
+    np.testing.assert_allclose(found.joints, joints, atol=3e-3)
+    np.testing.assert_allclose(found.parameters.betas, [shape for _, shape in expected], atol=3e-3)
+
+
+def test_in_another_camera_the_hips_keep_their_pixel_and_their_size(graph_file: Any) -> None:
+    backend = loaded(graph_file())
+    camera = Intrinsics(400.0, 900.0, 150.0, 170.0, 400, 300)
+    own, other = (backend.infer(IMAGE, PEOPLE, c, NO_KEYPOINTS, Hints()).joints for c in (OWN_CAMERA, camera))
+    hips = [JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]
+    middle, moved = (joints[:, hips].mean(axis=1) for joints in (own, other))
+    np.testing.assert_allclose(project(moved, camera), project(middle, OWN_CAMERA), atol=1e-3)
+    np.testing.assert_allclose(600 / moved[:, 2], 500 / middle[:, 2], rtol=1e-5)  # px of a metre
+    np.testing.assert_allclose(other - moved[:, None], own - middle[:, None], atol=1e-5)
+
+
+def test_a_network_that_wants_boxes_in_focal_lengths_is_refused(graph_file: Any) -> None:
+    path = graph_file({"cliff_focal": "true", "arch": "correctives"})
+    with pytest.raises(BackendError, match=r"boxes in units of the focal length .* take instanthmr\.onnx of"):
+        loaded(path)
+    loaded(graph_file({"cliff_focal": "false"}))
+
+
+def test_a_network_without_keypoints_in_3d_is_refused(graph_file: Any) -> None:
+    """The newer student of the same project leaves them to the MHR body model."""
+    path = graph_file(outputs={name: port for name, port in OUTPUTS.items() if name != "joints_3d"})
+    with pytest.raises(BackendError, match="there is no output 'joints_3d'"):
+        loaded(path)
+
+
+def test_a_body_behind_the_camera_is_not_a_number(told_network: Any, shown: Any) -> None:
+    backend = InstantHmr()
+    answers = {name: np.zeros((3, *shape[1:])) for name, (_, shape) in OUTPUTS.items()}
+    network = told_network(INPUTS, OUTPUTS, lambda *_: answers | {"cam_trans": np.full((3, 3), -1.0)})
+    network.show(shown(IMAGE))
+    backend.bind(network)
+    found = backend.infer(IMAGE, PEOPLE, OWN_CAMERA, NO_KEYPOINTS, Hints())
+    assert np.isnan(found.parameters.transl).all()
+
+
+def told_instanthmr(told: Any, told_network: Any) -> type:
+    """The adapter over a network that knows the bodies of worlds, in its own camera."""
+
+    def attach(backend: Any) -> list[Any]:
+        def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
+            answers = {name: np.zeros((len(feed["image"]), *shape[1:])) for name, (_, shape) in OUTPUTS.items()}
+            height, width = shown.photo.shape[:2]
+            camera = backend.camera
+            diagonal = np.hypot(height, width)
+            answers["cam_trans"][:] = [0, 0, 4]
+            answers["joints_3d"][:] = np.random.default_rng(0).normal(0, 0.3, (70, 3))
+            for i, (x, y, side) in enumerate(feed["cliff_cond"].astype(float)):
+                middle, longer = np.array([x + 1, y + 1]) / 2 * [width, height], side * max(height, width)
+                sizes = backend.boxes[:, 2:] - backend.boxes[:, :2]
+                apart = np.abs((backend.boxes[:, :2] + sizes / 2) - middle).sum(1) + np.abs(sizes.max(1) - longer)
+                assert apart.min() < 0.01, "the condition is that of no box"
+                row = None if shown.world is None else whose(shown.world, backend.boxes[apart.argmin()])
+                if shown.world is not None and row is not None:
+                    points = world_mhr_keypoints(shown.world)[row]
+                    hips = points[[9, 10]].mean(axis=0)
+                    depth = hips[2] * diagonal / np.sqrt(camera.fx * camera.fy)
+                    place = np.append((project(hips, camera) - [(width - 1) / 2, (height - 1) / 2]) / diagonal, 1)
+                    answers["joints_3d"][i] = points - hips + [0, 0.9, 0.1]
+                    answers["cam_trans"][i] = place * depth - [0, 0.9, 0.1]
+            return answers
+
+        network = told_network(INPUTS, OUTPUTS, answer)
+        backend.bind(network)
+        return [network]
+
+    class Told(told(InstantHmr, attach)):  # type: ignore[misc]
+        def infer(self, image: np.ndarray, people: People, intrinsics: Intrinsics, *rest: Any) -> Any:
+            self.boxes, self.camera = people.boxes, intrinsics
+            return super().infer(image, people, intrinsics, *rest)
+
+    return Told
+
+
+def test_conformance(told: Any, told_network: Any) -> None:
+    report = check_backend(told_instanthmr(told, told_network), "body_estimator")
+    print(report.summary, report.accuracy)
+    report.raise_if_failed()
