@@ -101,12 +101,11 @@ def floor_record(case: Any, evidence: Path | None) -> dict[str, Any]:
         estimates = estimate_evidence(case, world, plan, model, evidence)
     except PhysicError as error:
         return record | {"reason": type(error).__name__}
-    first, settings = optimise._metric_scene(estimates, plan.engine), plan.engine
-    with patch.object(optimise, "_joint_problem", side_effect=_SolvedError) as stopped:
+    with patch.object(optimise, "joint_problem", side_effect=_SolvedError) as stopped:
         try:
-            optimise.run_engine(estimates, settings, model, StageRunner("cpu", 4))
+            optimise.run_engine(estimates, plan.engine, model, StageRunner("cpu", 4))
         except _SolvedError:
-            scene = stopped.call_args.args[1]
+            first, scene = (stopped.call_args.args[i].scene for i in (0, 1))
     truth = world.floor.normal
     record["reason"] = scene.diagnostics["floor"]["reason"]
     if scene.floor_normal is not None:

@@ -89,8 +89,8 @@ RULES = (
         "lifted feet",
         "F1",
         ("placement.detect_lifted_feet=false",),
-        watched="physic_core.pipeline.optimise.find_lifted_feet",
-        acts=lambda _, feet: bool(feet.lifted.any()),
+        watched="physic_core.engine.placement.solve.find_lifted_feet",
+        acts=lambda _, feet: bool(feet.any()),
     ),
     Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
     Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
@@ -256,7 +256,7 @@ def _shared_stages(rule: Rule, kept: FullModel) -> Iterator[None]:
     """Keep stages 2 and 3 of the full model and whether rules act in it, or use them in a row that shares them."""
     import physic_core.pipeline.optimise as engine
 
-    place, solve = engine.place_people, engine.optimize
+    place, solve = engine.solve_placement, engine.optimize
     with ExitStack() as stack:
         if rule is BASE:
 
@@ -268,14 +268,14 @@ def _shared_stages(rule: Rule, kept: FullModel) -> Iterator[None]:
                 kept.solved[:] = [solve(*args, **named)]
                 return kept.solved[0]
 
-            stack.enter_context(patch.object(engine, "place_people", placing))
+            stack.enter_context(patch.object(engine, "solve_placement", placing))
             stack.enter_context(patch.object(engine, "optimize", solving))
             for one in RULES:
                 if one.watched:
                     stack.enter_context(_watching(one, kept.acted))
         elif rule.contact_only or rule.joint_only:
             placed = iter(kept.placed)
-            stack.enter_context(patch.object(engine, "place_people", lambda *args, **named: next(placed)))
+            stack.enter_context(patch.object(engine, "solve_placement", lambda *args, **named: next(placed)))
             if rule.contact_only:
                 stack.enter_context(patch.object(engine, "optimize", lambda *args, **named: kept.solved[0]))
         yield

@@ -39,7 +39,7 @@ READINGS: Mapping[str, tuple[str, ...]] = {
 EPS_CM = (1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6, 8)
 """Bounds eps_c of the contact map that are tried, cm."""
 
-_SHARED = ("_metric_scene", "_align_photo", "place_people")
+_SHARED = ("solve_scene", "solve_placement")
 _ENGINE = "physic_core.pipeline.optimise"
 
 

@@ -1,6 +1,6 @@
 """Count the numbers that decide results in Python files: settings, constants and literals, and fitted coefficients.
 
-    python tools/count_numbers.py physic_core/engine physic_core/pipeline/contacts.py [--list]
+    python tools/count_numbers.py physic_core/engine physic_core/pipeline/engine_input.py [--list]
 
 A number counts once, where it is written:
 

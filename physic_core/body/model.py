@@ -97,6 +97,11 @@ class BodyModel:
         return self.skin.num_vertices
 
     @property
+    def soles(self) -> Tensor:
+        """Vertices (S,) int64 of both soles."""
+        return torch.cat([self.contact_sets["left_sole"], self.contact_sets["right_sole"]])
+
+    @property
     def dtype(self) -> torch.dtype:
         """Float type of the asset."""
         return self.skin.template.dtype

@@ -28,7 +28,7 @@ def is_body_straight(joints: Array) -> bool:
     """Return whether both legs are straight and in line with the trunk.
 
     Straight bodies should not lean. Both knee angles are over 140 degrees, and the trunk is within 35 degrees of the
-    line of the legs. Stricter than :func:`physic_core.engine.joint.limbs.is_standing`, which needs one straight leg.
+    line of the legs. Stricter than :func:`physic_core.engine.limbs.is_standing`, which needs one straight leg.
 
     Args:
         joints: (55, 3) metres, any frame.

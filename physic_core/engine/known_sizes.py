@@ -25,10 +25,12 @@ __all__ = [
     "BodyPoint",
     "KnownDistances",
     "KnownGeometry",
+    "KnownScene",
     "body_point",
     "known_geometry",
     "scale_scene",
     "scene_factor",
+    "size_scene",
     "stature_factor",
 ]
 
@@ -93,13 +95,32 @@ class KnownGeometry(ShortRepr):
         distances = replace(self.distances, person=person)[(person >= -1).all(1)]
         return replace(self, stature=self.stature[rows], distances=distances)
 
-    def to(self, like: Tensor) -> KnownGeometry:
-        """Return a copy with the float type and the device of ``like``."""
-        d = self.distances
-        moved = KnownDistances(
-            d.metres.to(like), d.person.to(like.device), d.points.to(like), d.rays.to(like), d.index.to(like.device)
-        )
-        return replace(self, stature=self.stature.to(like), distances=moved)
+
+@dataclass(frozen=True)
+class KnownScene(ShortRepr):
+    """Scene that has the size that the user's sizes give it.
+
+    Attributes:
+        scene: scaled.
+        unscaled: the same by stage 1.
+        geometry: known sizes in ``scene``.
+        factor: on the scene; None if no size gives it, and nothing was scaled.
+    """
+
+    scene: SceneState
+    unscaled: SceneState
+    geometry: KnownGeometry
+    factor: float | None
+
+
+def size_scene(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownScene:
+    """Scale the scene to known sizes, if they give its scale; arguments as in :func:`known_geometry`."""
+    geometry = known_geometry(known, stature, masks, scene)
+    factor = scene_factor(geometry, None if scene.floor_normal is None else scene.floor_offset)
+    if factor is None:
+        return KnownScene(scene, scene, geometry, None)
+    scaled, geometry = scale_scene(scene, geometry, factor)
+    return KnownScene(scaled, scene, geometry, factor)
 
 
 def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownGeometry:

@@ -11,7 +11,7 @@ import torch
 
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, body_point
-from physic_core.engine.scene.stature import betas_with_stature
+from physic_core.engine.scene.stature import resize_bodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
@@ -32,7 +32,6 @@ __all__ = [
     "check_people_in_scene",
     "contradictions",
     "floor_contradiction",
-    "resize_bodies",
     "statures_of_people",
 ]
 
@@ -100,20 +99,6 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray) ->
         if bodies.mesh is None
         else replace(bodies.mesh, vertices=np.asarray(bodies.mesh.vertices * factor, bodies.mesh.vertices.dtype)),
     )
-
-
-def resize_bodies(
-    model: BodyModel, rotations: Tensor, betas: Tensor, transl: Tensor, stature: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,) on their size.
-
-    The pelvis moves along its ray by this factor.
-    """
-    taller = betas_with_stature(model, betas, stature)
-    ratio = model.stature(taller) / model.stature(betas)
-    before = model(rotations, betas, transl, joints_only=True).joints[:, 0]
-    after = model(rotations, taller, transl, joints_only=True).joints[:, 0]
-    return taller, transl + before * ratio[:, None] - after, ratio
 
 
 def check_people_in_scene(

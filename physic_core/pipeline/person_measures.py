@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import torch
 
 from physic_core.engine.contact.distance import SEARCH_RADIUS_M
-from physic_core.engine.joint.limbs import observed_parts
 from physic_core.engine.joint.solve import DEEP_M
+from physic_core.engine.limbs import observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
@@ -38,7 +38,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     height = None
     if problem.floor_normal is not None:
         up, height = problem.floor_normal.to(up), problem.floor_offset * scale
-    soles = torch.cat([model.contact_sets["left_sole"], model.contact_sets["right_sole"]])
+    soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
     may_carry = model.outer & ~problem.feet_in_air()
     if found.probability is not None:

@@ -13,8 +13,9 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.solve import solve_contact
+from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.contacts import classify_points, contact_input
+from physic_core.pipeline.engine_input import classify_points, contact_input
 from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.joint.problem import JointProblem, JointResult
+    from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
@@ -77,7 +79,7 @@ def assemble_solution(
     estimates: Estimates,
     scene: SceneState,
     problem: JointProblem,
-    placement: Mapping[str, Any],
+    placed: PlacedPeople,
     result: JointResult,
     settings: EngineSettings,
 ) -> Solution:
@@ -87,7 +89,7 @@ def assemble_solution(
         estimates: of the estimators.
         scene: final scene before its scale is applied.
         problem: of stage 3, with that scene.
-        placement: diagnostics of stage 2: "alignment", and one mapping per person under "people".
+        placed: of stage 2.
         result: of stage 3.
         settings: of the engine.
     """
@@ -97,7 +99,7 @@ def assemble_solution(
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved}
         for start, more, moved in zip(
-            placement["people"],
+            placed.placement.diagnostics,
             measure_people(problem, result, touch),
             _moved_scene(estimates, scene, s),
             strict=True,
@@ -120,7 +122,7 @@ def assemble_solution(
         failures=result.failures,
         diagnostics={
             "scene": dict(scene.diagnostics),
-            "placement": {"alignment": placement["alignment"]},
+            "placement": {"alignment": alignment_diagnostics(placed.photo.alignment)},
             "joint": {
                 "losses": {name: {"start": a, "end": b} for name, (a, b) in result.losses.items()},
                 "scene_scale": s,

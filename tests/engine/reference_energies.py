@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.distances import lowest_height, plane_height, root_relative
+from physic_core.engine.distances import lowest_height, plane_height, root_relative
 from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
 from physic_core.engine.joint.terms.regularisation import mesh_energy

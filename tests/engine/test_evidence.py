@@ -14,14 +14,14 @@ from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import (
+from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.joint.visibility import sample_mask_neighbours
+from physic_core.engine.limbs import (
     is_standing,
     keypoints_of_observed_limbs,
     limb_part_indices,
     observed_parts,
 )
-from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS, Skeleton

@@ -14,7 +14,6 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.body.joints import joint_pair
 from physic_core.engine.placement import method, place, solvers
 from physic_core.engine.placement.human_points import (
     PhotoPoints,
@@ -22,14 +21,12 @@ from physic_core.engine.placement.human_points import (
     human_points,
     move_photo_points_to_scene,
 )
-from physic_core.engine.placement.people import Detections, place_people
 from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
 from physic_core.engine.placement.terms import FloorTerm, PlacementProblem, Residuals
 from physic_core.engine.settings import PlacementSettings
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
-from physic_core.types import Skeleton
 from physic_paper import outliers, translation
 from physic_paper.placement import PaperPlacement, PaperPlacementMethod, ReleasePlacementMethod
 
@@ -531,18 +528,17 @@ def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.Monk
     bodies = PosedBodies(
         VERTICES + START[:, None], NORMALS.expand(2, -1, -1), LANDMARKS + START[:, None], START, soles=SOLES
     )
-    observed = torch.ones(2, 55, dtype=torch.bool)
-    observed[1, joint_pair("ankle")] = False
-    own = Skeleton("own", tuple(f"own_{i}" for i in range(picture.keypoints.shape[1])))
-    seen = Detections(own, picture.keypoints, picture.confidence, observed, picture.points, picture.masks)
-    on_floor = place_people(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
-    without = place_people(bodies, seen, picture.K, None, DEFAULT)
+    feet_seen = torch.tensor([True, False])
+    seen = PeopleObservations(picture.keypoints, picture.confidence, picture.points, picture.masks, feet_seen)
+    on_floor = place_bodies(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
+    without = place_bodies(bodies, seen, picture.K, None, DEFAULT)
     assert [p.on_floor for p in on_floor.people] == [True, False]
     assert not torch.equal(on_floor.transl[0], without.transl[0])
     solved = []
     solve = place._place_person
     monkeypatch.setattr(place, "_place_person", lambda *given: solved.append(given) or solve(*given))
-    again = place_people(bodies, seen, picture.K, None, DEFAULT, before=on_floor)
+    kept = [None if person.on_floor else person for person in on_floor.people]
+    again = place_bodies(bodies, seen, picture.K, None, DEFAULT, kept)
     assert len(solved) == 1
     assert torch.equal(again.transl, without.transl)
     assert again.diagnostics == without.diagnostics

@@ -11,7 +11,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.distances import lowest_height
+from physic_core.engine.distances import lowest_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import DEEP_M, optimize
 from physic_core.engine.joint.terms import reprojection

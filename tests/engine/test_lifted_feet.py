@@ -10,8 +10,8 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.placement.detections import Detections
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
-from physic_core.engine.placement.people import Detections
 
 NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
 
@@ -24,7 +24,7 @@ def above(height, camera=1.5):
 def found(left, right, held=NOBODY, camera=1.5):
     """Lifted feet and whether the person is in the air."""
     feet = find_lifted_feet(torch.tensor([[left, right]]), held, camera)
-    return feet.lifted[0].tolist(), bool(feet.airborne)
+    return feet[0].tolist(), bool(feet.all())
 
 
 def test_feet_on_the_ground_are_not_lifted():
@@ -69,8 +69,7 @@ def gap_of(stage, raised=None):
     photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
     raised = torch.zeros_like(problem.masks[0]) if raised is None else raised
     confidence = problem.keypoint_confidence
-    points = [problem.scene_points[:0] for _ in range(len(problem))]
-    found = Detections(skeleton, problem.keypoints, confidence, None, points, problem.masks)
+    found = Detections(skeleton, problem.keypoints, confidence, None, problem.masks)
     return depth_gaps_at_feet(found, photo, scene, raised)
 
 
@@ -89,7 +88,7 @@ def test_gaps_of_a_scene_in_metres(make_stage):
         gap = gap_of(stage)
         feet = find_lifted_feet(gap, NOBODY, 1.3)
         print(f"{raised:.1f} m over the floor: gaps {gap.tolist()}")
-        assert feet.airborne.tolist() == [raised > 0]
+        assert feet.all(1).tolist() == [raised > 0]
         if raised:
             # The visible foot is a few centimetres higher than its sole.
             assert gap.mean().item() == pytest.approx(above(raised + 0.03, 1.3), abs=0.05)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.distances import plane_height, root_relative, signed_distance
+from physic_core.engine.distances import plane_height, root_relative, signed_distance
 from physic_core.engine.joint.terms.limits import limit_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
 from physic_core.engine.joint.terms.soles import sole_energy

@@ -13,7 +13,7 @@ import torch
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.bounds import RobustKind
-from physic_core.engine.joint.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
+from physic_core.engine.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
 from physic_core.engine.joint.terms.balance import balance_energy
 from physic_core.engine.joint.terms.limits import limit_energy
 from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy

@@ -11,10 +11,10 @@ from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import detected_joints, keypoints_of_observed_limbs
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
+from physic_core.engine.limbs import detected_joints, keypoints_of_observed_limbs
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import SKELETONS, Skeleton
 

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.engine.joint.limbs import placement_keypoints
+from physic_core.engine.limbs import placement_keypoints
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, Skeleton, skeleton_named

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.distances import plane_height
+from physic_core.engine.distances import plane_height
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.settings import ContactSettings, EngineSettings
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes

@@ -24,8 +24,8 @@ from physic_core.engine.contact.objects import ObjectDistances, object_distances
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
-from physic_core.engine.joint.distances import plane_height
-from physic_core.engine.joint.limbs import straight_hips
+from physic_core.engine.distances import plane_height
+from physic_core.engine.limbs import straight_hips
 from physic_core.engine.settings import ContactSettings
 from physic_core.geometry.mesh import vertex_normals
 

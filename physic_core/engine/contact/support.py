@@ -17,7 +17,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, SIDES
 from physic_core.body.model import BodyModel
-from physic_core.engine.joint.limbs import is_sitting
+from physic_core.engine.limbs import hands_may_hold, is_sitting
 from physic_core.types.contacts import BodyContact
 from physic_core.types.support import Support, SupportState
 
@@ -28,7 +28,6 @@ __all__ = [
     "beside_hull",
     "centre_of_mass",
     "find_support",
-    "hands_may_hold",
     "support_record",
 ]
 
@@ -39,7 +38,6 @@ _PATCH_M = 0.04  # thickness of the layer of vertices that rests on a hidden sup
 _LOWEST_SHARE = 0.02
 _MIN_VERTICES = 10  # of a body part that carries
 _DIRECTIONS = 360  # of the supporting lines of a hull; distances are right to 1 % of its size
-_MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds something
 _LEVEL_TRUNK_COSINE = 0.5  # 60 degrees between up and the trunk of a person who lies
 
 
@@ -216,12 +214,6 @@ def beside_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
     angle = torch.arange(_DIRECTIONS).to(up) * (2 * torch.pi / _DIRECTIONS)
     directions = angle.cos()[:, None] * first + angle.sin()[:, None] * second
     return float(((centre - points) @ directions.T).amin(0).max())
-
-
-def hands_may_hold(model: BodyModel, probability: Tensor) -> Tensor:
-    """Return which hands may hold something, left and right, by the contact prior: (B, V) -> (B, 2) bool."""
-    means = [probability[:, model.contact_sets[f"{side}_hand"]].mean(1) for side in SIDES]
-    return torch.stack(means, 1) >= _MIN_HOLD_PROBABILITY
 
 
 def _members(model: BodyModel, *names: str) -> Tensor:

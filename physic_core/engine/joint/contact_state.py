@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from physic_core.engine.distances import plane_height, signed_distance
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.distances import plane_height, signed_distance
 from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 

@@ -9,11 +9,11 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput, LandmarkModel
-from physic_core.engine.joint.distances import plane_height, root_relative
+from physic_core.engine.distances import plane_height, root_relative
 from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.limbs import is_standing, observed_parts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import JointSettings
+from physic_core.engine.limbs import is_standing, observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
@@ -65,7 +65,7 @@ class JointContext:
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
         relative: (B, n, 3) subsampled vertices at the start in the root's frame, metres.
-        standing: (B,) bool, see :func:`physic_core.engine.joint.limbs.is_standing`; not with both feet in the air.
+        standing: (B,) bool, see :func:`physic_core.engine.limbs.is_standing`; not with both feet in the air.
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None if free space is not used.

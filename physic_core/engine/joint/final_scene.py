@@ -47,7 +47,7 @@ def finalize_scene(
         under = floor_under_people(
             result.vertices / s,
             result.joints / s,
-            torch.cat([problem.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]),
+            problem.model.soles,
             problem.scene_points,
             problem.scene_normals,
         )

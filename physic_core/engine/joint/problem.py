@@ -12,6 +12,7 @@ from physic_core.body.joints import SIDES
 from physic_core.body.model import BodyModel
 from physic_core.engine.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
+from physic_core.geometry.tensors import moved
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton
 
@@ -111,18 +112,9 @@ class JointProblem(ShortRepr):
 
     def to_model_dtype(self) -> JointProblem:
         """Return a copy with all tensors in the floating-point type and on the device of the body model."""
-
-        def fit(value: Tensor) -> Tensor:
-            return value.to(device=self.model.device, dtype=self.model.dtype if value.is_floating_point() else None)
-
-        changed: dict[str, object] = {
-            f.name: fit(value) for f in fields(self) if isinstance(value := getattr(self, f.name), Tensor)
-        }
-        if self.human_points is not None:
-            changed["human_points"] = tuple(fit(points) for points in self.human_points)
-        if self.known is not None:
-            changed["known"] = self.known.to(self.transl0.to(self.model.device, self.model.dtype))
-        return replace(self, **changed)  # type: ignore[arg-type]
+        model = self.model
+        names = [field.name for field in fields(self) if field.name not in ("model", "skeleton")]
+        return replace(self, **{name: moved(getattr(self, name), model.device, model.dtype) for name in names})
 
     def feet_in_air(self) -> Tensor:
         """Return the vertices (B, V) bool of feet in the air."""

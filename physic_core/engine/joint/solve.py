@@ -8,8 +8,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.engine.distances import plane_height
 from physic_core.engine.joint.contact_state import update_contacts
-from physic_core.engine.joint.distances import plane_height
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import MinimisationResult
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.limbs import limb_part_indices
+from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import facing, inside_image, self_occlusion

@@ -10,15 +10,14 @@ these around the foot, and not at all without labels.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
-from physic_core.engine.placement.people import Detections
+from physic_core.engine.placement.detections import Detections
 
-__all__ = ["LiftedFeet", "depth_gaps_at_feet", "find_lifted_feet"]
+__all__ = ["depth_gaps_at_feet", "find_lifted_feet"]
 
 MIN_FOOT_GAP = 0.1
 """Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
@@ -37,27 +36,12 @@ _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
 _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people over the ground
 
 
-@dataclass(frozen=True)
-class LiftedFeet:
-    """Feet in the air of B people.
-
-    Attributes:
-        lifted: (B, 2) bool, left and right foot.
-        airborne: (B,) bool, people with both feet in the air.
-        gap: (B, 2) log ratio of the depth behind a foot to the foot's depth, NaN where unknown.
-    """
-
-    lifted: Tensor
-    airborne: Tensor
-    gap: Tensor
-
-
-def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> LiftedFeet:
-    """Find the feet in the air from gaps of depth.
+def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> Tensor:
+    """Return the left and right feet in the air, (B, 2) bool, from gaps of depth.
 
     A foot with a gap is lifted. A person is in the air if both feet are, or if the hands hold something and the mean of
-    the known gaps is that of a lifted foot: the depth of one foot is less certain than that of both. Who lifts a weight
-    holds something, too, with a mean gap of 0.07.
+    the known gaps is that of a lifted foot: the depth of one foot is less certain than that of both. People who lift a
+    weight hold something, too, with a mean gap of 0.07.
 
     Args:
         gap: (B, 2) from :func:`depth_gaps_at_feet`.
@@ -68,7 +52,7 @@ def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> Lifte
     lifted = known & _is_lifted(gap, camera_height_m)
     mean = torch.where(known, gap, 0.0).sum(1) / known.sum(1).clamp(min=1)
     airborne = lifted.all(1) | (held & _is_lifted(mean, camera_height_m))
-    return LiftedFeet(lifted | airborne[:, None], airborne, gap)
+    return lifted | airborne[:, None]
 
 
 def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:

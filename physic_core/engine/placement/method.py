@@ -20,7 +20,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.limbs import placement_keypoints
+from physic_core.engine.limbs import placement_keypoints
 from physic_core.engine.placement.background import dilate, nearness_to_people
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton, term_energy

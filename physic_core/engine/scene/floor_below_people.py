@@ -14,7 +14,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import is_body_straight
-from physic_core.engine.joint.distances import lowest_height
+from physic_core.engine.distances import lowest_height
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
 from physic_core.geometry.gravity import estimate_up

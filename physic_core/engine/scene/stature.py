@@ -14,7 +14,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = ["LinearStature", "betas_with_stature", "linearise_stature", "stature_prior"]
+__all__ = ["LinearStature", "betas_with_stature", "linearise_stature", "resize_bodies", "stature_prior"]
 
 _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 
@@ -62,3 +62,17 @@ def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tens
         missing = torch.nan_to_num(stature - linear.height)
         betas = betas + linear.slope * (missing / linear.slope.square().sum(-1).clamp(min=1e-9))[:, None]
     return betas
+
+
+def resize_bodies(
+    model: BodyModel, rotations: Tensor, betas: Tensor, transl: Tensor, stature: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,) on their size.
+
+    The pelvis moves along its ray by this factor.
+    """
+    taller = betas_with_stature(model, betas, stature)
+    ratio = model.stature(taller) / model.stature(betas)
+    before = model(rotations, betas, transl, joints_only=True).joints[:, 0]
+    after = model(rotations, taller, transl, joints_only=True).joints[:, 0]
+    return taller, transl + before * ratio[:, None] - after, ratio

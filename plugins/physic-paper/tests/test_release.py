@@ -16,8 +16,8 @@ from torch import Tensor
 from physic_core import engine_preset
 from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.limbs import limb_part_indices
 from physic_core.engine.placement.human_points import human_points
 from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
 from physic_core.engine.scene.camera import Cameras

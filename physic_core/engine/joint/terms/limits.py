@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.distances import hinge_angles
+from physic_core.engine.distances import hinge_angles
 from physic_core.engine.joint.term import PosedBodies, Term
 
 __all__ = ["LimitSettings", "LimitTerm", "limit_energy"]

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative, Positive, Share
 from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.limbs import keypoints_of_observed_limbs
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
+from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
+from physic_core.engine.distances import lowest_height
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.distances import lowest_height
 from physic_core.engine.joint.term import RobustLoss, Snapshot
 from physic_core.geometry.robust import robust_loss
 

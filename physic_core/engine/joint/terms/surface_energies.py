@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from physic_core.engine.joint.distances import lowest_sole_indices
+from physic_core.engine.distances import lowest_sole_indices
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
 

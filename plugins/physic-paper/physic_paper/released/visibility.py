@@ -16,8 +16,8 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.limbs import limb_part_indices
 from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
+from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.rays import RayCaster
 
 __all__ = ["is_opposite_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]

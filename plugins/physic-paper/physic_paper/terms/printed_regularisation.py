@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
+from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.distances import root_relative
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy, vertex_weights

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core.engine.joint.limbs import observed_parts
+from physic_core.engine.limbs import observed_parts
 from physic_core.types import SURFACE_NAMES
 
 if TYPE_CHECKING:

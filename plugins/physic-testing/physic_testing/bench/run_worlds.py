@@ -41,7 +41,7 @@ _EVALUATION_CODE = (
     "physic_core/engine",
     "physic_core/geometry",
     "physic_core/metrics",
-    "physic_core/pipeline/contacts.py",
+    "physic_core/pipeline/engine_input.py",
     "physic_core/pipeline/optimise.py",
     "physic_core/pipeline/solution.py",
     "physic_testing",

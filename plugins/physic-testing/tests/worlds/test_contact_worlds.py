@@ -13,7 +13,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from physic_core.body import load_body
-from physic_core.engine.joint.distances import hinge_angles
+from physic_core.engine.distances import hinge_angles
 from physic_testing.worlds import CONTACT_DISTANCE, CONTACT_WORLDS, WORLDS, World, benchmark_worlds, build_world
 from physic_testing.worlds.action_scenes import TOUCHING_ACTIONS
 from physic_testing.worlds.contact_actions import CONTACT_ACTIONS

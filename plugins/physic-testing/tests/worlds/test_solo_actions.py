@@ -11,7 +11,7 @@ import roma
 import torch
 
 from physic_core.body import load_body
-from physic_core.engine.joint.distances import hinge_angles
+from physic_core.engine.distances import hinge_angles
 from physic_core.errors import InputError
 from physic_testing.worlds.action_scenes import ACTIONS, RAISED_FEET_ACTIONS, TOUCHING_ACTIONS, ActionScene, draw_action
 from physic_testing.worlds.contact_fit import pose_body

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.engine.joint.distances import hinge_angles
+from physic_core.body.joints import JOINT_INDEX, SIDES, joint_pair
+from physic_core.body.model import BodyModel
+from physic_core.engine.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import Skeleton, is_finger
 
 __all__ = [
     "detected_joints",
+    "hands_may_hold",
     "is_sitting",
     "is_standing",
     "keypoints_of_observed_limbs",
@@ -42,6 +44,7 @@ _MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators
 _MAX_SITTING_COSINE = 0.77  # 40 degrees of flexion of a hip; people perch on high seats
 _MAX_THIGH_COSINE = 0.9  # 25 degrees from down
 _MAX_KNEE_FLEXION = 0.7  # radians, 40 degrees
+_MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds something
 
 
 def limb_part_indices(part_names: Sequence[str]) -> list[int]:
@@ -173,3 +176,9 @@ def straight_hips(joints: Tensor) -> Tensor:
     trunk = torch.nn.functional.normalize(joints[:, _PELVIS] - joints[:, _NECK], dim=-1)
     thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
     return (thighs * trunk[:, None]).sum(-1) > _STRAIGHT_HIP_COSINE
+
+
+def hands_may_hold(model: BodyModel, probability: Tensor) -> Tensor:
+    """Return which hands may hold something, left and right, by the contact prior: (B, V) -> (B, 2) bool."""
+    means = [probability[:, model.contact_sets[f"{side}_hand"]].mean(1) for side in SIDES]
+    return torch.stack(means, 1) >= _MIN_HOLD_PROBABILITY

@@ -1,0 +1,210 @@
+"""Stage 2: place the people in the scene (paper Sec. 3.2).
+
+Each body is moved onto its keypoints (Eq. 2) and onto its points in the scene (Eq. 3-4). In a scene whose size the user
+knows, people of unknown stature are resized first. A floor that contradicts the people is dropped, and the people who
+stood on it are placed again. OpenCV camera frame, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import joint_pair
+from physic_core.body.model import BodyModel, BodyOutput
+from physic_core.engine.known_sizes import KnownScene, stature_factor
+from physic_core.engine.limbs import hands_may_hold, is_standing
+from physic_core.engine.placement.detections import Detections, observed_joints
+from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
+from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
+from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.scene.stature import resize_bodies
+from physic_core.types.short_repr import ShortRepr
+
+__all__ = ["EstimatedBodies", "PlacedPeople", "PlacementInput", "solve_placement"]
+
+_ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
+
+
+@dataclass(frozen=True)
+class EstimatedBodies(ShortRepr):
+    """B bodies of the body estimator, in the floating-point type and on the device of the model.
+
+    Attributes:
+        model: of all bodies.
+        rotations: (B, 55, 3, 3).
+        betas: (B, K).
+        expression: (B, E).
+        transl: (B, 3) metres.
+    """
+
+    model: BodyModel
+    rotations: Tensor
+    betas: Tensor
+    expression: Tensor
+    transl: Tensor
+
+
+@dataclass(frozen=True)
+class PlacementInput(ShortRepr):
+    """Estimates of the B people of a photo, and their scene.
+
+    Attributes:
+        scene: of stage 1, in metres.
+        photo: point map of the photo with its people.
+        bodies: as estimated.
+        detections: of the same people; each keypoint has a landmark on the body.
+        contact_probability: (B, V) of the contact prior, in [0, 1].
+        raised: (H, W) bool, surfaces that can carry a foot over the ground; None if no surface is labelled.
+        known: sizes that the user knows; None without any.
+    """
+
+    scene: SceneState
+    photo: PhotoPoints
+    bodies: EstimatedBodies
+    detections: Detections
+    contact_probability: Tensor
+    raised: Tensor | None = None
+    known: KnownScene | None = None
+
+
+@dataclass(frozen=True)
+class PlacedPeople(ShortRepr):
+    """People in their scene.
+
+    Attributes:
+        scene: that of the input, without its floor if that contradicts the people.
+        photo: its point map, aligned to the scene.
+        bodies: as estimated, or resized to a scene of known size.
+        placement: of the bodies; people with both feet in the air are not grounded.
+        observed: (B, 55) bool, visible joints.
+        lifted_feet: (B, 2) bool, left and right feet in the air; None if unknown.
+        size_ratio: (B,) factor by which people must be enlarged to stand in a scene of known size as the photo shows
+            them, NaN where unknown; None if the size of the scene is unknown.
+        rejected_floor: why the floor was dropped, or None.
+    """
+
+    scene: SceneState
+    photo: AlignedPhoto
+    bodies: EstimatedBodies
+    placement: Placement
+    observed: Tensor
+    lifted_feet: Tensor | None
+    size_ratio: Tensor | None
+    rejected_floor: FloorRejection | None
+
+
+def solve_placement(given: PlacementInput, settings: PlacementSettings) -> PlacedPeople:
+    """Place the people of a photo in their scene."""
+    ratio = None
+    if given.known is not None and given.known.factor is not None:
+        ratio = given.known.factor * _size_by_scene(given, given.known.unscaled, settings)
+        given = replace(given, bodies=_resized(given.bodies, ratio, given.known.geometry.stature))
+    scene, bodies, detections = given.scene, given.bodies, given.detections
+    output, posed = _pose(bodies, detections, settings)
+    photo = align_photo(given.photo, scene, detections.masks, settings)
+    lifted, airborne = None, torch.zeros(len(bodies.transl), dtype=torch.bool)
+    if settings.detect_lifted_feet and given.raised is not None and scene.floor_normal is not None:
+        gaps = depth_gaps_at_feet(detections, photo.depth, scene.depth, given.raised)
+        lifted = find_lifted_feet(gaps, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
+        airborne = lifted.all(1)
+    observed = observed_joints(detections, settings.seen_confidence)
+    feet_seen = observed[:, _ANKLES].any(1) & ~airborne.to(observed.device)
+    evidence = _observations(detections, photo, feet_seen, settings)
+    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, settings)
+    vertices = posed.vertices + (placed.transl - posed.transl)[:, None]
+    rejected = wrong_floor(scene.floor, vertices, output.joints, scene.normals[scene.valid])
+    if rejected is not None:
+        scene = without_floor(scene, rejected)
+        kept = [None if person.on_floor else person for person in placed.people]
+        placed = place_bodies(posed, evidence, scene.K, None, settings, kept)
+    placed = replace(placed, grounded=placed.grounded & ~airborne.to(placed.grounded.device))
+    return PlacedPeople(scene, photo, bodies, placed, observed, lifted, ratio, rejected)
+
+
+def _pose(
+    bodies: EstimatedBodies, detections: Detections, settings: PlacementSettings
+) -> tuple[BodyOutput, PosedBodies]:
+    """Pose the bodies, with the landmarks of the keypoints that stage 2 uses."""
+    model, method = bodies.model, settings.method()
+    output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
+    landmarks = model.landmarks(output, detections.skeleton)
+    posed = PosedBodies(
+        vertices=output.vertices,
+        normals=method.normals(output.vertices, model.faces),
+        landmarks=landmarks[:, method.keypoint_columns(detections.skeleton)],
+        transl=bodies.transl,
+        outer=model.outer,
+        soles=model.soles,
+    )
+    return output, posed
+
+
+def _observations(
+    detections: Detections, photo: AlignedPhoto, feet_seen: Tensor, settings: PlacementSettings
+) -> PeopleObservations:
+    """Return the keypoints that stage 2 uses, with their weights, and the points of the people."""
+    method, skeleton, keypoints = settings.method(), detections.skeleton, detections.keypoints
+    columns = method.keypoint_columns(skeleton)
+    weight = method.weigh_keypoints(skeleton, keypoints, detections.confidence, detections.masks.to(keypoints.device))
+    return PeopleObservations(
+        keypoints=keypoints[:, columns],
+        confidence=weight[:, columns],
+        points=photo.people,
+        masks=detections.masks,
+        feet_seen=feet_seen,
+    )
+
+
+def _hands_may_hold(given: PlacementInput, posed: BodyOutput, up: Tensor) -> Tensor:
+    """Return which people (B,) bool may hold something, and do not stand upright with their hands down."""
+    up, joints = up.to(posed.joints), posed.joints
+    everything = torch.ones(joints.shape[:2], dtype=torch.bool, device=joints.device)
+    height = joints @ up
+    hands_up = (height[:, _WRISTS] > height[:, _SHOULDERS]).all(1)
+    may_hold = hands_may_hold(given.bodies.model, given.contact_probability.to(joints)).any(1)
+    return (may_hold & (hands_up | ~is_standing(given.bodies.rotations, joints, everything, up))).cpu()
+
+
+def _size_by_scene(given: PlacementInput, scene: SceneState, settings: PlacementSettings) -> Tensor:
+    """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
+
+    The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
+    soles, else that of the person's points. Points of people are too far away by a common share, which the people on
+    the floor show. NaN where nothing is known.
+
+    Args:
+        scene: before the known sizes, where bodies and scene roughly agree: it shows who stands on furniture.
+    """
+    _, posed = _pose(given.bodies, given.detections, settings)
+    photo = align_photo(given.photo, scene, given.detections.masks, settings)
+    feet_seen = observed_joints(given.detections, settings.seen_confidence)[:, _ANKLES].any(1)
+    evidence = _observations(given.detections, photo, feet_seen, settings)
+    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, settings)
+    vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
+    by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
+    for i, (body, person) in enumerate(zip(vertices, placed.people, strict=True)):
+        if scene.floor_plane is not None and person.on_floor and person.grounded:
+            normal, offset = scene.floor_plane
+            drop = -(body[given.bodies.model.soles] @ normal.to(body)).amin()
+            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
+        if len(photo.people[i]):
+            by_points[i] = photo.people[i][:, 2].median().to(body) / body[:, 2].median()
+    too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
+    return torch.where(torch.isfinite(by_floor), by_floor, by_points / too_far)
+
+
+def _resized(bodies: EstimatedBodies, ratio: Tensor, known_stature: Tensor) -> EstimatedBodies:
+    """Resize people of unknown stature by the factors (B,) of :func:`_size_by_scene`."""
+    own = bodies.model.stature(bodies.betas)
+    wanted = torch.where(torch.isfinite(known_stature.to(own)), own, own * stature_factor(ratio, own))
+    parts = (bodies.rotations.flatten(1), bodies.betas, bodies.expression, bodies.transl)
+    finite = torch.isfinite(torch.cat(parts, 1)).all(1)
+    wanted = torch.where(finite, wanted, torch.nan)
+    betas, transl, _ = resize_bodies(bodies.model, bodies.rotations, bodies.betas, bodies.transl, wanted)
+    return replace(bodies, betas=betas, transl=transl)

@@ -1,0 +1,240 @@
+"""Inputs of the four stages of the engine, from the estimates and the results of earlier stages."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.body.landmarks import keypoints_on_body
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine.contact.distance import contact_surfaces
+from physic_core.engine.contact.objects import HeldObjects
+from physic_core.engine.contact.problem import ContactInput
+from physic_core.engine.contact.scene_parts import ClassifiedPoints
+from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.known_sizes import size_scene
+from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.human_points import PhotoPoints
+from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
+from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
+from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.scene.solve import SceneInput
+from physic_core.geometry.floor import FloorEvidence
+from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.geometry.tensors import tensor
+from physic_core.pipeline.estimate import feet_pixels
+from physic_core.pipeline.person_measures import depth_ratios
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.joint.problem import JointResult
+    from physic_core.engine.known_sizes import KnownScene
+    from physic_core.engine.placement.solve import PlacedPeople
+    from physic_core.engine.scene.solve import SceneState
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.types import Intrinsics
+
+__all__ = ["classify_points", "contact_input", "joint_problem", "placement_input", "scene_input", "sized_scene"]
+
+_RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
+
+
+def scene_input(estimates: Estimates) -> SceneInput:
+    """Return the input of stage 1."""
+    height, width = estimates.hole.shape
+    return SceneInput(
+        tensor(estimates.scene.points),
+        tensor(estimates.scene.valid),
+        estimates.scene.unknown,
+        tensor(estimates.depth.depth),
+        _cameras(estimates),
+        FloorEvidence(
+            mask=None if estimates.people.floor is None else tensor(estimates.people.floor),
+            hole=tensor(estimates.hole),
+            feet_px=tensor(feet_pixels(estimates.keypoints, height, width)),
+        ),
+    )
+
+
+def _cameras(estimates: Estimates) -> Cameras:
+    """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
+    metric, pointmap = estimates.depth.intrinsics, estimates.scene.intrinsics
+    keep = estimates.camera_given or (pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric)))
+    if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
+        pointmap = None
+    if keep and metric is not None and metric.known:
+        metric = None  # its depth does not depend on the camera
+    return Cameras(
+        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
+        metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
+        pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
+    )
+
+
+def _trust(camera: Intrinsics) -> int:
+    """Return 1 for a known camera, 0 for an estimated one, -1 for a guessed one."""
+    return int(camera.known) - int(camera.guessed)
+
+
+def sized_scene(estimates: Estimates, scene: SceneState) -> KnownScene | None:
+    """Return the scene in the size that the user's sizes give it; None if the user knows no size."""
+    if not estimates.known:
+        return None
+    people = len(estimates.people)
+    statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
+    return size_scene(estimates.known, statures, tensor(estimates.people.masks), scene)
+
+
+def placement_input(
+    estimates: Estimates, scene: SceneState, known: KnownScene | None, model: BodyModel
+) -> PlacementInput:
+    """Return the input of stage 2.
+
+    Args:
+        scene: of stage 1, in the size of ``known``.
+        known: see :func:`sized_scene`.
+        model: of the bodies; its type and device are those of the engine.
+    """
+    parameters, original, people = estimates.bodies.parameters, estimates.original, estimates.people
+    on_body = keypoints_on_body(estimates.keypoints)
+    observed = estimates.bodies.observed
+    betas, expression, transl, keypoints, confidence = (
+        tensor(x).to(model.device, model.dtype)
+        for x in (parameters.betas, parameters.expression, parameters.transl, on_body.points, on_body.confidence)
+    )
+    return PlacementInput(
+        scene=scene,
+        photo=PhotoPoints(
+            tensor(original.points), tensor(original.valid), original.unknown, people=tensor(estimates.hole)
+        ),
+        bodies=EstimatedBodies(
+            model, rotations_from_parameters(parameters, model.device, model.dtype), betas, expression, transl
+        ),
+        detections=Detections(
+            skeleton=on_body.joint_set,
+            keypoints=keypoints,
+            confidence=confidence,
+            observed=None if observed is None else tensor(observed),
+            masks=tensor(people.masks),
+        ),
+        contact_probability=tensor(estimates.contact.probability),
+        raised=None if people.surfaces is None else tensor(people.surfaces.mask(*_RAISED_SURFACES)),
+        known=known,
+    )
+
+
+def joint_problem(given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None) -> JointProblem:
+    """Return the input of stage 3.
+
+    Args:
+        given: input of stage 2.
+        placed: its result.
+        scale_sigma: standard deviation of log(scale) of the scene, or None.
+    """
+    scene, photo, bodies, detections = placed.scene, placed.photo, placed.bodies, given.detections
+    agrees = photo.alignment.inlier_share > 0
+    return JointProblem(
+        model=bodies.model,
+        rotations0=bodies.rotations,
+        betas0=bodies.betas,
+        expression0=bodies.expression,
+        transl0=placed.placement.transl,
+        keypoints=detections.keypoints,
+        keypoint_confidence=detections.confidence,
+        skeleton=detections.skeleton,
+        K=scene.K,
+        masks=detections.masks,
+        scene_points=scene.points[scene.valid],
+        scene_normals=scene.normals[scene.valid],
+        contact_probability=given.contact_probability,
+        observed=placed.observed,
+        scene_depth=scene.depth,
+        floor_normal=scene.floor_normal,
+        floor_offset=scene.floor_offset,
+        floor_points=scene.floor_points,
+        human_depth=photo.depth if agrees else None,
+        human_points=photo.people if agrees else None,
+        scale_sigma=scale_sigma,
+        grounded=placed.placement.grounded,
+        lifted_feet=placed.lifted_feet,
+        estimated_transl=bodies.transl,
+        keypoint_transl=placed.placement.keypoint_transl,
+        known=None if given.known is None else given.known.geometry,
+    ).to_model_dtype()
+
+
+def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
+    """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
+    surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
+    uncarved = None if scene.uncarved is None else (scene.uncarved[0][scene.valid], scene.uncarved[1][scene.valid])
+    if surfaces is None:
+        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen, uncarved)
+    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen, uncarved)
+
+
+def contact_input(
+    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints, objects: Tensor
+) -> ContactInput:
+    """Return the input of stage 4.
+
+    Args:
+        problem: of stage 3, with the final scene.
+        result: of stage 3.
+        settings: of the engine.
+        classes: of ``problem.scene_points``.
+        objects: (K, H, W) bool, visible pixels of objects in hands and on laps.
+    """
+    s, vertices = result.scene_scale, result.vertices
+    points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
+    uncarved = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
+    finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
+    free = None
+    if settings.joint.energy_options.free_space and problem.scene_depth is not None:
+        free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
+    lifted = problem.lifted_feet
+    return ContactInput(
+        model=problem.model,
+        vertices=vertices,
+        joints=result.joints,
+        rotations=result.rotations,
+        prior=problem.contact_probability,
+        observed=problem.observed,
+        lifted_feet=torch.zeros(len(problem), 2, dtype=torch.bool) if lifted is None else lifted,
+        surfaces=contact_surfaces(problem, finite, s, settings),
+        uncarved=contact_surfaces(uncarved, finite, s, settings).scene,
+        classes=classes,
+        plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
+        free=free,
+        objects=_held_objects(problem, result, objects),
+        foot_gap=_foot_gaps(problem),
+    )
+
+
+def _foot_gaps(problem: JointProblem) -> Tensor | None:
+    """Return the gap (N, 2) of depth behind each foot; None if a depth is unknown."""
+    photo, scene = problem.human_depth, problem.scene_depth
+    if photo is None or scene is None:
+        return None
+    shown = Detections(
+        skeleton=problem.skeleton,
+        keypoints=problem.keypoints,
+        confidence=problem.keypoint_confidence,
+        observed=None,
+        masks=problem.masks,
+    )
+    return depth_gaps_at_feet(shown, photo.cpu(), scene.cpu(), torch.zeros_like(photo, dtype=torch.bool, device="cpu"))
+
+
+def _held_objects(problem: JointProblem, result: JointResult, masks: Tensor) -> HeldObjects | None:
+    """Return the objects in the photo; None without any, or if their depth is unknown."""
+    if not len(masks) or problem.human_depth is None:
+        return None
+    depth = problem.human_depth * result.scene_scale
+    ratios = [torch.nan if one is None else 1 / one for one in depth_ratios(problem, result)]
+    return HeldObjects(masks.to(depth.device), depth, result.vertices.new_tensor(ratios), problem.K)
