@@ -101,7 +101,7 @@ def caption(numbers: Mapping[str, Any]) -> str:
     ]
     for i, person in enumerate(numbers["people"]):
         distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
-        contact = f"{person['contact_percent']} % of the vertices in contact"
+        contact = f"{person['contact_percent']} % in contact"
         sentences.append(f"Person {i}: {person['grade']}, {distance}, {contact}{_failing(person)}")
     return ". ".join(sentences) + "."
 

@@ -118,7 +118,7 @@ def test_a_caption_names_grades_and_failed_checks(numbers: ModuleType):
     cut = {"grade": "doubtful", "failed_checks": ["Visible legs", "Lean"], "distance_m": None, "contact_percent": 9.0}
     assert numbers.caption(result(grade="doubtful", failed_checks=["Floor"], people=[cut])) == (
         "Grade: **doubtful**; failed: Floor. Focal length 1088 px. "
-        "Person 0: doubtful, without a body, 9.0 % of the vertices in contact; failed: Visible legs, Lean."
+        "Person 0: doubtful, without a body, 9.0 % in contact; failed: Visible legs, Lean."
     )
 
 
