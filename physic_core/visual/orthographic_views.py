@@ -13,8 +13,8 @@ from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.palette import person_color
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
-    Orthographic,
     RayCastMesh,
+    View,
     composite,
     prepare_meshes,
     render_mesh,
@@ -123,14 +123,11 @@ PAGE_RGB = (250, 250, 248)
 BACKGROUND_RGB = (214, 215, 213)
 """sRGB colour behind scenes, on which sand, snow and sky are visible."""
 
-_SIDE_MARGIN = 0.4  # metres beside the people that the side view shows in full colour
 _FAINT = 0.3  # weight of the colour of distant points against the background
 _THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
 _MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
 _POINT_RADIUS, _MAX_RADIUS_PX = 1.2, 6  # of a drawn point, in spacings of points, and px
 _OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
-
-_AXES = {"right": (1.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0), "ahead": (0.0, 0.0, -1.0)}  # in the upright (glTF) frame
 
 
 @dataclass(frozen=True)
@@ -150,98 +147,93 @@ class LabeledView:
     camera: tuple[float, float] | None
 
 
+@dataclass(frozen=True)
+class _Direction:
+    """Direction of a view, and the room around people in it.
+
+    Attributes:
+        axes: (3, 3) towards the right, the top and the eye, upright (glTF) frame.
+        room: (2, 2) metres below and above people, along the right and the top axis.
+        camera_room: (2, 2) the same around the camera, if it is shown.
+        beside: metres nearer to the eye than people, and farther from it, that are shown in full colour.
+    """
+
+    axes: Array
+    room: Array
+    camera_room: Array
+    beside: tuple[float, float]
+
+
+_SIDE = _Direction(
+    axes=np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    room=np.array([[0.8, 0.8], [0.35, 0.25]]),
+    camera_room=np.array([[0.35, 0.0], [0.2, 0.25]]),
+    beside=(0.4, 0.4),
+)
+_TOP = _Direction(
+    axes=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    room=np.full((2, 2), 0.9),
+    camera_room=np.array([[0.3, 0.3], [0.3, 0.0]]),
+    beside=(0.1, math.inf),
+)
+
+
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     """Render the view from the camera's right, parallel to the floor; the camera looks towards the image's right."""
-    low, high, eye = geometry.low, geometry.high, geometry.upright[:3, 3]
-    bottom = min(low[1], 0.0) if geometry.has_floor else low[1]
-    rows = [bottom - 0.35, high[1] + 0.25]
-    ahead = [-high[2] - 0.8, -low[2] + 0.8]
-    ahead, rows = _include_camera(ahead, rows, [-0.35, eye[1] - 0.2, eye[1] + 0.25], width, height)
-    view = _fit_view(geometry, ahead, rows, ("ahead", "up", "right"), high[0] + _SIDE_MARGIN, (width, height))
-    right = transform_points(geometry.upright, geometry.points)[:, 0]
-    picture = _render(geometry, view, right < high[0] + _SIDE_MARGIN, right < low[0] - _SIDE_MARGIN)
-    floor_row = None
-    if geometry.has_floor:
-        turn = geometry.upright[:3, :3]
-        floor_row = float(view.project(-(turn.T @ eye)[None])[0, 1])
-    return LabeledView(picture, view.pixels_per_metre, floor_row, _camera_pixel(view))
+    return _render(geometry, _SIDE, (width, height))
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
     """Render the view from above, clipped at the height of the people; the camera looks towards the image's top."""
-    low, high = geometry.low, geometry.high
-    across, ahead = [low[0] - 0.9, high[0] + 0.9], [-high[2] - 0.9, -low[2] + 0.9]
-    ahead, across = _include_camera(ahead, across, [-0.3, -0.3, 0.3], height, width)
-    view = _fit_view(geometry, across, ahead, ("right", "ahead", "up"), high[1] + 0.1, (width, height))
-    height_m = transform_points(geometry.upright, geometry.points)[:, 1]
-    picture = _render(geometry, view, height_m < high[1] + 0.1, np.zeros(len(height_m), bool))
-    return LabeledView(picture, view.pixels_per_metre, None, _camera_pixel(view))
+    return _render(geometry, _TOP, (width, height))
 
 
-def _include_camera(
-    ahead: list[float], across: list[float], camera: Sequence[float], along: int, beside: int
-) -> tuple[list[float], list[float]]:
-    """Extend the ranges of a view to include the camera, if the scale decreases little.
-
-    Args:
-        ahead: range of distances ahead of the camera, metres.
-        across: range of the other axis, metres.
-        camera: start of ``ahead``, then the range of the other axis that the camera needs, metres.
-        along: px along ``ahead``.
-        beside: px along ``across``.
-    """
-    wide = [min(ahead[0], camera[0]), ahead[1]], [min(across[0], camera[1]), max(across[1], camera[2])]
-
-    def scale(first: list[float], second: list[float]) -> float:
-        return min(along / (first[1] - first[0]), beside / (second[1] - second[0]))
-
-    return wide if scale(*wide) >= _MIN_SCALE_RATIO * scale(ahead, across) else (ahead, across)
-
-
-def _fit_view(
-    geometry: PreviewGeometry,
-    columns: Sequence[float],
-    rows: Sequence[float],
-    axes: tuple[str, str, str],
-    cut: float,
-    size: tuple[int, int],
-) -> Orthographic:
-    """Create a view of two ranges (metres) of the named axes, clipped nearer than ``cut``, of width x height px."""
-    width, height = size
-    along, top, towards = (np.array(_AXES[name]) for name in axes)
-    scale = min(width / (columns[1] - columns[0]), height / (rows[1] - rows[0]))
-    # Free space goes to the top, so that the ground is at the bottom of every image.
-    middle = rows[0] + height / scale / 2 if axes[1] == "up" else sum(rows) / 2
-    center = along * sum(columns) / 2 + top * middle
-    turn = geometry.upright[:3, :3]
-    return Orthographic(
-        center=turn.T @ (center - geometry.upright[:3, 3]),
-        right=turn.T @ along,
-        top=turn.T @ top,
-        pixels_per_metre=scale,
-        width=width,
-        height=height,
-        start=float(cut - center @ towards),
+def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
+    """Render people and points; points nearer to the eye than people are left out, distant ones are faint."""
+    turn, eye, axes = geometry.upright[:3, :3], geometry.upright[:3, 3], direction.axes
+    low, high = np.sort(np.stack([geometry.low, geometry.high]) @ axes.T, axis=0)
+    is_level = direction is _SIDE
+    if is_level and geometry.has_floor:
+        low[1] = min(low[1], 0.0)
+    near, far = high[2] + direction.beside[0], low[2] - direction.beside[1]
+    start, end = _with_camera(
+        np.stack([low[:2], high[:2]]) + direction.room.T * [[-1], [1]], direction, axes @ eye, size
+    )
+    scale = float((size / (end - start)).min())
+    middle = (start + end) / 2
+    if is_level:  # free space goes to the top, so that the ground is at the bottom of every image
+        middle[1] = start[1] + size[1] / scale / 2
+    center = turn.T @ (axes[:2].T @ middle - eye)
+    view = View.orthographic(axes @ turn, center, scale, size, start=float(near))
+    distance = transform_points(geometry.upright, geometry.points) @ axes[2]
+    picture = _draw(geometry, view, distance < near, distance < far)
+    spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3)]))
+    column, row = (float(value) for value in spots[1, :2])
+    return LabeledView(
+        picture,
+        scale,
+        float(spots[0, 1]) if is_level and geometry.has_floor else None,
+        (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None,
     )
 
 
-def _render(
-    geometry: PreviewGeometry, view: Orthographic, kept: NDArray[np.bool_], faint: NDArray[np.bool_]
-) -> UInt8Array:
-    """Render people and some of the points of the scene, of which some are faint, (M,) bool each."""
+def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int, int]) -> Array:
+    """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale decreases little."""
+    below, above = direction.camera_room.T
+    wide = np.stack([np.minimum(ends[0], eye[:2] - below), np.maximum(ends[1], eye[:2] + above)])
+    scales = [(size / (one[1] - one[0])).min() for one in (wide, ends)]
+    return wide if scales[0] >= _MIN_SCALE_RATIO * scales[1] else ends
+
+
+def _draw(geometry: PreviewGeometry, view: View, kept: NDArray[np.bool_], faint: NDArray[np.bool_]) -> UInt8Array:
+    """Draw people and some of the points of the scene, of which some are faint, (M,) bool each."""
     paper = np.array(BACKGROUND_RGB) / 255
     tints = np.where(faint[:, None], _FAINT * geometry.point_colors + (1 - _FAINT) * paper, geometry.point_colors)
-    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * view.pixels_per_metre), 1, _MAX_RADIUS_PX))
+    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * view.focal[0]), 1, _MAX_RADIUS_PX))
     scene = render_points(view, geometry.points[kept], tints[kept], radius)
-    picture = composite(scene, np.broadcast_to(paper.astype(np.float32), (view.height, view.width, 3)))
+    picture = composite(scene, np.broadcast_to(paper.astype(np.float32), (*view.size[::-1], 3)))
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.people_colors)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
         picture = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)
-
-
-def _camera_pixel(view: Orthographic) -> tuple[float, float] | None:
-    """Project the camera centre to column and row; None if it is outside the image."""
-    column, row, _ = view.project(np.zeros((1, 3)))[0]
-    return (float(column), float(row)) if 0 <= column < view.width and 0 <= row < view.height else None

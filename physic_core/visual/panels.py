@@ -12,8 +12,7 @@ from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import contact_colors
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
-    Orthographic,
-    Perspective,
+    View,
     composite,
     prepare_meshes,
     render_mesh,
@@ -63,7 +62,9 @@ def overlay_panel(reconstruction: Reconstruction, geometry: PreviewGeometry, wid
     photo = photo_panel(reconstruction.image, width, height)
     if geometry.people is None:
         return photo
-    layer = render_mesh(geometry.people, Perspective(reconstruction.intrinsics, width, height), geometry.people_colors)
+    layer = render_mesh(
+        geometry.people, View.perspective(reconstruction.intrinsics, width, height), geometry.people_colors
+    )
     return _bytes(composite(layer, (photo / 255.0).astype(np.float32), OPACITY))
 
 
@@ -128,7 +129,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     upright = min(fits[:2])
     scales = upright, upright, min(fits[2], 1.5 * upright)
     for (axes, middle), scale, left, end in zip(corners, scales, edges[:-1], edges[1:], strict=True):
-        view = Orthographic(middle, axes[0], axes[1], scale, int(end - left), height)
+        view = View.orthographic(axes, middle, scale, (int(end - left), height))
         picture[:, left:end] = composite(render_mesh(shapes, view, colors), picture[:, left:end])
     return _bytes(picture)
 

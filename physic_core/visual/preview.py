@@ -25,7 +25,7 @@ from physic_core.visual.panels import (
 )
 from physic_core.visual.people_table import draw_person_number, people_table
 from physic_core.visual.preview_text import ALERT_RGB, INK_RGB, SOFT_RGB, draw_text, font, wrap
-from physic_core.visual.render import Perspective
+from physic_core.visual.render import View
 from physic_core.visual.unposed_boxes import draw_unposed
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Arra
 
 def _name_people(pen: ImageDraw.ImageDraw, frame: _Frame, reconstruction: Reconstruction) -> None:
     """Draw each person's number above their head, or beside it at the top edge of the photo."""
-    camera = Perspective(reconstruction.intrinsics, frame.width, frame.height)
+    camera = View.perspective(reconstruction.intrinsics, frame.width, frame.height)
     for index, person in enumerate(reconstruction.people):
         spots = camera.project(np.asarray(person.joints[[_HEAD, _NECK]], np.float64))
         column, row = spots[0, :2]

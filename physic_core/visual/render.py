@@ -25,10 +25,8 @@ if TYPE_CHECKING:
 __all__ = [
     "LONGEST_BODY_EDGE_M",
     "Layer",
-    "Orthographic",
-    "Perspective",
     "RayCastMesh",
-    "ViewCamera",
+    "View",
     "composite",
     "prepare_meshes",
     "render_mesh",
@@ -42,87 +40,61 @@ LONGEST_BODY_EDGE_M = 2.0
 
 
 @dataclass(frozen=True)
-class Perspective:
-    """Pinhole camera at the origin of the OpenCV frame, with images of ``height`` x ``width`` px."""
+class View:
+    """Camera of a picture, with a pinhole or with parallel rays.
 
-    intrinsics: Intrinsics
-    width: int
-    height: int
+    Attributes:
+        axes: (3, 3) unit vectors towards the right, down and ahead, as rows.
+        origin: (3,) metres, the pinhole, or a point of the plane in which parallel rays start; nearer geometry is not
+            seen.
+        focal: (2,) px; px per metre for parallel rays.
+        centre: (2,) column and row of the ray that starts in ``origin``.
+        size: width and height, px.
+        is_parallel: whether rays are parallel.
+    """
+
+    axes: Array
+    origin: Array
+    focal: Array
+    centre: Array
+    size: tuple[int, int]
+    is_parallel: bool
+
+    @classmethod
+    def perspective(cls, intrinsics: Intrinsics, width: int, height: int) -> View:
+        """Return the camera of a photo, at the origin of the OpenCV frame, with pictures of width x height px."""
+        camera = intrinsics.resized(width, height)
+        focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+        return cls(np.eye(3), np.zeros(3), focal, centre, (width, height), False)
+
+    @classmethod
+    def orthographic(cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0) -> View:
+        """Return a view of parallel rays.
+
+        Args:
+            axes: (3, 3) unit vectors towards the right, the top and the eye, as rows.
+            middle: (3,) metres, the point in the middle of the picture.
+            scale: px per metre.
+            size: width and height, px.
+            start: metres in front of ``middle`` where rays start.
+        """
+        centre = (np.array(size) - 1) / 2
+        origin = middle + start * axes[2]
+        return cls(axes * [[1.0], [-1.0], [-1.0]], origin, np.full(2, scale), centre, size, True)
 
     def project(self, points: Array) -> Array:
-        """Project points (N, 3) to column and row in px, and distance from the camera in metres."""
-        camera = self.intrinsics.resized(self.width, self.height)
-        depth = points[:, 2]
-        safe = np.where(depth > 1e-6, depth, np.nan)
-        return np.stack(
-            [points[:, 0] / safe * camera.fx + camera.cx, points[:, 1] / safe * camera.fy + camera.cy, depth], -1
-        )
+        """Project points (N, 3) to column and row in px, and distance from the origin along the view in metres."""
+        spots = (points - self.origin) @ self.axes.T
+        depth = 1.0 if self.is_parallel else np.where(spots[:, 2:] > 1e-6, spots[:, 2:], np.nan)
+        return np.concatenate([spots[:, :2] / depth * self.focal + self.centre, spots[:, 2:]], 1)
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
-        camera = self.intrinsics.resized(self.width, self.height)
-        directions = np.stack(
-            [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(rows)], -1
-        )
-        return np.zeros_like(directions), directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-
-    def light_axes(self) -> Array:
-        """Return unit vectors (3, 3) towards the right, the top and the camera."""
-        return np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
-
-
-@dataclass(frozen=True)
-class Orthographic:
-    """Orthographic camera.
-
-    Attributes:
-        center: (3,) metres, the point in the image centre.
-        right: (3,) unit vector along the rows of the image.
-        top: (3,) unit vector towards the top of the image, orthogonal to ``right``.
-        pixels_per_metre: scale.
-        width: px.
-        height: px.
-        start: metres in front of ``center`` where rays start; nearer geometry is clipped.
-    """
-
-    center: Array
-    right: Array
-    top: Array
-    pixels_per_metre: float
-    width: int
-    height: int
-    start: float = 50.0
-
-    @property
-    def towards_eye(self) -> Array:
-        """Unit vector (3,) from the image plane to the camera."""
-        return np.cross(self.right, self.top)
-
-    def project(self, points: Array) -> Array:
-        """See :class:`Perspective`; the distance is from a plane 1000 m in front of ``center``."""
-        offset = points - self.center
-        return np.stack(
-            [
-                offset @ self.right * self.pixels_per_metre + (self.width - 1) / 2,
-                -(offset @ self.top) * self.pixels_per_metre + (self.height - 1) / 2,
-                1000.0 - offset @ self.towards_eye,
-            ],
-            -1,
-        )
-
-    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
-        """See :class:`Perspective`."""
-        x = (columns - (self.width - 1) / 2) / self.pixels_per_metre
-        y = -(rows - (self.height - 1) / 2) / self.pixels_per_metre
-        origins = self.center + x[:, None] * self.right + y[:, None] * self.top + self.start * self.towards_eye
-        return origins, np.broadcast_to(-self.towards_eye, origins.shape)
-
-    def light_axes(self) -> Array:
-        """See :class:`Perspective`."""
-        return np.stack([self.right, self.top, self.towards_eye])
-
-
-ViewCamera = Perspective | Orthographic
+        beside = ((np.stack([columns, rows], -1) - self.centre) / self.focal) @ self.axes[:2]
+        if self.is_parallel:
+            return self.origin + beside, np.broadcast_to(self.axes[2], beside.shape)
+        directions = beside + self.axes[2]
+        return np.zeros_like(directions) + self.origin, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
 
 @dataclass(frozen=True)
@@ -149,7 +121,7 @@ class Layer:
     Attributes:
         color: (H, W, 3) float32, premultiplied by ``alpha``.
         alpha: (H, W) float32.
-        distance: (H, W) float32 from the eye as in ``project`` of the camera, metres; inf where empty.
+        distance: (H, W) float32 as in :meth:`View.project`, metres; inf where empty.
     """
 
     color: NDArray[np.float32]
@@ -184,7 +156,7 @@ def prepare_meshes(
     return RayCastMesh(vertices, triangles, vertex_normals(vertices, triangles), RayCaster(vertices, triangles))
 
 
-def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array) -> Layer:
+def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> Layer:
     """Render meshes by ray casting, with light from the upper left and four rays a pixel.
 
     Args:
@@ -194,13 +166,13 @@ def render_mesh(shapes: RayCastMesh, viewer: ViewCamera, colors: Array) -> Layer
     """
     import cv2
 
-    color = np.zeros((viewer.height, viewer.width, 4), np.float32)
-    distance = np.full((viewer.height, viewer.width), np.inf, np.float32)
+    width, height = viewer.size
+    color = np.zeros((height, width, 4), np.float32)
+    distance = np.full((height, width), np.inf, np.float32)
     spots = viewer.project(shapes.vertices)[:, :2]
-    size = np.array([viewer.width, viewer.height])
     low, high = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf)), np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
-    x0, y0 = np.clip(np.floor(low) - 1, 0, size).astype(int).tolist()
-    x1, y1 = np.clip(np.ceil(high) + 2, 0, size).astype(int).tolist()
+    x0, y0 = np.clip(np.floor(low) - 1, 0, viewer.size).astype(int).tolist()
+    x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
     if x0 < x1 and y0 < y1:
         steps = [
             np.arange(start * _RAYS, end * _RAYS) / _RAYS - 0.5 + 0.5 / _RAYS for start, end in ((x0, x1), (y0, y1))
@@ -221,31 +193,29 @@ def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) 
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def render_points(viewer: ViewCamera, points: Array, colors: Array, radius: int = 1) -> Layer:
+def render_points(viewer: View, points: Array, colors: Array, radius: int = 1) -> Layer:
     """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top."""
-    # A rim of the squares' radius, so that they need no clipping.
-    shape = viewer.height + 2 * radius, viewer.width + 2 * radius
-    color, distance = np.zeros((*shape, 3), np.float32), np.full(shape, np.inf, np.float32)
+    import cv2
+
+    width, height = viewer.size
     spots = viewer.project(points)
     with np.errstate(invalid="ignore"):
-        inside = (spots[:, :2] > -0.5).all(-1) & (spots[:, 0] < viewer.width) & (spots[:, 1] < viewer.height)
+        inside = ((spots[:, :2] > -0.5) & (spots[:, :2] < viewer.size)).all(-1)
     order = np.flatnonzero(inside)
-    order = order[np.argsort(-spots[order, 2])]  # numpy keeps the last of several writes: the nearest come last
-    columns, rows = np.round(spots[order, :2]).astype(np.int64).T + radius
-    distance[rows, columns] = spots[order, 2]
-    color[rows, columns] = np.asarray(colors, np.float32)[order]
-    for axis in (0, 1):
-        sparse, tints = distance.copy(), color.copy()
-        for shift in (step for step in range(-radius, radius + 1) if step):
-            moved = np.roll(sparse, shift, axis)
-            nearer = moved < distance
-            distance[nearer], color[nearer] = moved[nearer], np.roll(tints, shift, axis)[nearer]
-    distance, color = (values[radius:-radius, radius:-radius] for values in (distance, color))
-    return Layer(color, np.isfinite(distance).astype(np.float32), distance)
+    order = order[np.argsort(-spots[order, 2])]  # the nearest come last
+    columns, rows = np.minimum(np.round(spots[order, :2]), (width - 1, height - 1)).astype(np.int64).T
+    rank = np.zeros((height, width), np.float32)
+    rank[rows, columns] = np.arange(1, len(order) + 1)  # numpy keeps the last of several writes
+    rank = cv2.dilate(rank, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8))
+    drawn = rank > 0
+    color, distance = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
+    shown = order[rank[drawn].astype(np.int64) - 1]
+    color[drawn], distance[drawn] = colors[shown], spots[shown, 2]
+    return Layer(color, drawn.astype(np.float32), distance)
 
 
 def _cast_rays(
-    shapes: RayCastMesh, viewer: ViewCamera, colors: Array, columns: Array, rows: Array
+    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
     origins, directions = viewer.rays(columns, rows)
@@ -255,16 +225,16 @@ def _cast_rays(
     spots = origins[hit] + hits.distance[hit, None] * directions[hit]
     base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-    return hit, _shade(normals, directions[hit], viewer.light_axes(), base), viewer.project(spots)[:, 2]
+    return hit, _shade(normals, directions[hit], viewer.axes, base), viewer.project(spots)[:, 2]
 
 
-def _shade(normals: Array, directions: Array, lights: Array, base: Array) -> Array:
-    """Shade colours with a light from the upper left, a light from above and darker silhouettes."""
-    right, top, eye = lights
-    key = eye + 0.7 * top - 0.5 * right
+def _shade(normals: Array, directions: Array, axes: Array, base: Array) -> Array:
+    """Shade colours with a light from the upper left of a view's axes, one from above and darker silhouettes."""
+    right, down, ahead = axes
+    key = -ahead - 0.7 * down - 0.5 * right
     key /= np.linalg.norm(key)
     direct = np.clip(normals @ key, 0.0, 1.0)
-    sky = 0.5 + 0.5 * (normals @ top)
+    sky = 0.5 - 0.5 * (normals @ down)
     facing = np.clip(-(normals * directions).sum(-1), 0.0, 1.0)
     light = (0.34 + 0.52 * direct + 0.2 * sky) * (0.72 + 0.28 * facing**0.7)
     return np.asarray(np.clip(base * light[:, None], 0.0, 1.0))

@@ -18,8 +18,7 @@ from physic_core.visual.panels import CONTACT_VIEWS, depth_panel, depth_range, o
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
-    Orthographic,
-    Perspective,
+    View,
     composite,
     prepare_meshes,
     render_mesh,
@@ -27,7 +26,9 @@ from physic_core.visual.render import (
 )
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+FRONT = np.diag([1.0, -1.0, -1.0])  # right, top and eye of a view along z
 CAMERA = Intrinsics.from_focal(100.0, 101, 81)
+PINHOLE = View.perspective(CAMERA, 101, 81)
 
 
 def sphere_at(*centers):
@@ -45,7 +46,7 @@ def is_hue(picture, index):
 
 
 def test_a_sphere_is_a_disc_of_the_right_size():
-    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
     radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
     assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
     rows, columns = np.nonzero(layer.alpha > 0.5)
@@ -56,8 +57,8 @@ def test_a_sphere_is_a_disc_of_the_right_size():
 
 def test_a_picture_of_twice_the_size_shows_the_same():
     colors = np.full((len(SPHERE.vertices), 3), 0.8)
-    small = render_mesh(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 101, 81), colors)
-    large = render_mesh(sphere_at([0.3, -0.2, 4.0]), Perspective(CAMERA, 202, 162), colors)
+    small = render_mesh(sphere_at([0.3, -0.2, 4.0]), PINHOLE, colors)
+    large = render_mesh(sphere_at([0.3, -0.2, 4.0]), View.perspective(CAMERA, 202, 162), colors)
     assert large.alpha.sum() == pytest.approx(4 * small.alpha.sum(), rel=0.01)
     np.testing.assert_allclose(large.alpha.reshape(81, 2, 101, 2).mean((1, 3)), small.alpha, atol=0.3)
 
@@ -66,23 +67,24 @@ def test_the_nearer_hides_the_farther():
     colors = np.concatenate(
         [np.tile([1.0, 0, 0], (len(SPHERE.vertices), 1)), np.tile([0, 1.0, 0], (len(SPHERE.vertices), 1))]
     )
-    layer = render_mesh(sphere_at([0, 0, 6.0], [0, 0, 4.0]), Perspective(CAMERA, 101, 81), colors)
+    layer = render_mesh(sphere_at([0, 0, 6.0], [0, 0, 4.0]), PINHOLE, colors)
     assert layer.color[40, 50, 1] > 0.5
     assert layer.color[40, 50, 0] == 0
 
 
 def test_light_falls_from_above():
-    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.8))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
     assert layer.color[33, 50, 0] > layer.color[47, 50, 0] + 0.05
 
 
 def test_what_lies_behind_the_camera_is_not_drawn():
-    layer = render_mesh(sphere_at([0, 0, -4.0]), Perspective(CAMERA, 101, 81), np.ones((len(SPHERE.vertices), 3)))
+    layer = render_mesh(sphere_at([0, 0, -4.0]), PINHOLE, np.ones((len(SPHERE.vertices), 3)))
     assert layer.alpha.max() == 0
 
 
 def test_a_parallel_view_is_to_scale():
-    view = Orthographic(np.array([0, 0, 4.0]), np.array([0, 0, 1.0]), np.array([0, -1.0, 0]), 60.0, 120, 100)
+    axes = np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]])
+    view = View.orthographic(axes, np.array([0, 0, 4.0]), 60.0, (120, 100))
     layer = render_mesh(sphere_at([0, 0, 4.0]), view, np.ones((len(SPHERE.vertices), 3)))
     assert layer.alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
     spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
@@ -90,26 +92,24 @@ def test_a_parallel_view_is_to_scale():
 
 
 def test_a_parallel_view_can_cut():
-    view = Orthographic(
-        np.array([0, 0, 4.0]), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 60.0, 120, 100, start=-0.1
-    )
+    view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
     layer = render_mesh(sphere_at([0, 0, 3.0], [0, 0, 5.0]), view, np.ones((2 * len(SPHERE.vertices), 3)))
-    assert layer.distance[np.isfinite(layer.distance)].min() > 1000.1
+    assert layer.distance[np.isfinite(layer.distance)].min() == pytest.approx(0.4, abs=0.005)
 
 
 def test_a_splat_is_a_square_and_the_nearer_wins():
-    view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 21, 11)
+    view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
     points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
     layer = render_points(view, points, np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]]))
     assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
     np.testing.assert_array_equal(layer.color[5, 10], [1, 0, 0])
     np.testing.assert_array_equal(layer.color[5, 12], [0, 1, 0])
-    assert layer.distance[5, 10] == 1001
+    assert layer.distance[5, 10] == 51
     np.testing.assert_array_equal(layer.color[10, 20], [0, 0, 1])
 
 
 def test_a_half_transparent_layer_mixes():
-    view = Orthographic(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), 10.0, 3, 3)
+    view = View.orthographic(FRONT, np.zeros(3), 10.0, (3, 3))
     layer = render_points(view, np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
     picture = composite(layer, np.full((3, 3, 3), 0.5, np.float32), 0.5)
     np.testing.assert_allclose(picture[1, 1], [0.75, 0.25, 0.25])

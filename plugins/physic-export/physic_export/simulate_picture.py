@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.visual.palette import FLOOR_RGB, person_color
-from physic_core.visual.render import Orthographic, composite, prepare_meshes, render_mesh
+from physic_core.visual.render import View, composite, prepare_meshes, render_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,7 +46,8 @@ def _draw(vertices: NDArray[np.float64], motion: Motion) -> NDArray[np.uint8]:
     center = (motion.start.min(0) + motion.start.max(0)) / 2
     right = np.array([np.cos(_VIEW), np.sin(_VIEW), 0.0])
     up = np.array([0.0, 0.0, 1.0])
-    camera = Orthographic(center, right, up, _SIDE_PX / _SIDE_M, _SIDE_PX, _SIDE_PX)
+    axes = np.stack([right, up, np.cross(right, up)])
+    camera = View.orthographic(axes, center, _SIDE_PX / _SIDE_M, (_SIDE_PX, _SIDE_PX))
     picture = np.full((_SIDE_PX, _SIDE_PX, 3), 0.97, np.float32)
     floor = round(float(camera.project(np.array([[center[0], center[1], 0.0]]))[0, 1]))
     picture[max(floor, 0) : max(floor, 0) + 2] = np.array(FLOOR_RGB) / 255
