@@ -1,13 +1,13 @@
-"""Nearest scene point of each body vertex within a search radius.
+"""Nearest scene point of each body vertex within a search radius, by an exact k-d tree.
 
-Strategies: ``kdtree`` (the default) and ``brute`` (a reference for tests), both exact. To query a scene scaled by a
-factor, the vertices are divided by it, so that the search structure stays valid.
+To query a scene scaled by a factor, the vertices are divided by it, so that the tree stays valid.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,12 +18,9 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Nearest", "NearestPointSearch", "Strategy", "inside_body_boxes", "nearest_other_points"]
-
-Strategy = Literal["kdtree", "brute"]
+__all__ = ["Nearest", "NearestPointSearch", "inside_body_boxes"]
 
 _LEAF = 32  # points of a leaf of the tree
-_BRUTE_PAIRS = 4_000_000  # distances per chunk: 32 MB in float64
 
 
 @dataclass(frozen=True)
@@ -48,29 +45,27 @@ class NearestPointSearch:
         points: (M, 3) metres, camera frame; M may be 0.
         normals: (M, 3) unit, or zero where unknown; stored for the caller.
         radius: search radius, metres.
-        strategy: "kdtree" or "brute".
 
     Raises:
-        PhysicError: the strategy is unknown, or the shapes do not match.
+        PhysicError: the shapes do not match.
     """
 
-    def __init__(self, points: Tensor, normals: Tensor, radius: float = 0.15, strategy: Strategy = "kdtree") -> None:
+    def __init__(self, points: Tensor, normals: Tensor, radius: float = 0.15) -> None:
         if points.ndim != 2 or points.shape[-1] != 3 or normals.shape != points.shape:
             raise PhysicError(
                 f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and {tuple(normals.shape)}: "
                 "flatten the point map first"
             )
-        if strategy not in ("kdtree", "brute"):
-            raise PhysicError(f"unknown nearest-point strategy {strategy!r}: use 'kdtree' or 'brute'")
         self.points = points.detach()
         self.normals = normals.detach()
         self.radius = radius
-        self.strategy = strategy
-        self._tree: cKDTree | None = None
-        if strategy == "kdtree" and len(points):
-            # For pixel samples and a bounded distance, this tree is built faster and searched three times as fast.
-            exact = self.points.cpu().double().numpy()
-            self._tree = cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The k-d tree of the points, built when it is first used."""
+        # For pixel samples and a bounded distance, this tree is built faster and searched three times as fast.
+        exact = self.points.cpu().double().numpy()
+        return cKDTree(exact, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex; not differentiable.
@@ -102,7 +97,12 @@ class NearestPointSearch:
 
         A subclass may search in another way. Beyond the radius both may be anything, but the distance not smaller.
         """
-        return _query_brute(self.points, places) if self._tree is None else _query_tree(self._tree, places, radius)
+        distance, index = self.tree.query(places.cpu().double().numpy(), distance_upper_bound=radius)
+        index = np.where(np.isfinite(distance), index, 0)  # SciPy returns the number of points if none is found
+        return (
+            torch.from_numpy(index.astype(np.int64)).to(places.device),
+            torch.from_numpy(distance).to(places.device, places.dtype),
+        )
 
 
 def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:
@@ -121,44 +121,3 @@ def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor
         inside = ((points[rows, :2] > low[:2]) & (points[rows, :2] < high[:2])).all(-1)
         keep[rows[inside]] = True
     return keep
-
-
-def _query_tree(tree: cKDTree, flat: Tensor, radius: float) -> tuple[Tensor, Tensor]:
-    distance, index = tree.query(flat.cpu().double().numpy(), distance_upper_bound=radius)
-    index = np.where(np.isfinite(distance), index, 0)  # SciPy returns the number of points if none is found
-    return (
-        torch.from_numpy(index.astype(np.int64)).to(flat.device),
-        torch.from_numpy(distance).to(flat.device, flat.dtype),
-    )
-
-
-def _query_brute(points: Tensor, flat: Tensor) -> tuple[Tensor, Tensor]:
-    index, distance = [], []
-    exact = points.double()
-    for chunk in torch.split(flat.double(), max(1, _BRUTE_PAIRS // len(points))):
-        # The default mode uses a matrix product and loses millimetres far from the origin.
-        pairs = torch.cdist(chunk, exact, compute_mode="donot_use_mm_for_euclid_dist")
-        nearest = pairs.min(dim=1)
-        index.append(nearest.indices)
-        distance.append(nearest.values)
-    if not index:
-        return flat.new_zeros(0, dtype=torch.int64), flat.new_zeros(0)
-    return torch.cat(index), torch.cat(distance).to(flat.dtype)
-
-
-def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Return the k nearest neighbours of each point in a point cloud, without the point itself.
-
-    Args:
-        points: (M, 3), any unit, finite; M >= 2.
-        count: k >= 1; at most M - 1 are returned.
-
-    Returns:
-        distance: (M, k) float64, ascending.
-        index: (M, k) int64 rows of ``points``.
-    """
-    cloud = points.detach().cpu().double().numpy()
-    tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
-    # The first neighbour is the point itself.
-    distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
-    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(points.device)

@@ -1,4 +1,4 @@
-"""Nearest scene points: every strategy against the plain search, bounded, under a scene scale."""
+"""Nearest scene points: the tree against all distances, bounded, under a scene scale."""
 
 from __future__ import annotations
 
@@ -31,56 +31,51 @@ def test_tree_equals_plain_search(scale):
     points, normals = room()
     query = vertices() * scale
     got = NearestPointSearch(points, normals).query(query, scale)
-    want = NearestPointSearch(points, normals, strategy="brute").query(query, scale)
+    every = torch.cdist(query.double(), scale * points.double(), compute_mode="donot_use_mm_for_euclid_dist").amin(-1)
     assert got.found.any()
     assert not got.found.all()
-    assert torch.equal(got.found, want.found)
-    torch.testing.assert_close(got.distance, want.distance, atol=1e-6, rtol=0)
+    assert torch.equal(got.found, every < 0.15)
+    torch.testing.assert_close(got.distance[got.found].double(), every[got.found], atol=1e-6, rtol=0)
     near = points[got.index] * scale - query
     torch.testing.assert_close(near.norm(dim=-1)[got.found], got.distance[got.found], atol=1e-6, rtol=0)
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
-def test_looks_no_farther_than_the_radius(strategy):
+def test_looks_no_farther_than_the_radius():
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15)
     query = scene.query(torch.tensor([[0.0, 0.14, 2.0], [0.0, 0.16, 2.0]]))
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
     assert query.distance[1].item() == float("inf")
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
-def test_the_radius_is_in_metres_of_the_scaled_scene(strategy):
+def test_the_radius_is_in_metres_of_the_scaled_scene():
     points = torch.tensor([[0.0, 0.0, 2.0]])
-    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15, strategy=strategy)
+    scene = NearestPointSearch(points, torch.zeros(1, 3), radius=0.15)
     query = scene.query(torch.tensor([[0.0, 0.0, 4.14], [0.0, 0.0, 4.16]]), scale=2.0)
     assert query.found.tolist() == [True, False]
     assert query.distance[0].item() == pytest.approx(0.14, abs=1e-6)
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
-def test_an_empty_scene_is_near_nothing(strategy):
-    scene = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3), strategy=strategy)
+def test_an_empty_scene_is_near_nothing():
+    scene = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
     query = scene.query(vertices())
     assert query.found.shape == (2, 500)
     assert not query.found.any()
     assert (query.index == 0).all()
 
 
-@pytest.mark.parametrize("strategy", ["kdtree", "brute"])
-def test_a_vertex_that_is_not_a_number_is_near_nothing(strategy):
+def test_a_vertex_that_is_not_a_number_is_near_nothing():
     points, normals = room(1000)
     broken = vertices()[0, :4].clone()
     broken[1, 2] = float("nan")
-    query = NearestPointSearch(points, normals, radius=10.0, strategy=strategy).query(broken)
+    query = NearestPointSearch(points, normals, radius=10.0).query(broken)
     assert query.found.tolist() == [True, False, True, True]
 
 
 def test_no_vertices_is_an_empty_answer():
     points, normals = room(1000)
-    for strategy in ("kdtree", "brute"):
-        assert NearestPointSearch(points, normals, strategy=strategy).query(torch.zeros(0, 3)).index.shape == (0,)
+    assert NearestPointSearch(points, normals).query(torch.zeros(0, 3)).index.shape == (0,)
 
 
 def test_bad_input_says_what_to_do():
@@ -89,9 +84,6 @@ def test_bad_input_says_what_to_do():
     assert str(shapes.value) == (
         "scene points and normals must both be (M, 3), got (4, 5, 3) and (4, 5, 3): flatten the point map first"
     )
-    with pytest.raises(PhysicError) as name:
-        NearestPointSearch(torch.zeros(4, 3), torch.zeros(4, 3), strategy="octree")  # type: ignore[arg-type]
-    assert str(name.value) == "unknown nearest-point strategy 'octree': use 'kdtree' or 'brute'"
 
 
 def test_boxes_keep_every_point_that_a_query_could_reach():
@@ -109,5 +101,5 @@ def test_scaling_the_scene_and_scaling_the_query_agree(seed, scale, count):
     g = torch.Generator().manual_seed(seed)
     points, query = torch.rand(count, 3, generator=g).double(), torch.rand(50, 3, generator=g).double()
     by_query = NearestPointSearch(points, points).query(query, scale)
-    by_scene = NearestPointSearch(points * scale, points, strategy="brute").query(query)
+    by_scene = NearestPointSearch(points * scale, points).query(query)
     torch.testing.assert_close(by_query.distance, by_scene.distance, atol=1e-9, rtol=0)

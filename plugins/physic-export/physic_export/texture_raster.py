@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.texture_coordinates import TextureCoordinates
+    from physic_export.texture_coordinates import TextureCoordinates
 
 __all__ = ["TextureRaster", "pad_texture", "rasterize"]
 

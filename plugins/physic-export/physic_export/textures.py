@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import load_body
-from physic_core.body.texture_coordinates import TextureCoordinates, load_texture_coordinates
 from physic_core.errors import InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
+from physic_export.texture_coordinates import TextureCoordinates, load_texture_coordinates
 from physic_export.texture_raster import TextureRaster, pad_texture, rasterize
 
 if TYPE_CHECKING:

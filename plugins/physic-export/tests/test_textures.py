@@ -9,9 +9,9 @@ import pytest
 
 from physic_core import ExportRequest, Reconstruction
 from physic_core.body import load_body
-from physic_core.body.texture_coordinates import load_texture_coordinates, split_at_seams
 from physic_core.errors import BodyModelError, InputError
 from physic_core.visual.export.request import export_frame
+from physic_export.texture_coordinates import load_texture_coordinates, split_at_seams
 from physic_export.texture_raster import rasterize
 from physic_export.textures import textured_bodies
 

@@ -28,7 +28,7 @@ class GridSearch(NearestPointSearch):
     """
 
     def __init__(self, points: Tensor, normals: Tensor, radius: float, cells: int = 128) -> None:
-        super().__init__(points, normals, radius, "brute")
+        super().__init__(points, normals, radius)
         if not len(points):
             return
         low, high = points.amin(0), points.amax(0)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import torch
+from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.geometry.neighbors import nearest_other_points
-
-__all__ = ["KNN_SHARE", "image_outliers", "knn_outliers"]
+__all__ = ["KNN_SHARE", "image_outliers", "knn_outliers", "nearest_other_points"]
 
 KNN_SHARE = 0.05
 """Number of neighbours, the point itself among them, as a share of the short image side; as released."""
@@ -34,3 +33,21 @@ def image_outliers(points: Tensor, rows: int, columns: int) -> Tensor:
     """Return which of points (M, 3) of an image of this size are outliers: (M,) bool."""
     # The released code counts the point itself among its neighbours.
     return knn_outliers(points, max(1, int(KNN_SHARE * min(rows, columns)) - 1))
+
+
+def nearest_other_points(points: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Return the k nearest neighbours of each point in a point cloud, without the point itself.
+
+    Args:
+        points: (M, 3), any unit, finite; M >= 2.
+        count: k >= 1; at most M - 1 are returned.
+
+    Returns:
+        distance: (M, k) float64, ascending.
+        index: (M, k) int64 rows of ``points``.
+    """
+    cloud = points.detach().cpu().double().numpy()
+    tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
+    # The first neighbour is the point itself.
+    distance, index = tree.query(cloud, k=min(count, len(cloud) - 1) + 1, workers=-1)
+    return torch.from_numpy(distance[:, 1:]).to(points.device), torch.from_numpy(index[:, 1:]).to(points.device)

@@ -24,7 +24,7 @@ def vertices(count: int = 500) -> torch.Tensor:
 
 def test_distances_are_true_and_to_nearly_the_nearest_point():
     got = GridSearch(*room(), radius=0.15).query(vertices())
-    want = NearestPointSearch(*room(), radius=0.15, strategy="brute").query(vertices())
+    want = NearestPointSearch(*room(), radius=0.15).query(vertices())
     both = got.found & want.found
     excess = (got.distance - want.distance)[both]
     print(f"grid: {excess.mean() * 1e3:.1f} mm mean, {excess.max() * 1e3:.1f} mm worst, over {both.sum()} vertices")

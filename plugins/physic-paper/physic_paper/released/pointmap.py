@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.geometry.neighbors import nearest_other_points
+from physic_paper.outliers import nearest_other_points
 
 __all__ = ["published_floor_grid", "published_normal_outliers", "published_normals"]
 

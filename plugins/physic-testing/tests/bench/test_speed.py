@@ -92,7 +92,7 @@ def test_the_same_problem_is_solved_the_same_bit_for_bit(body):
 
 def test_errors_are_distances_beyond_the_nearest():
     points = torch.tensor([[0.0, 0.0, 2.0], [0.1, 0.0, 2.0]])
-    scene = NearestPointSearch(points, points, 0.15, "brute")
+    scene = NearestPointSearch(points, points, 0.15)
     exact = scene.query(torch.tensor([[0.0, 0.01, 2.0], [0.1, 0.02, 2.0], [0.0, 0.0, 3.0]]))
     worse = replace(exact, distance=exact.distance + torch.tensor([0.002, 0.004, 0.0]))
     assert nearest_errors_mm(exact, exact) == {"mean error mm": 0, "largest mm": 0, "missed %": 0}
