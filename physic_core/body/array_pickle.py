@@ -1,20 +1,19 @@
 """Read arrays from an untrusted pickle without running code.
 
-A pickle can name any Python function to be called, and numpy trusts the shapes, types and lengths in it. So no object
-that a pickle names is created. Placeholders store the state of numpy arrays, scipy sparse matrices and chumpy arrays;
-all other names are refused. An array is built from a placeholder only on request, and only if its parts are consistent.
+A pickle can name any Python function to be called. So no object that a pickle names is created. Placeholders store the
+state of numpy arrays, scipy sparse matrices and chumpy arrays; all other names are refused. An array is built from a
+placeholder only on request, by functions that check whether its parts are consistent.
 """
 
 from __future__ import annotations
 
 import io
+import operator
 import pickle
 import re
-import struct
-from collections.abc import Callable
 from math import prod
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +32,6 @@ _MAX_FILE_BYTES = 2**30
 """Bytes. The largest published body model has a quarter of that."""
 _MAX_MATRIX_SIZE = 2**24
 """Maximum number of elements of a sparse matrix that is made dense. That of SMPL has 165,000."""
-_MAX_DEPTH = 8
-_MAX_ARRAY_SIZE = 2**60
-"""Maximum product of the axis lengths, empty axes counted as 1: with 8 bytes each, the limit of numpy."""
-_MAX_KEYS = 4096
-"""Maximum number of keys of all dictionaries and sets: keys with equal hashes take quadratic time."""
-_MAX_MEMO = 2**31
-"""Maximum memo index. Python writes 0, 1, 2, ...; larger numbers could have equal hashes."""
 _MAX_TEXT = 80
 _DTYPE_CODE = re.compile(r"[biufcSU][0-9]{1,6}")
 
@@ -62,8 +54,7 @@ def read_pickle(path: Path) -> dict[str, Any]:
     """
     if path.stat().st_size > _MAX_FILE_BYTES:
         raise InvalidArrayError(f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1")
-    # Python's own unpickler has a dictionary as its memo; the C version allocates memory for any index in a file.
-    found = _Unpickler(_BoundedStream(path.read_bytes()), encoding="latin1").load()
+    found = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
@@ -77,7 +68,7 @@ def read_pickled_items(data: bytes) -> list[Any]:
         InvalidArrayError: it is not such an array.
         Exception: any error of data that is not a pickle.
     """
-    found = _Unpickler(_BoundedStream(data), encoding="latin1").load()
+    found = _Unpickler(io.BytesIO(data), encoding="latin1").load()
     state = found.state if isinstance(found, _Array) else None
     if not isinstance(state, tuple) or len(state) != 5 or not isinstance(state[4], list):
         raise InvalidArrayError("is no array of objects")
@@ -92,9 +83,11 @@ def as_array(value: Any) -> NDArray[Any]:
     Raises:
         InvalidArrayError: it is not an array, or its parts are inconsistent.
     """
+    if not isinstance(value, PickledObject):
+        raise InvalidArrayError(f"is a {type(value).__name__}, not an array")
     try:
-        return _dense(value, 0)
-    except (ValueError, TypeError, OverflowError, MemoryError) as error:  # of numpy, which trusts what it gets
+        return value.dense()
+    except (ValueError, TypeError, IndexError, OverflowError, MemoryError, RecursionError) as error:
         raise InvalidArrayError("is an array whose parts do not fit together") from error
 
 
@@ -105,10 +98,13 @@ def escape_unprintable(text: str) -> str:
 
 
 class PickledObject:
-    """Placeholder that stores the state of a pickled object."""
+    """Placeholder that stores the arguments and the state of a pickled object."""
 
-    def __init__(self, *_: Any) -> None:
-        self.state: Any = {}
+    arguments: tuple[Any, ...] = ()
+    state: Any = None
+
+    def __init__(self, *arguments: Any) -> None:
+        self.arguments = arguments
 
     def __setstate__(self, state: Any) -> None:
         self.state = state
@@ -117,73 +113,49 @@ class PickledObject:
         """Return the item ``name`` of the pickled state; None if the state is not a dictionary or has no such item."""
         return self.state.get(name) if isinstance(self.state, dict) else None
 
-    def dense(self, depth: int) -> NDArray[Any]:
+    def dense(self) -> NDArray[Any]:
         """Return the dense array that this placeholder stands for.
 
         Raises:
             InvalidArrayError: it is not an array.
+            ValueError, TypeError, ...: its parts are inconsistent.
         """
         raise InvalidArrayError("is no array of numbers")
 
 
 class _DType(PickledObject):
-    """Placeholder of a numpy dtype, with its type code."""
-
-    def __init__(self, code: Any = None, *_: Any) -> None:
-        super().__init__()
-        self.code = code
+    """Placeholder of a numpy dtype; its first argument is the type code."""
 
     def to_dtype(self) -> np.dtype[Any]:
-        if not isinstance(self.code, str) or not _DTYPE_CODE.fullmatch(self.code):
-            raise InvalidArrayError(f"holds {'objects' if self.code == 'O8' else 'no numbers'}, not numbers")
-        try:
-            found: np.dtype[Any] = np.dtype(self.code)
-        except TypeError as error:
-            raise InvalidArrayError(f"is of a type '{self.code}', which numpy does not have") from error
+        code = self.arguments[0]
+        if not isinstance(code, str) or not _DTYPE_CODE.fullmatch(code):
+            raise InvalidArrayError(f"holds {'objects' if code == 'O8' else 'no numbers'}, not numbers")
         order = self.state[1] if isinstance(self.state, tuple) and len(self.state) > 1 else "="
-        return found.newbyteorder(">") if order == ">" else found.newbyteorder("<") if order == "<" else found
+        return np.dtype(code).newbyteorder(">" if order == ">" else "<" if order == "<" else "=")
 
 
 class _Array(PickledObject):
     """Placeholder of a numpy array; its state is (version, shape, dtype, is Fortran order, bytes)."""
 
-    def dense(self, depth: int) -> NDArray[Any]:
-        if not isinstance(self.state, tuple) or len(self.state) != 5:
-            raise InvalidArrayError("is an array without its numbers")
+    def dense(self) -> NDArray[Any]:
         _, shape, kind, columns_first, data = self.state
-        if not isinstance(kind, _DType):
-            raise InvalidArrayError("is an array without a type")
-        dtype, shape = kind.to_dtype(), _shape(shape)
-        if isinstance(data, str):
-            data = data.encode("latin1")  # how bytes of Python 2 are read
-        if not isinstance(data, (bytes, bytearray)) or prod(shape) * dtype.itemsize != len(data):
-            size = len(data) if isinstance(data, (bytes, bytearray)) else "no"
-            raise InvalidArrayError(f"must be {_shape_text(shape)} of {dtype}, and has {size} bytes")
-        if not prod(shape):
-            return np.empty(shape, dtype)
-        order: Any = "F" if columns_first else "C"
-        return np.frombuffer(data, dtype).reshape(shape, order=order)
+        return _decoded(data, kind, _shape(shape), "F" if columns_first else "C")
 
 
-class _FromBuffer(_Array):
-    """Placeholder of a numpy array in pickle protocol 5."""
+class _FromBuffer(PickledObject):
+    """Placeholder of a numpy array in pickle protocol 5; its arguments are bytes, dtype, shape and order."""
 
-    def __init__(self, data: Any = None, kind: Any = None, shape: Any = None, order: Any = "C", *_: Any) -> None:
-        super().__init__()
-        self.state = (1, shape, kind, order == "F", data)
+    def dense(self) -> NDArray[Any]:
+        data, kind, shape, order = self.arguments
+        return _decoded(data, kind, _shape(shape), order)
 
 
 class _Scalar(PickledObject):
-    """Placeholder of a numpy scalar."""
+    """Placeholder of a numpy scalar; its arguments are dtype and bytes."""
 
-    def __init__(self, kind: Any = None, data: Any = None, *_: Any) -> None:
-        super().__init__()
-        self.kind, self.data = kind, data
-
-    def dense(self, depth: int) -> NDArray[Any]:
-        array = _Array()
-        array.state = (1, (), self.kind, False, self.data)
-        return array.dense(depth)
+    def dense(self) -> NDArray[Any]:
+        kind, data = self.arguments
+        return _decoded(data, kind, (), "C")
 
 
 class _Sparse(PickledObject):
@@ -191,34 +163,20 @@ class _Sparse(PickledObject):
 
     by_column = True
 
-    def dense(self, depth: int) -> NDArray[Any]:
-        shape = self.part("_shape")
-        shape = _shape(self.part("shape") if shape is None else shape)
-        if len(shape) != 2 or prod(shape) > _MAX_MATRIX_SIZE:
-            raise InvalidArrayError(f"is a sparse matrix of {_shape_text(shape)}, larger than any body model's")
-        data, minor, ends = (_dense(self.part(name), depth + 1) for name in ("data", "indices", "indptr"))
-        if data.dtype.kind not in "fiu" or minor.dtype.kind not in "iu" or ends.dtype.kind not in "iu":
-            raise InvalidArrayError(
-                f"is a sparse matrix of {data.dtype} by {minor.dtype} and {ends.dtype}, not by numbers"
-            )
-        majors, minors = reversed(shape) if self.by_column else shape
-        if data.ndim != 1 or data.shape != minor.shape or ends.shape != (majors + 1,):
-            raise InvalidArrayError(
-                f"is a sparse matrix of {_shape_text(shape)} with {data.shape} numbers at {minor.shape} places, "
-                f"and {ends.shape} ends"
-            )
-        if ends[0] != 0 or int(ends[-1]) != len(data) or (ends[1:] < ends[:-1]).any():
-            raise InvalidArrayError(f"is a sparse matrix whose {len(data)} numbers do not end where it says")
-        if len(minor) and (int(minor.min()) < 0 or int(minor.max()) >= minors):
-            worst = int(minor.min()) if int(minor.min()) < 0 else int(minor.max())
-            raise InvalidArrayError(
-                f"is a sparse matrix of {_shape_text(shape)} with a number at {worst}, outside of it"
-            )
-        full = np.zeros((majors, minors), data.dtype.newbyteorder("="))
-        last = ends.astype(np.int64)
-        major = np.repeat(np.arange(majors), last[1:] - last[:-1])
-        np.add.at(full, (major, minor.astype(np.int64)), data)
-        return full.T if self.by_column else full
+    def dense(self) -> NDArray[Any]:
+        from scipy.sparse import csc_matrix, csr_matrix
+
+        shape = _shape(self.part("shape") if self.part("_shape") is None else self.part("_shape"))
+        data, places, ends = (as_array(self.part(name)) for name in ("data", "indices", "indptr"))
+        if data.dtype.kind not in "fiu" or places.dtype.kind not in "iu" or ends.dtype.kind not in "iu":
+            raise InvalidArrayError(f"is a sparse matrix of {data.dtype} by {places.dtype}, not of numbers")
+        if prod(shape) > _MAX_MATRIX_SIZE:
+            raise InvalidArrayError(f"is a sparse matrix of shape {shape}, larger than any body model's")
+        parts = data.astype(data.dtype.newbyteorder("=")), places, ends
+        matrix = csc_matrix(parts, shape=shape) if self.by_column else csr_matrix(parts, shape=shape)
+        matrix.check_format(full_check=True)  # toarray would write outside of the array for a wrong index
+        full: NDArray[Any] = matrix.toarray()
+        return full
 
 
 class _SparseByRow(_Sparse):
@@ -228,23 +186,14 @@ class _SparseByRow(_Sparse):
 class _Chumpy(PickledObject):
     """Placeholder of a chumpy array: its numbers, or a selection of the numbers of another one."""
 
-    def dense(self, depth: int) -> NDArray[Any]:
+    def dense(self) -> NDArray[Any]:
         if self.part("x") is not None:
-            return _dense(self.part("x"), depth + 1)
+            return as_array(self.part("x"))
         if self.part("a") is None or self.part("idxs") is None:
             raise InvalidArrayError("is left for chumpy to compute, and no numbers")
-        numbers, chosen = (_dense(self.part(name), depth + 1) for name in ("a", "idxs"))
-        numbers = numbers.ravel()
-        if chosen.dtype.kind not in "iu":
-            raise InvalidArrayError(f"is a choice by {chosen.dtype}, not by whole numbers")
-        if chosen.size and (int(chosen.min()) < 0 or int(chosen.max()) >= len(numbers)):
-            worst = int(chosen.min()) if int(chosen.min()) < 0 else int(chosen.max())
-            raise InvalidArrayError(f"is a choice of number {worst} among {len(numbers)}")
-        shape = chosen.shape if self.part("preferred_shape") is None else _shape(self.part("preferred_shape"))
-        if prod(shape) != chosen.size:
-            raise InvalidArrayError(f"must be {_shape_text(shape)}, and has {chosen.size} numbers")
-        found: NDArray[Any] = numbers[chosen].reshape(shape)
-        return found
+        chosen: NDArray[Any] = as_array(self.part("a")).ravel()[as_array(self.part("idxs"))]
+        shape = self.part("preferred_shape")
+        return chosen if shape is None else chosen.reshape(_shape(shape))
 
 
 class _Reconstructed(PickledObject):
@@ -279,73 +228,8 @@ _PLACEHOLDERS: dict[tuple[str, str], type[PickledObject]] = {
 }
 
 
-class _BoundedStream(io.BytesIO):
-    """Byte stream that raises EOFError for a length beyond its end."""
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Return the next ``size`` bytes.
-
-        Raises:
-            EOFError: fewer are left.
-        """
-        found = super().read(size)
-        if size is not None and len(found) < size:
-            raise EOFError(f"{size} bytes are wanted where {len(found)} are left")
-        return found
-
-
-_PYTHON: Any = pickle._Unpickler
-"""Python's unpickler; its published types omit the methods."""
-_HASHING_OPCODES = (
-    (pickle.SETITEM, slice(-2, -1)),
-    (pickle.SETITEMS, slice(None, None, 2)),
-    (pickle.DICT, slice(None, None, 2)),
-    (pickle.ADDITEMS, slice(None)),
-    (pickle.FROZENSET, slice(None)),
-)
-"""Opcode, and the part of the stack that it hashes."""
-
-
-def _load_bytearray8(unpickler: Any) -> None:
-    """Read a bytearray; unlike Python's version, it allocates memory only for bytes that exist."""
-    (size,) = struct.unpack("<Q", unpickler.read(8))
-    unpickler.append(bytearray(unpickler.read(size)))
-
-
-def _with_keys_checked(opcode: bytes, keys: slice) -> Callable[[Any], None]:
-    """Wrap the handler of an opcode to check and count the dictionary keys first."""
-    load = _PYTHON.dispatch[opcode[0]]
-
-    def checked(unpickler: Any) -> None:
-        hashed = unpickler.stack[keys]
-        _check_keys(hashed)
-        unpickler.num_keys += len(hashed)
-        if unpickler.num_keys > _MAX_KEYS:
-            raise pickle.UnpicklingError(f"its dictionaries have more than {_MAX_KEYS} keys")
-        load(unpickler)
-
-    return checked
-
-
-def _load_put(unpickler: Any) -> None:
-    """Store an object in the memo, with an index as Python writes them."""
-    number = int(unpickler.readline()[:-1])
-    if not 0 <= number < _MAX_MEMO:
-        raise pickle.UnpicklingError(f"it numbers an object as {number}")
-    unpickler.memo[number] = unpickler.stack[-1]
-
-
 class _Unpickler(pickle._Unpickler):
-    """Unpickler that creates placeholders only."""
-
-    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = {
-        **_PYTHON.dispatch,
-        **{opcode[0]: _with_keys_checked(opcode, keys) for opcode, keys in _HASHING_OPCODES},
-        pickle.BYTEARRAY8[0]: _load_bytearray8,
-        pickle.PUT[0]: _load_put,
-    }
-
-    num_keys = 0
+    """Unpickler that creates placeholders only. The version in C allocates memory for any index in a file."""
 
     def find_class(self, module: str, name: str) -> Any:
         """Return the placeholder class of a name. Classes have no state that a pickle can set.
@@ -363,23 +247,14 @@ class _Unpickler(pickle._Unpickler):
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
 
 
-def _check_keys(keys: list[Any]) -> None:
-    """Refuse a tuple inside a tuple as a key: the hash of deeply nested tuples crashes Python.
-
-    Raises:
-        UnpicklingError: such a key exists.
-    """
-    if any(isinstance(part, tuple) for key in keys if isinstance(key, tuple) for part in key):
-        raise pickle.UnpicklingError("a tuple in a tuple is the key of a dictionary")
-
-
-def _dense(value: Any, depth: int) -> NDArray[Any]:
-    """Convert a placeholder to an array; ``depth`` counts the nested placeholders."""
-    if not isinstance(value, PickledObject):
-        raise InvalidArrayError(f"is a {type(value).__name__}, not an array")
-    if depth > _MAX_DEPTH:
-        raise InvalidArrayError("is a choice of a choice without end")
-    return value.dense(depth)
+def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:
+    """Return the array of bytes in a dtype and shape; text stands for bytes of Python 2."""
+    if not isinstance(kind, _DType):
+        raise InvalidArrayError("is an array without a type")
+    content = data.encode("latin1") if isinstance(data, str) else data
+    if not prod(shape):
+        return np.empty(shape, kind.to_dtype())
+    return np.frombuffer(content, kind.to_dtype()).reshape(shape, order=order)
 
 
 def _describe(value: Any) -> str:
@@ -388,16 +263,5 @@ def _describe(value: Any) -> str:
 
 
 def _shape(given: Any) -> tuple[int, ...]:
-    """Return a valid array shape, or raise InvalidArrayError."""
-    if not isinstance(given, (tuple, list)) or len(given) > 8:
-        raise InvalidArrayError("has no shape")
-    sizes = [int(as_array(n)) if isinstance(n, _Scalar) and as_array(n).dtype.kind in "iu" else n for n in given]
-    numbers = all(isinstance(n, int) and 0 <= n < _MAX_ARRAY_SIZE for n in sizes)
-    if not numbers or prod(max(n, 1) for n in sizes) >= _MAX_ARRAY_SIZE:  # one axis of 0 would hide the others
-        raise InvalidArrayError("has a shape that none can have")
-    return tuple(sizes)
-
-
-def _shape_text(shape: tuple[int, ...]) -> str:
-    """Return a shape as text, such as "3 x 4"."""
-    return " x ".join(map(str, shape)) or "one number"
+    """Return the axis lengths of an array, which can be placeholders of numpy scalars."""
+    return tuple(int(as_array(n)) if isinstance(n, _Scalar) else operator.index(n) for n in given)

@@ -24,50 +24,9 @@ from physic_core.body.array_pickle import (
 )
 from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.errors import BodyModelError
+from physic_core.files.npz import ArrayHeader, ObjectArrayError, read_arrays, read_headers, read_names
 
 __all__ = ["MANO", "SMPL", "SMPLX", "ModelFileLayout", "read_model_file"]
-
-
-@dataclass(frozen=True)
-class _ArrayHeader:
-    """Shape and type of an array in an ``.npz`` file."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-
-def _is_archive(path: Path) -> bool:
-    """Return whether a file is a zip archive; also for a damaged one that is recognised by its end."""
-    try:
-        return zipfile.is_zipfile(path)
-    except zipfile.BadZipFile:  # of an end that states several disks
-        return True
-
-
-def _read_header(archive: zipfile.ZipFile, name: str) -> _ArrayHeader:
-    """Read the shape and type of one array, without its data.
-
-    Raises:
-        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
-    """
-    with archive.open(f"{name}.npy") as stream:
-        version = np.lib.format.read_magic(stream)
-        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
-        shape, _, dtype = read(stream)
-    if min(shape, default=0) < 0:
-        raise ValueError(f"the shape {shape}")
-    return _ArrayHeader(tuple(shape), dtype)
-
-
-def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Read one array; pickled objects are refused.
-
-    Raises:
-        Exception: any error of zipfile, its compressors or numpy, if the file is damaged.
-    """
-    with archive.open(f"{name}.npy") as stream:
-        found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-    return found
 
 
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
@@ -84,7 +43,6 @@ class ModelFileLayout:
         faces: how many.
         parents: parent of each joint; that of the root is not compared.
         columns: numbers of shape components, the columns of ``shapedirs``, that files have.
-        columns_text: the same, for messages.
         advice: which file to give.
         others: further arrays and their shapes.
         has_pickles: whether files may be pickles.
@@ -95,7 +53,6 @@ class ModelFileLayout:
     faces: int
     parents: tuple[int, ...]
     columns: Collection[int]
-    columns_text: str
     advice: str
     others: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     has_pickles: bool = True
@@ -104,6 +61,11 @@ class ModelFileLayout:
     def joints(self) -> int:
         """Number of joints."""
         return len(self.parents)
+
+    @property
+    def columns_text(self) -> str:
+        """The least and the greatest of ``columns``, for messages: "10 to 300", or "20 or 400" if there are two."""
+        return f"{min(self.columns)} {'or' if len(self.columns) == 2 else 'to'} {max(self.columns)}"
 
     @property
     def shapes(self) -> dict[str, tuple[int | None, ...]]:
@@ -126,7 +88,6 @@ SMPL = ModelFileLayout(
     13776,
     (*PARENTS[:22], 20, 21),
     range(10, 301),
-    "10 to 300",
     "give the path of an official SMPL file, for example SMPL_NEUTRAL.npz or "
     "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
 )
@@ -138,7 +99,6 @@ SMPLX = ModelFileLayout(
     20908,
     PARENTS[:NUM_JOINTS],
     (20, 400),
-    "20 or 400",
     "give the path of an official SMPL-X file, for example SMPLX_NEUTRAL.npz, or 'embedded' for the body that ships",
     has_pickles=False,
 )
@@ -148,7 +108,6 @@ MANO = ModelFileLayout(
     1538,
     (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14),
     range(10, 301),
-    "10 to 300",
     "give the path of an official MANO file, MANO_RIGHT.pkl",
     {"hands_components": (45, 45), "hands_mean": (45,)},
 )
@@ -162,7 +121,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    if _is_archive(path):
+    if zipfile.is_zipfile(path):
         arrays = _from_npz(path, layout)
     elif layout.has_pickles:
         arrays = _from_pickle(path, layout)
@@ -193,7 +152,7 @@ def _check_values(path: Path, arrays: Mapping[str, NDArray[Any]], layout: ModelF
         raise BodyModelError(f"{path}: kintree_table is not the joint tree of {layout.name}: {layout.advice}")
 
 
-def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, _ArrayHeader | NDArray[Any]]) -> None:
+def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, ArrayHeader | NDArray[Any]]) -> None:
     """Raise BodyModelError if arrays are missing or have wrong shapes or types.
 
     Raises:
@@ -227,14 +186,13 @@ def _check(path: Path, layout: ModelFileLayout, found: Mapping[str, _ArrayHeader
 def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
     """Read the arrays of an ``.npz`` file."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            there = set(archive.namelist())
-            names = [name for name in layout.shapes if f"{name}.npy" in there]
-            headers = {name: _read_header(archive, name) for name in names}
-            if any(header.dtype.hasobject for header in headers.values()):
-                raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}")
-            _check(path, layout, headers)
-            return {name: _read_array(archive, name) for name in names}
+        with path.open("rb") as stream:
+            present = read_names(stream)
+            names = [name for name in layout.shapes if name in present]
+            _check(path, layout, read_headers(stream, names))
+            return read_arrays(stream, names)
+    except ObjectArrayError as error:
+        raise BodyModelError(f"{path} holds a pickled object where numbers belong: {layout.advice}") from error
     except BodyModelError:
         raise
     except Exception as error:  # of zipfile, its compressors and numpy, which have many

@@ -17,7 +17,15 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["MAX_BYTES", "ArrayHeader", "read_arrays", "read_headers", "read_names", "write_arrays"]
+__all__ = [
+    "MAX_BYTES",
+    "ArrayHeader",
+    "ObjectArrayError",
+    "read_arrays",
+    "read_headers",
+    "read_names",
+    "write_arrays",
+]
 
 MAX_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
@@ -26,6 +34,10 @@ _SUFFIX = ".npy"
 _FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # equal arrays make equal files
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _KINDS_OF_MEMBERS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+class ObjectArrayError(ValueError):
+    """An array holds Python objects, which are pickled in the file and never opened."""
 
 
 @dataclass(frozen=True)
@@ -138,10 +150,10 @@ def _parse_header(member: IO[bytes], size: int) -> ArrayHeader:
     if version not in _HEADERS:
         raise ValueError(f"an array is in version {version} of numpy's format")
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # numpy mends headers of Python 2 with a warning; ours never have one
+        warnings.simplefilter("ignore")  # of headers that Python 2 wrote, which numpy reads with a warning
         shape, is_fortran, dtype = _HEADERS[version](member)
     if dtype.hasobject:
-        raise ValueError("an array holds Python objects")
+        raise ObjectArrayError("an array holds Python objects")
     if dtype.fields is not None or dtype.subdtype is not None or min(shape, default=0) < 0:
         raise ValueError(f"an array is of dtype {dtype} and shape {shape}")
     offset = member.tell()

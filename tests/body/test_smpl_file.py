@@ -222,7 +222,4 @@ def test_indices_outside_of_the_regressor_end_in_words_and_not_in_a_crash(
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == (
-        f"{path}: J_regressor is a sparse matrix of 24 x 6890 with a number at {int(regressor.indices.max())}, "
-        f"outside of it: {ADVICE}\n"
-    )
+    assert done.stdout == f"{path}: J_regressor is an array whose parts do not fit together: {ADVICE}\n"

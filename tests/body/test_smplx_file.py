@@ -185,8 +185,9 @@ def test_refuses_more_components_than_there_are(smplx_v10: Path) -> None:
 @pytest.mark.parametrize(
     ("shape", "kind", "message"),
     [
-        ("(1000000000000, 55)", "'<f8'", ": weights must be (10475, 55), got (1000000000000, 55): " + ADVICE),
-        ("(10475, 55)", "'<U9'", ": weights holds <U9, not numbers: " + ADVICE),
+        ("(1000000000000, 55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
+        ("(0, 55)", "'<f8'", ": weights must be (10475, 55), got (0, 55): " + ADVICE),
+        ("(0, 55)", "'<U9'", ": weights holds <U9, not numbers: " + ADVICE),
         ("(10475, -55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
         ("(10475, 55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
     ],
