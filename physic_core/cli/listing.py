@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.catalog import how_to_install
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.discovery.local_modules import split_folder
 from physic_core.discovery.readiness import Readiness, missing_requirements, readiness
@@ -41,6 +40,8 @@ def plugins_table(registry: Registry, interface: str | None = None) -> str:
         rows.append(("-", "-", origin.distribution, origin.version or "-", "-", "-", f"BROKEN: {broken.cause}"))
     if len(rows) == 1:
         what = "no backend is installed" if interface is None else f"no backend for '{interface}' is installed"
+        from physic_core.discovery.catalog import how_to_install
+
         if registry.restriction is not None:
             return f"{what} (PHYSIC_PLUGINS='{registry.restriction}')"
         return f"{what}: {how_to_install('physic-embedded')}"

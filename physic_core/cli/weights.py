@@ -1,31 +1,32 @@
-"""The command ``physic weights``: list, download and verify the weights of installed plugins."""
+"""The command ``physic weights``: list and verify the weights of installed plugins; physic-setup adds ``fetch``."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.exit_codes import INTERRUPTED, WEIGHTS
+from physic_core.cli.exit_codes import WEIGHTS
+from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.listing import format_table
 from physic_core.cli.output import echo, echo_json
-from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
-    from physic_core.weights.fetch import Progress
     from physic_core.weights.library import ListedWeights, WeightLibrary
 
-__all__ = ["weights"]
+__all__ = ["list_", "show", "verify", "weights", "where"]
 
+_COMMANDS = {
+    "list": ("physic_core.cli.weights:list_", "List all weight sets: size, licence, and whether they are here."),
+    "show": ("physic_core.cli.weights:show", "Show the licence, files and sources of a weight set."),
+    "verify": ("physic_core.cli.weights:verify", "Compare files with their published size and SHA-256."),
+    "where": ("physic_core.cli.weights:where", "Print only the path of a weight set, or of one of its files."),
+}
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 _USE = {True: "yes", False: "NO", None: "not stated"}
 
 
-@click.group()
+@click.group(cls=ExtensibleGroup, path="weights", own=_COMMANDS)
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
@@ -34,7 +35,7 @@ def weights() -> None:
     """
 
 
-@weights.command("list")
+@click.command("list")
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 @_JSON
 def list_(missing: bool, as_json: bool) -> None:
@@ -60,7 +61,7 @@ def list_(missing: bool, as_json: bool) -> None:
     echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
-@weights.command()
+@click.command()
 @click.argument("name")
 @_JSON
 def show(name: str, as_json: bool) -> None:
@@ -72,50 +73,7 @@ def show(name: str, as_json: bool) -> None:
         echo(_details(one))
 
 
-@weights.command()
-@click.argument("names", nargs=-1, required=True, metavar="NAME...")
-@click.option(
-    "--accept-licence",
-    "--accept-license",
-    "accept",
-    is_flag=True,
-    help="Accept a licence that restricts use or requires an account.",
-)
-@click.option(
-    "--to",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="FOLDER",
-    help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to it there.",
-)
-@click.pass_context
-def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
-    """Download the missing files of the weight sets NAME..., and verify their size and SHA-256.
-
-    The next call resumes an interrupted download. Exits with code 4 if a file is still missing.
-    """
-    from physic_core.weights.fetch import fetch as fetch_set
-
-    library = _library()
-    chosen = [library.get(name) for name in dict.fromkeys(names)]
-    failed = False
-    for one in chosen:
-        name = one.weights.name
-        try:
-            with _progress(name) as progress:
-                fetched = fetch_set(one.weights, accept=accept, to=to, progress=progress)
-        except PhysicError as error:
-            failed = True
-            echo(f"{name}: {error}", err=True)
-        except KeyboardInterrupt:
-            echo(f"{name}: interrupted; the partial download is kept, and the next one resumes", err=True)
-            ctx.exit(INTERRUPTED)
-        else:
-            where = to / name if to is not None else _location(one)
-            echo(f"{name}: {', '.join(fetched)} downloaded to {where}" if fetched else f"{name}: already in {where}")
-    ctx.exit(WEIGHTS if failed else 0)
-
-
-@weights.command()
+@click.command()
 @click.argument("names", nargs=-1, metavar="[NAME...]")
 @_JSON
 @click.pass_context
@@ -165,7 +123,7 @@ def verify(ctx: click.Context, names: tuple[str, ...], as_json: bool) -> None:
     ctx.exit(WEIGHTS if any(row["state"] != "ok" for row in rows) else 0)
 
 
-@weights.command()
+@click.command()
 @click.argument("name")
 @click.argument("file", required=False)
 def where(name: str, file: str | None) -> None:
@@ -205,20 +163,9 @@ def _state(one: ListedWeights) -> str:
     return "here" if all(sizes) else "here, DIFFERS"
 
 
-def _location(one: ListedWeights) -> str:
-    """Return the folder or the file paths of a weight set, as text."""
-    from physic_core.weights.locate import locate_files
-
-    here = locate_files(one.weights)
-    if len(here.files) == 1 or here.folder is None:
-        return ", ".join(map(str, here.files.values()))
-    return str(here.folder)
-
-
 def _details(one: ListedWeights) -> str:
-    from physic_core.weights.fetch import format_licence
     from physic_core.weights.folders import describe_search_folders
-    from physic_core.weights.locate import how_to_get, locate_files
+    from physic_core.weights.locate import format_licence, how_to_get, locate_files
 
     found, here = one.weights, locate_files(one.weights)
     state = _state(one)
@@ -252,38 +199,3 @@ def _size(size: int | None) -> str:
     from physic_core.weights.locate import format_size
 
     return format_size(size) or "-"
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Progress]:
-    """Yield a progress callback: a bar for each file on a terminal, otherwise one line for each file; on stderr."""
-    if not sys.stderr.isatty():
-        started: set[str] = set()
-
-        def print_line(file: str, done: int, total: int | None) -> None:
-            if file not in started:
-                started.add(file)
-                resumed = f", resumed at {_size(done)}" if done else ""
-                echo(f"{name}: {file} ({_size(total)}){resumed}", err=True)
-
-        yield print_line
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
-
-    parts = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        DownloadColumn(),
-        TransferSpeedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*parts, console=Console(stderr=True)) as bars:
-        tasks: dict[str, Any] = {}
-
-        def show_bar(file: str, done: int, total: int | None) -> None:
-            if file not in tasks:
-                tasks[file] = bars.add_task(f"{name}: {file}", total=total, completed=done)
-            bars.update(tasks[file], completed=done, total=total)
-
-        yield show_bar

@@ -1,8 +1,7 @@
-"""Find, verify and download the weights of networks.
+"""Find and verify the weights of networks.
 
 A plugin describes its weights in TOML files (:mod:`physic_core.weights.manifest`). A backend calls :func:`locate` to
-get the path of a file. Only :mod:`physic_core.weights.fetch` uses the network, and only ``physic weights fetch`` calls
-it.
+get the path of a file. Nothing here uses the network: ``physic weights fetch`` of physic-setup downloads files.
 
 These places are searched, in this order:
 

@@ -18,13 +18,15 @@ from physic_core.weights.folders import (
     user_folders,
 )
 from physic_core.weights.lock import locked, record_use
-from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
+from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
 from physic_core.weights.verify import require_published
 
 __all__ = [
+    "LOGIN",
     "LocatedFiles",
     "find",
     "fingerprint",
+    "format_licence",
     "format_size",
     "how_to_get",
     "locate",
@@ -32,6 +34,8 @@ __all__ = [
     "missing",
     "size_mismatches",
 ]
+
+LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
 
 
 @dataclass(frozen=True)
@@ -173,6 +177,21 @@ def how_to_get(weights: WeightSet) -> str:
         use = {True: "commercial use allowed", False: "no commercial use", None: "commercial use not stated"}
         way = f"{command} --accept-licence` ({why}{use[weights.commercial]})"
     return way if all(file.source for file in weights.files) else f"{way}; {weights.advice}"
+
+
+def format_licence(weights: WeightSet) -> str:
+    """Format the licence of a weight set, and how to get access to it, as lines of text."""
+    use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
+    lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
+    if weights.account:
+        hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
+        is_gated = len(hub) == len(weights.files)  # else the account is for the files that have no source
+        page = f"https://huggingface.co/{hub[0]}" if is_gated else weights.homepage
+        login = LOGIN if is_gated else "log in there"
+        lines.append(f"  account     needed: request access at {page}, and {login}")
+    if weights.homepage:
+        lines.append(f"  homepage    {weights.homepage}")
+    return "\n".join(lines)
 
 
 def format_size(size: int | None) -> str:

@@ -7,7 +7,6 @@ they use with it.
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -17,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from physic_core.errors import OutputError, WeightsMissingError
+from physic_core.errors import WeightsMissingError
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 from physic_core.weights.verify import sha256_of
@@ -27,8 +26,6 @@ __all__ = [
     "FileUse",
     "lock_file",
     "locked",
-    "pin",
-    "pin_files",
     "read_lock",
     "record_use",
     "recorded_uses",
@@ -42,7 +39,6 @@ FileUse = Mapping[str, str]
 "unpinned" if neither has any, "differs" if the lock file has another."""
 
 _NAME = "physic.lock"
-_HEAD = "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it with your project.\n"
 _uses: ContextVar[dict[str, FileUse] | None] = ContextVar("uses", default=None)
 _hashed: dict[tuple[Path, int, int], str] = {}
 """SHA-256 of the unpinned files that this process has read, by path, size and time of the last change."""
@@ -81,39 +77,6 @@ def locked(weights: WeightSet) -> WeightSet:
     return replace(weights, files=files)
 
 
-def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
-    """Add entries to the lock file; those that it has stay as they are.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    held, path = read_lock(), lock_file()
-    if path is None or not entries.keys() - held.keys():
-        return
-    lines = [_HEAD]
-    for name, entry in sorted({**entries, **held}.items()):
-        lines += [f"[{json.dumps(name)}]", *(f"{key} = {json.dumps(value)}" for key, value in entry.items()), ""]
-    part = path.with_name(f"{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text("\n".join(lines), encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise OutputError(f"the lock file {path} cannot be written: {error.strerror}") from error
-
-
-def pin_files(weights: WeightSet, here: Mapping[str, Path]) -> None:
-    """Add the files of a weight set that are here and that neither its manifest nor the lock file has pinned."""
-    held = read_lock()
-    found = {}
-    for file in weights.files:
-        name, path = f"{weights.name}/{file.path}", here.get(file.path)
-        if path is not None and file.sha256 is None and name not in held:
-            commit = _snapshot(path)
-            found[name] = {"sha256": sha256_of(path)} | ({"revision": commit} if commit else {})
-    pin(found)
-
-
 @contextmanager
 def recorded_uses() -> Iterator[dict[str, FileUse]]:
     """Yield a dictionary that :func:`record_use` fills inside the ``with`` block."""
@@ -149,9 +112,3 @@ def _locked(file: WeightFile, entry: Mapping[str, str]) -> WeightFile:
     moving = isinstance(origin, HubSource) and origin.revision == "main" and "@" not in file.source
     source = f"{file.source}@{revision}" if moving and revision else file.source
     return replace(file, sha256=entry.get("sha256"), source=source)
-
-
-def _snapshot(path: Path) -> str:
-    """Return the commit in the path of a file in the cache of Hugging Face; "" for another path."""
-    parts = path.parts
-    return parts[parts.index("snapshots") + 1] if "snapshots" in parts[:-2] else ""

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "describe_mismatch",
-    "git_blob_hash",
     "require_published",
     "require_unchanged_files",
     "sha256_of",
@@ -45,13 +44,6 @@ def sha256_of(path: Path) -> str:
 def sha256_of_open(file: BufferedReader) -> str:
     """Return the SHA-256 of an open file, from its place on, as hexadecimal digits."""
     return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def git_blob_hash(path: Path) -> str:
-    """Return the git blob hash of a file; Hugging Face uses it as ETag of small files."""
-    digest = hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False)
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: digest).hexdigest()
 
 
 _Stamp = tuple[int, int, int, int, int]

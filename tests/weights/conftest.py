@@ -174,6 +174,6 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 @pytest.fixture
 def no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
-    from physic_core.weights import transfer
+    from physic_setup import transfer
 
     monkeypatch.setattr(transfer.time, "sleep", lambda seconds: None)

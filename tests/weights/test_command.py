@@ -74,7 +74,7 @@ path = "own.json"
 @pytest.fixture
 def plugin(site: Any, server: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """One plugin with three sets, one of which the server has."""
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-setup")
     site.install("physic-nets", PLUGIN.format("nets.toml"))
     (site.folder / "nets.toml").write_text(manifest(server.add("/free.onnx", CONTENT)))
     return site
@@ -220,7 +220,7 @@ def test_an_unknown_name_suggests_a_close_one(plugin: Any):
 
 
 def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
     site.install("physic-more", PLUGIN.format("more.toml"))
     (site.folder / "more.toml").write_text(manifest(f"{server.address}/gone"))
     done = physic("where", "free")

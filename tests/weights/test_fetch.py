@@ -14,9 +14,8 @@ import pytest
 
 from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
-from physic_core.weights import fetch as fetching
-from physic_core.weights import transfer as transferring
-from physic_core.weights.fetch import fetch
+from physic_setup import transfer as transferring
+from physic_setup.fetch import fetch
 
 CONTENT = bytes(range(256)) * 4096  # 1 MB
 HASH = hashlib.sha256(CONTENT).hexdigest()
@@ -333,14 +332,6 @@ def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
     own_cache.mkdir(parents=True)
     (own_cache / "net").write_text("")
     assert refusal(one(server.add("/model.onnx", CONTENT))).startswith(f"{own_cache / 'net'} cannot be written (")
-
-
-@pytest.mark.parametrize("absent", ["requests"])
-def test_a_library_that_is_not_installed_is_named(server: Any, monkeypatch, absent: str):
-    monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == absent else object())
-    assert refusal(one(server.add("/model.onnx", CONTENT))) == (
-        f"downloading weights needs {absent}: `pip install -e '.[weights]'` in a checkout of PhySIC"
-    )
 
 
 # ---- licences --------------------------------------------------------------------------------------------------------

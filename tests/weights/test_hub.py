@@ -14,8 +14,7 @@ import pytest
 
 from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, WeightSet, locate, read_manifest
-from physic_core.weights import fetch as fetching
-from physic_core.weights.fetch import fetch
+from physic_setup.fetch import fetch
 
 CONTENT = bytes(range(256)) * 4096
 HASH = hashlib.sha256(CONTENT).hexdigest()
@@ -280,13 +279,6 @@ def test_a_cache_that_may_not_be_written(hub: Hub, tmp_path: Path):
     )
 
 
-def test_the_missing_library_is_named(hub: Hub, monkeypatch):
-    monkeypatch.setattr(fetching, "find_spec", lambda name: None if name == "huggingface_hub" else object())
-    assert refusal(hub.add("model.onnx", CONTENT)) == (
-        "downloading weights needs huggingface_hub: `pip install -e '.[weights]'` in a checkout of PhySIC"
-    )
-
-
 # ---- as the user runs it ---------------------------------------------------------------------------------------------
 
 
@@ -305,7 +297,7 @@ def test_mirror_cache_token_and_offline_switch_are_those_of_the_environment(
     home = tmp_path / "hf"
     environment = os.environ | {
         "PYTHONPATH": str(site.folder),
-        "PHYSIC_PLUGINS": "physic-mirror",
+        "PHYSIC_PLUGINS": "physic-mirror,physic-setup",
         "HF_HOME": str(home),
         "HF_ENDPOINT": server.address,
         "HF_TOKEN": "hf_mine",

@@ -13,8 +13,9 @@ from physic_core.errors import WeightsMissingError
 from physic_core.interfaces import MetricDepth, Repository
 from physic_core.types import DepthMap
 from physic_core.weights import locate, read_manifest
-from physic_core.weights.fetch import fetch
-from physic_core.weights.lock import locked, pin, read_lock, recorded_uses
+from physic_core.weights.lock import locked, read_lock, recorded_uses
+from physic_setup.fetch import fetch
+from physic_setup.pins import pin
 from physic_testing.worlds import build_world
 
 NAME = "net/model.onnx"

@@ -26,7 +26,7 @@ _ON_FIRST_USE = {
 
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
-    """Return the commands "bench" and "setup", and those below "plugins" for authors of plugins."""
+    """Return the command "bench", and those below "plugins" for authors of plugins."""
     return [
         CommandRecord(
             "bench", "physic_testing.commands.bench:bench", "Measure the accuracy and the speed of the engine."
@@ -50,11 +50,6 @@ def physic_commands() -> list[CommandRecord]:
             "plugins new",
             "physic_testing.commands.scaffold:new",
             "Create a plugin with one backend that passes the conformance kit.",
-        ),
-        CommandRecord(
-            "setup",
-            "physic_testing.commands.setup:setup",
-            "Print or run the steps that install a preset's estimators.",
         ),
     ]
 

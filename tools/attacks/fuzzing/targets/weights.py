@@ -13,9 +13,9 @@ from pathlib import Path
 from fuzzing.mutations import mutate_text
 from fuzzing.target import Target
 from physic_core.errors import BackendError, DownloadError
-from physic_core.weights.fetch import _extract_member, format_licence
-from physic_core.weights.locate import format_size, how_to_get
+from physic_core.weights.locate import format_licence, format_size, how_to_get
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, is_inside, read_manifest
+from physic_setup.fetch import _extract_member
 
 MANIFEST = """
 [net-1]

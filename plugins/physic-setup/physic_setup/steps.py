@@ -15,10 +15,10 @@ from physic_core.configuration.resolve import named_weights, resolve
 from physic_core.discovery.catalog import distribution_for, how_to_install
 from physic_core.errors import BackendNotFoundError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
-from physic_core.weights.fetch import download_libraries
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import how_to_get, locate_files
-from physic_core.weights.lock import pin, pin_files, read_lock
+from physic_core.weights.lock import read_lock
+from physic_setup.pins import pin, pin_files
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
@@ -105,7 +105,7 @@ def setup_steps(config: Config, registry: Registry, preset: str, folder: Path) -
     held = read_lock()
     unpinned += [one.url for _, one in repositories if not one.commit and one.url not in held]
     steps = (
-        _packages(plan, sets),
+        _packages(plan),
         _free_weights(sets),
         _code(repositories, folder),
         *(_restricted_weights(weights) for weights in sets if not _is_downloadable(weights)),
@@ -185,10 +185,8 @@ def _constraints() -> str:
     return f" -c {shlex.quote(str(root / 'constraints.txt'))}" if root else ""
 
 
-def _packages(plan: ResolvedPipeline, sets: tuple[WeightSet, ...]) -> SetupStep | None:
-    fetched = [file for weights in sets for file in weights.files]
-    needed = {module for _, one in _unique(plan, Packages) for module in one.modules}
-    modules = sorted(needed | set(download_libraries(fetched)))
+def _packages(plan: ResolvedPipeline) -> SetupStep | None:
+    modules = sorted({module for _, one in _unique(plan, Packages) for module in one.modules})
     lacking = [PIP_NAMES.get(module, module) for module in modules if find_spec(module) is None]
     if not modules:
         return None

@@ -1,11 +1,12 @@
 """Download a file from a Hugging Face repository into the cache of ``huggingface_hub``.
 
 The library resolves the file, the login and the mirror, and links the file into its cache. The file is downloaded by
-:mod:`physic_core.weights.transfer`, which resumes an interrupted download; the library (2.x) starts again.
+:mod:`physic_setup.transfer`, which resumes an interrupted download; the library (2.x) starts again.
 """
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.errors import DownloadError
+from physic_core.weights.locate import LOGIN
 from physic_core.weights.manifest import HubSource, WeightFile
-from physic_core.weights.transfer import ByteProgress, ResumableDownload, wrap_write_errors, write_error
-from physic_core.weights.verify import describe_mismatch, git_blob_hash, sha256_of
+from physic_core.weights.verify import describe_mismatch, sha256_of
+from physic_setup.transfer import ByteProgress, ResumableDownload, wrap_write_errors, write_error
 
-__all__ = ["LOGIN", "download_from_hub"]
+__all__ = ["download_from_hub"]
 
-LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
 _SHA256, _GIT = re.compile(r"[0-9a-f]{64}"), re.compile(r"[0-9a-f]{40}")
 
 
@@ -117,9 +118,16 @@ def _etag_mismatch(path: Path, tag: str) -> str:
     """Describe how the hash of a file differs from its ETag; "" if it matches."""
     if _SHA256.fullmatch(tag) and (found := sha256_of(path)) != tag:
         return f"its SHA-256 is {found} instead of {tag}"
-    if _GIT.fullmatch(tag) and (found := git_blob_hash(path)) != tag:
+    if _GIT.fullmatch(tag) and (found := _git_blob_hash(path)) != tag:
         return f"its git hash is {found} instead of {tag}"
     return ""
+
+
+def _git_blob_hash(path: Path) -> str:
+    """Return the git blob hash of a file; Hugging Face uses it as ETag of small files."""
+    digest = hashlib.sha1(f"blob {path.stat().st_size}\0".encode(), usedforsecurity=False)
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: digest).hexdigest()
 
 
 def _access_advice(origin: HubSource) -> str:

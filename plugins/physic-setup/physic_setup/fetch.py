@@ -5,25 +5,25 @@ from __future__ import annotations
 import os
 import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
-from importlib.util import find_spec
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
 from physic_core.errors import DownloadError
 from physic_core.weights.folders import default_download_folder
-from physic_core.weights.locate import locate_files
-from physic_core.weights.lock import locked, pin_files
+from physic_core.weights.locate import format_licence, locate_files
+from physic_core.weights.lock import locked
 from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
-from physic_core.weights.transfer import ResumableDownload, require_room, wrap_write_errors
 from physic_core.weights.verify import describe_mismatch
+from physic_setup.hub import download_from_hub
+from physic_setup.pins import pin_files
+from physic_setup.transfer import ResumableDownload, require_room, wrap_write_errors
 
-__all__ = ["Progress", "download_libraries", "fetch", "format_licence"]
+__all__ = ["Progress", "fetch"]
 
 Progress = Callable[[str, int, int | None], None]
 """Callback with the path of a file in its set, the bytes downloaded so far, and the total if known."""
 
-INSTALL = "`pip install -e '.[weights]'` in a checkout of PhySIC"
 _ARCHIVES = ".archives"
 
 
@@ -47,8 +47,8 @@ def fetch(
         Paths of the downloaded files, relative to the set.
 
     Raises:
-        DownloadError: the licence is not accepted, a file has no source, a library is not installed, or a download
-            failed. Partial downloads are kept.
+        DownloadError: the licence is not accepted, a file has no source, or a download failed. Partial downloads are
+            kept.
     """
     weights = locked(weights)
     missing_files = _missing_files(weights, to)
@@ -65,7 +65,6 @@ def fetch(
             f"'{weights.name}' is not downloaded without --accept-licence:\n{format_licence(weights)}\n"
             f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
         )
-    _require_libraries(missing_files)
     folder = _folder(to) / weights.name
     in_hubs_cache = to is None and _fits_hub_cache(weights)
     fetched = []
@@ -88,23 +87,6 @@ def _pin(weights: WeightSet, to: Path | None) -> None:
     inside = {file.path: to / weights.name / file.path for file in weights.files} if to is not None else None
     here = locate_files(weights).files if inside is None else {p: f for p, f in inside.items() if f.is_file()}
     pin_files(weights, here)
-
-
-def format_licence(weights: WeightSet) -> str:
-    """Format the licence of a weight set, and how to get access to it, as lines of text."""
-    use = {True: "is allowed", False: "is NOT allowed", None: "is not stated: read the licence"}
-    lines = [f"  licence     {weights.license}", f"  commercial  use {use[weights.commercial]}"]
-    if weights.account:
-        from physic_core.weights.hub import LOGIN
-
-        hub = [f.origin.repository for f in weights.files if isinstance(f.origin, HubSource)]
-        is_gated = len(hub) == len(weights.files)  # else the account is for the files that have no source
-        page = f"https://huggingface.co/{hub[0]}" if is_gated else weights.homepage
-        login = LOGIN if is_gated else "log in there"
-        lines.append(f"  account     needed: request access at {page}, and {login}")
-    if weights.homepage:
-        lines.append(f"  homepage    {weights.homepage}")
-    return "\n".join(lines)
 
 
 def _missing_files(weights: WeightSet, to: Path | None) -> list[WeightFile]:
@@ -147,18 +129,6 @@ def _names(files: list[WeightFile]) -> str:
     return ", ".join(file.path for file in files)
 
 
-def download_libraries(files: Iterable[WeightFile]) -> list[str]:
-    """Return the import names of the libraries that download these files."""
-    sources = {type(file.origin) for file in files if file.source}
-    return [*(["huggingface_hub"] if HubSource in sources else []), *(["requests"] if sources else [])]
-
-
-def _require_libraries(files: list[WeightFile]) -> None:
-    uninstalled = [name for name in download_libraries(files) if find_spec(name) is None]
-    if uninstalled:
-        raise DownloadError(f"downloading weights needs {' and '.join(uninstalled)}: {INSTALL}")
-
-
 def _fits_hub_cache(weights: WeightSet) -> bool:
     """Return whether all files are in one repository of Hugging Face with the same relative paths."""
     places = set()
@@ -180,8 +150,6 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cach
     origin = file.origin
     advice = f"see {weights.homepage}" if weights.homepage else ""
     if isinstance(origin, HubSource):
-        from physic_core.weights.hub import download_from_hub
-
         download_from_hub(file, None if in_hubs_cache else target, report, advice)
         return
     assert isinstance(origin, WebSource)

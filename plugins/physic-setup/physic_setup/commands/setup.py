@@ -17,7 +17,7 @@ from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
-    from physic_testing.setup_steps import Setup, SetupStep
+    from physic_setup.steps import Setup, SetupStep
 
 __all__ = ["setup"]
 
@@ -40,7 +40,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     restricts use is never accepted for you. Exits with code 4 if a step is left.
     """
     from physic_core.discovery.plugins import discover
-    from physic_testing.setup_steps import pin_setup
+    from physic_setup.steps import pin_setup
 
     place = (folder or Path(f"physic-{preset}")).absolute()
     found = _find(preset, place)
@@ -65,7 +65,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
 
 def _find(preset: str, folder: Path) -> Setup:
     from physic_core.discovery.plugins import discover
-    from physic_testing.setup_steps import setup_steps
+    from physic_setup.steps import setup_steps
 
     return setup_steps(_config(preset, folder), discover(), preset, folder)
 

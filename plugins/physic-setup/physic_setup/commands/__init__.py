@@ -1,0 +1,1 @@
+"""The commands ``physic setup`` and ``physic weights fetch``."""
