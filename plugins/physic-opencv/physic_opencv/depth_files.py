@@ -14,6 +14,7 @@ from physic_core.errors import InputError
 from physic_core.files.image_file import MAX_DECODING_BYTES, ImageSource, decode, open_image
 from physic_core.files.npz import read_arrays, read_names
 from physic_core.files.regular import open_regular
+from physic_opencv.phone_depth import HEIC_SUFFIXES, read_phone_depth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,11 +32,11 @@ _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 
 
-def read_depth(path: Path, scale: float, invalid: float | None) -> FloatArray:
-    """Read a depth map (H, W) in metres, NaN where it is unknown.
+def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatArray, bool]:
+    """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it relative.
 
     Args:
-        path: a .npy array (H, W), a PNG of 16 or 8 bits with one channel, or an .exr file.
+        path: a .npy array (H, W), a PNG of 16 or 8 bits with one channel, an .exr file, or a HEIC photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN and infinity, in units of the file; None for no other.
 
@@ -44,14 +45,20 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> FloatArray:
     """
     _require(path, "depth map")
     suffix = path.suffix.lower()
-    if suffix == ".npy":
+    is_relative = False
+    values: NDArray[np.generic]
+    if suffix in HEIC_SUFFIXES:
+        values, is_relative = read_phone_depth(path)
+    elif suffix == ".npy":
         values = _load_npy(path)
     elif suffix == ".png":
         values = _read_picture(path)
     elif suffix == ".exr":
         values = _read_exr(path)
     else:
-        raise InputError(f"cannot read the depth map {path}: its name ends in none of .npy, .png, .exr; convert it")
+        raise InputError(
+            f"cannot read the depth map {path}: its name ends in none of .npy, .png, .exr, .heic; convert it"
+        )
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if values.ndim != 2:
@@ -64,7 +71,7 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> FloatArray:
         unknown |= depth == invalid
     if unknown.all():
         raise InputError(f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the invalid one")
-    return np.where(unknown, np.nan, depth * scale).astype(np.float32)
+    return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative
 
 
 def read_points(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:

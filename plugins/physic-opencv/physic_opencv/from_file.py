@@ -23,7 +23,9 @@ class DepthFileOptions(interfaces.Options):
     """Settings of the depth map from a file."""
 
     path: Path | None = Field(
-        None, description="The file, which must be given: .npy (H, W), 16-bit .png, or .exr where OpenCV reads it."
+        None,
+        description="The file, which must be given: .npy (H, W), 16-bit .png, .exr where OpenCV reads it, or the .heic "
+        "photo of a phone that stores depth.",
     )
     scale: float = Field(1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres.")
     invalid: float | None = Field(
@@ -33,6 +35,13 @@ class DepthFileOptions(interfaces.Options):
         description="Value of unknown pixels in the file; 0, NaN and infinity are always unknown.",
     )
     sigma: float = Field(0.01, ge=1e-6, le=10, description="Standard deviation of the logarithm of the file's scale.")
+    relative_sigma: float = Field(
+        0.2,
+        ge=1e-6,
+        le=10,
+        description="The same of a .heic file that calls its depth relative, as phones do that measure it with two "
+        "cameras: no maker publishes a figure.",
+    )
 
 
 class DepthFile(interfaces.MetricDepth):
@@ -59,13 +68,16 @@ class DepthFile(interfaces.MetricDepth):
         assert isinstance(self.options, DepthFileOptions)
         options = self.options
         path = _given(options.path, "metric_depth")
-        depth = read_depth(path, options.scale, options.invalid)
+        depth, is_relative = read_depth(path, options.scale, options.invalid)
         resized, notes = resize_nearest(depth, image.shape[0], image.shape[1], path)
         if hints.hole is not None:
             resized = np.where(hints.hole, np.nan, resized)
         if np.isnan(resized).all():
             raise _only_people(path, "depth")
-        return DepthMap(np.asarray(resized, np.float32), None, options.sigma, notes)
+        sigma = options.relative_sigma if is_relative else options.sigma
+        if is_relative:
+            notes += (f"{path.name} calls its depth relative: its scale counts with a deviation of {100 * sigma:g} %",)
+        return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
 
 
 class PointmapFileOptions(interfaces.Options):

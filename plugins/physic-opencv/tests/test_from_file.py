@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
+from physic_core.errors import PackageMissingError
 from physic_core.types import Hints
 from physic_opencv.depth_files import read_depth, read_points, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
@@ -98,7 +100,7 @@ def test_an_exr_file_or_the_reason_why_not(tmp_path: Path, monkeypatch: pytest.M
         ("d.npy", np.ones((4, 6, 3)), "must be (H, W), one number per pixel, got (4, 6, 3)"),
         ("d.npy", np.full((4, 6), "x"), "must hold numbers, got <U1"),
         ("d.npy", np.ones((4, 9)), "d.npy is of 9 x 4 px, another aspect ratio than that of the photo, 6 x 4 px: "),
-        ("d.tif", np.ones((4, 6)), "its name ends in none of .npy, .png, .exr; convert it"),
+        ("d.tif", np.ones((4, 6)), "its name ends in none of .npy, .png, .exr, .heic; convert it"),
     ],
 )
 def test_depth_that_cannot_be_used(tmp_path: Path, name: str, values: np.ndarray, message: str) -> None:
@@ -129,6 +131,60 @@ def test_people_everywhere_leave_nothing_known(tmp_path: Path) -> None:
     np.save(tmp_path / "d.npy", DEPTH)
     with pytest.raises(InputError, match="has no depth outside the people, so that nothing is known of the scene"):
         depth(tmp_path / "d.npy", np.ones((4, 6), bool))
+
+
+# ---- depth beside a phone's photo ------------------------------------------------------------------------------------
+
+HEIC = Path(__file__).parent / "data" / "disparity.heic"
+"""A grey photo of 64 x 48 px with a disparity of 32 x 24 px from 1/4 to 2 per metre, left to right."""
+DISPARITY = 0.25 + 1.75 * np.linspace(0, 255, 32).round() / 255
+RELATIVE = b"<depthData:Accuracy>relative</depthData:Accuracy>"
+
+
+def heic(tmp_path: Path, old: bytes = b"", new: bytes = b"", end: bytes = b"") -> Path:
+    """A copy of the file with other bytes, and with a box at its end that readers skip."""
+    pytest.importorskip("pi_heif")
+    content = HEIC.read_bytes()
+    assert content.count(old) == 1 or not old
+    path = tmp_path / "IMG_1.HEIC"
+    path.write_bytes(content.replace(old, new) + struct.pack(">I4s", 8 + len(end), b"free") + end)
+    return path
+
+
+def test_disparity_beside_a_photo_is_read_as_metres(tmp_path: Path) -> None:
+    found = depth(heic(tmp_path), image=np.zeros((24, 32, 3), np.uint8))
+    np.testing.assert_allclose(found.depth, np.tile(1 / DISPARITY, (24, 1)), rtol=1e-6)
+    assert (found.scale_sigma, found.notes) == (0.01, ())
+
+
+def test_the_scale_of_relative_disparity_is_uncertain(tmp_path: Path) -> None:
+    found = depth(heic(tmp_path, end=RELATIVE), image=np.zeros((24, 32, 3), np.uint8))
+    assert found.scale_sigma == 0.2
+    assert found.notes == ("IMG_1.HEIC calls its depth relative: its scale counts with a deviation of 20 %",)
+    assert (
+        depth(heic(tmp_path, end=RELATIVE), image=np.zeros((24, 32, 3), np.uint8), relative_sigma=0.3).scale_sigma
+        == 0.3
+    )
+
+
+def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
+    path = heic(tmp_path, b"auxid:2", b"auxid:9")
+    with pytest.raises(InputError, match=f"the photo {path} has no depth map: take one in portrait mode"):
+        depth(path)
+
+
+def test_depth_without_its_range_is_refused(tmp_path: Path) -> None:
+    path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")  # another kind of message than depth representation
+    with pytest.raises(
+        InputError, match=r"is no disparity with its range \(it says nothing\), so its metres are not known"
+    ):
+        depth(path)
+
+
+def test_a_heic_file_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pi_heif", None)
+    with pytest.raises(PackageMissingError, match="run `pip install pi-heif`"):
+        depth(HEIC)
 
 
 # ---- point map -------------------------------------------------------------------------------------------------------
