@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from onnxruntime import InferenceSession
 
-__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "select_provider"]
+__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "read_compared", "select_provider"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ def open_session(
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
-        sha256: that the file must have, of a graph without external data files; "" for any.
+        sha256: that the file must have, external data files not included; "" for any.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
@@ -92,7 +92,7 @@ def open_session(
     import onnxruntime as ort
 
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
-    content = _read_compared(path, sha256, broken) if sha256 else b""
+    content = read_compared(path, sha256, broken) if sha256 else b""
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     # Level 4 hides the errors of a provider that does not start: they are raised below.
@@ -103,6 +103,7 @@ def open_session(
     fallback = [] if chosen.name == "CPU" else ["CPUExecutionProvider"]
     _register_shared_arena()
     options.add_session_config_entry("session.use_env_allocators", "1")
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(path.parent))
     # Threads that wait for work in a loop take processor time from others, and finish later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
@@ -157,7 +158,7 @@ def select_provider(
     return provider, [provider.key]
 
 
-def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
+def read_compared(path: Path, sha256: str, broken: str) -> bytes:
     """Return the bytes of a file that has a known SHA-256: they are used, whatever becomes of the file."""
     try:
         content = path.read_bytes()

@@ -23,15 +23,17 @@ def main() -> int:
     parser.add_argument("networks", nargs="*", choices=[*RECIPES, []], help="default: all")
     parser.add_argument("--out", type=Path, required=True, help="folder for the ONNX files and, in it, the packages")
     args = parser.parse_args()
-    expected = {m["file"]: m["sha256"] for m in json.loads((SHIPPED / "MANIFEST.json").read_text())["models"]}
+    manifest = json.loads((SHIPPED / "MANIFEST.json").read_text())
+    expected = {entry["file"]: entry["sha256"] for entry in (*manifest["models"], *manifest.get("weights", []))}
     cache = Cache(args.out / "packages")
     different = 0
     for name in args.networks or RECIPES:
-        data = RECIPES[name](cache)
-        (args.out / f"{name}.onnx").write_bytes(data)
-        same = sha256(data) == expected[f"{name}.onnx"]
-        different += not same
-        print(f"{name}.onnx: {len(data)} bytes, {'as shipped' if same else 'other bytes than shipped'}", flush=True)
+        made = RECIPES[name](cache)
+        for file, data in (made if isinstance(made, dict) else {f"{name}.onnx": made}).items():
+            (args.out / file).write_bytes(data)
+            same = sha256(data) == expected.get(file)
+            different += not same
+            print(f"{file}: {len(data)} bytes, {'as shipped' if same else 'other bytes than shipped'}", flush=True)
     return 1 if different else 0
 
 

@@ -1,30 +1,40 @@
 """Storing the weights of an ONNX model in fewer bits.
 
 A float32 weight becomes float16 with a Cast, or int8 per output channel with a Cast and a Mul. onnxruntime folds both
-when it loads the model, so all arithmetic stays float32; only what lies on the disk is smaller.
+when it loads the model, so the arithmetic stays float32; only what lies on the disk is smaller.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
+from onnx.external_data_helper import set_external_data
 
-__all__ = ["output_channel_axes", "save", "store"]
+from tools.build_weights.products import product_scales
+
+__all__ = ["output_channel_axes", "save", "save_together", "store"]
 
 Axis = Callable[[str, np.ndarray[Any, Any]], int | None]
 """Name and value of a weight -> the axis of its output channels, or None for float16."""
 
 
-def store(model: onnx.ModelProto, axis_of: Axis | None = None, smallest: int = 64, smallest_int8: int = 4096) -> int:
+def store(
+    model: onnx.ModelProto,
+    axis_of: Axis | None = None,
+    smallest: int = 64,
+    smallest_int8: int = 4096,
+    products: Collection[str] = (),
+) -> int:
     """Rewrite the float weights of a model in place; return how many.
 
     Args:
         model: to be rewritten.
         axis_of: which weights become int8 and along which axis their scales run; None for float16 throughout.
+        products: matrices (K, N) that become int8 for integer products, see :mod:`tools.build_weights.products`.
         smallest: weights with fewer values stay as they are.
         smallest_int8: weights with fewer values never become int8.
     """
@@ -39,24 +49,34 @@ def store(model: onnx.ModelProto, axis_of: Axis | None = None, smallest: int = 6
         graph.initializer.remove(tensor)
         name, exact = tensor.name, value.astype(np.float32)
         axis = axis_of(name, value) if axis_of and value.ndim >= 2 and value.size >= smallest_int8 else None
-        if axis is None:
+        if name in products:
+            nodes += _stored_in_int8(name, exact, product_scales(exact), weights)
+        elif axis is None:
             if np.abs(exact).max() >= 65000:
                 raise ValueError(f"weight {name} reaches {np.abs(exact).max()}, which float16 cannot hold")
             weights.append(numpy_helper.from_array(exact.astype(np.float16), f"{name}.h"))
             nodes.append(helper.make_node("Cast", [f"{name}.h"], [name], to=TensorProto.FLOAT))
         else:
-            scale = _scales(exact, axis)
-            rounded = np.clip(np.rint(exact / scale), -127, 127).astype(np.int8)
-            weights.append(numpy_helper.from_array(rounded, f"{name}.q8"))
-            weights.append(numpy_helper.from_array(scale, f"{name}.s"))
-            nodes.append(helper.make_node("Cast", [f"{name}.q8"], [f"{name}.c"], to=TensorProto.FLOAT))
-            nodes.append(helper.make_node("Mul", [f"{name}.c", f"{name}.s"], [name]))
+            nodes += _stored_in_int8(name, exact, _scales(exact, axis), weights)
     count = sum(n.op_type == "Cast" for n in nodes)
     graph.initializer.extend(weights)
     rest = list(graph.node)
     del graph.node[:]
     graph.node.extend(nodes + rest)
     return count
+
+
+def _stored_in_int8(
+    name: str, value: np.ndarray[Any, Any], scale: np.ndarray[Any, Any], weights: list[onnx.TensorProto]
+) -> list[onnx.NodeProto]:
+    """Append a weight in int8 and its scale to ``weights``; return the nodes that make float32 of them."""
+    rounded = np.clip(np.rint(value / scale), -127, 127).astype(np.int8)
+    weights.append(numpy_helper.from_array(rounded, f"{name}.q8"))
+    weights.append(numpy_helper.from_array(scale, f"{name}.s"))
+    return [
+        helper.make_node("Cast", [f"{name}.q8"], [f"{name}.c"], to=TensorProto.FLOAT),
+        helper.make_node("Mul", [f"{name}.c", f"{name}.s"], [name]),
+    ]
 
 
 def _scales(value: np.ndarray[Any, Any], axis: int) -> np.ndarray[Any, Any]:
@@ -96,6 +116,38 @@ def save(model: onnx.ModelProto, source: str, licence: str) -> bytes:
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value
     model.producer_name = "embedded-weights-build"
-    onnx.checker.check_model(model)
+    if not any(tensor.HasField("data_location") and tensor.external_data for tensor in model.graph.initializer):
+        onnx.checker.check_model(model)  # the checker looks for external weights on the disk
     data: bytes = model.SerializeToString()
     return data
+
+
+def save_together(models: dict[str, onnx.ModelProto], weights: str, source: str, licence: str) -> dict[str, bytes]:
+    """Serialise graphs of one network, whose weights of 1 KB and more are in one further file.
+
+    Args:
+        models: name of the file -> graph. Weights of one name are the same in all of them.
+        weights: name of the file of the weights.
+
+    Returns:
+        Name -> content, of all files.
+    """
+    content = bytearray()
+    places: dict[str, tuple[int, int]] = {}
+    files = {}
+    for file, model in models.items():
+        for tensor in model.graph.initializer:
+            value = numpy_helper.to_array(tensor).tobytes()
+            if len(value) < 1024:
+                continue
+            if tensor.name not in places:
+                content += bytes(-len(content) % 64)
+                places[tensor.name] = len(content), len(value)
+                content += value
+            start, length = places[tensor.name]
+            assert bytes(content[start : start + length]) == value, tensor.name
+            tensor.raw_data = value
+            set_external_data(tensor, weights, offset=start, length=length)
+            tensor.ClearField("raw_data")
+        files[file] = save(model, source, licence)
+    return {**files, weights: bytes(content)}

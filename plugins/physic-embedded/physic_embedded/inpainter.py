@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
 __all__ = ["MiGan", "MiGanOptions"]
 
+_NETWORK_SIZE = 512
+_MARGIN = 128  # px of the photo on each side of the hole that the network sees
+_EDGE = np.exp(-0.25 * np.arange(-2.0, 3.0) ** 2)
+_EDGE /= _EDGE.sum()  # the weights, along one axis, of the blur between photo and fill
+
 
 class MiGanOptions(Options):
     """Settings of :class:`MiGan`."""
@@ -66,8 +71,36 @@ class MiGan(Inpainter):
         return inpaint_masked(image, mask, self.options.rim, self._fill)
 
     def _fill(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
-        """Run the network; its mask input is 255 where the photo is known and 0 in the hole."""
-        planes = np.ascontiguousarray(image.transpose(2, 0, 1))
-        known = np.where(hole, 0, 255).astype(np.uint8)
-        (filled,) = self._networks["migan_512_places2"].run(None, {"image": planes[None], "mask": known[None, None]})
-        return np.asarray(filled[0].transpose(1, 2, 0))
+        """Fill the hole (H, W) in an image (H, W, 3), with soft edges: pixels near it change too."""
+        import cv2
+
+        filled, part = image.copy(), _crop(hole)
+        shown, known = image[part].astype(np.float32), np.where(hole[part], 0, 255).astype(np.uint8)
+        size = (_NETWORK_SIZE, _NETWORK_SIZE)
+        small = np.rint(cv2.resize(shown, size, interpolation=cv2.INTER_LINEAR))
+        small_known = cv2.resize(known, size, interpolation=cv2.INTER_NEAREST).astype(np.float32)
+        inputs = {"image": np.ascontiguousarray(small.transpose(2, 0, 1)[None]), "known": small_known[None, None]}
+        (made,) = self._networks["migan_512_places2"].run(["filled"], inputs)
+        planes = np.ascontiguousarray(made[0].transpose(1, 2, 0))
+        large = cv2.resize(planes, known.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        soft = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.float32) / 255
+        share = cv2.sepFilter2D(soft, -1, _EDGE, _EDGE, borderType=cv2.BORDER_REFLECT_101)[..., None]
+        large += (shown - large) * share
+        filled[part] = np.clip(large, 0, 255)
+        return filled
+
+
+def _crop(hole: BoolArray) -> tuple[slice, slice]:
+    """Return rows and columns of the part that the network sees: a square round the hole, as far as the photo goes."""
+    bounds = [np.flatnonzero(hole.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    side = max(_NETWORK_SIZE, 2 * _MARGIN + max(int(last - first) for first, last in bounds))
+    parts = []
+    for (first, last), length in zip(bounds, hole.shape, strict=True):
+        centre, half = (int(first) + int(last)) // 2, (side + 1) // 2
+        start, stop = centre - half, centre + half
+        if start < 0:
+            start, stop = 0, min(side, length)
+        elif stop > length:
+            start, stop = max(length - side, 0), length
+        parts.append(slice(start, stop))
+    return parts[0], parts[1]

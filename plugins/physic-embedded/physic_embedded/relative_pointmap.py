@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -66,6 +66,10 @@ class EmbeddedPointmapOptions(Options):
         0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
     )
     focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
+    products: Literal["auto", "int8", "float32"] = Field(
+        "auto",
+        description="arithmetic of the depth network's matrix products; auto is int8 on the CPU and float32 elsewhere",
+    )
     threads: int = Field(2, ge=0, le=256, description="threads of the network; 0 leaves the choice to onnxruntime")
 
 
@@ -93,7 +97,9 @@ class EmbeddedPointmap(RelativePointmap):
     def load(self, device: str = "cpu") -> None:
         """Open the depth network and, if ``focal_from_edges`` is set, the line segment network."""
         if self._depth is None:
-            self._depth = open_session("depth_anything_v2_vits", self.options.threads, device)
+            in_int8 = self.options.products == "int8" or (self.options.products == "auto" and device == "cpu")
+            name = "depth_anything_v2_vits_int8" if in_int8 else "depth_anything_v2_vits"
+            self._depth = open_session(name, self.options.threads, device)
         if self._lines is None and self.options.focal_from_edges:
             self._lines = open_session("mlsd_large_512", self.options.threads, device)
 

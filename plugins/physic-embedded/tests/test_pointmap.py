@@ -253,7 +253,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert scene.notes[0] == "the focal length is a default (0.85 x the long side): it may be off by 25%"
-    factor, rule = re.fullmatch(r"(.*): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
+    factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
     assert re.fullmatch(r"the depth of the background may be off by a factor of [1-9][.\d]*", factor)
     assert rule.startswith("the farthest pixels are taken as a wall")
 

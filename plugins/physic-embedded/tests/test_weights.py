@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,18 +11,22 @@ from physic_core.errors import BackendError, DeviceError
 from physic_embedded.networks import sessions
 from physic_embedded.networks.sessions import WEIGHTS_FOLDER, PackagedNetworks, open_session, weights_path
 
-MODELS = {m["file"]: m for m in json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())["models"]}
+MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
+MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
+FILES = MODELS | {entry["file"]: entry for entry in MANIFEST["weights"]}
 
 
 def test_the_manifest_lists_every_network_that_ships() -> None:
-    assert sorted(MODELS) == sorted(p.name for p in WEIGHTS_FOLDER.glob("*.onnx"))
+    assert sorted(FILES) == sorted(p.name for pattern in ("*.onnx", "*.weights") for p in WEIGHTS_FOLDER.glob(pattern))
+    assert {entry["weights"] for entry in MODELS.values() if "weights" in entry} == set(FILES) - set(MODELS)
+    assert sum(entry["bytes"] for entry in FILES.values()) == MANIFEST["total_bytes"]
 
 
-@pytest.mark.parametrize("name", sorted(MODELS))
+@pytest.mark.parametrize("name", sorted(FILES))
 def test_a_network_is_the_file_that_the_manifest_names(name: str) -> None:
     data = (WEIGHTS_FOLDER / name).read_bytes()
-    assert len(data) == MODELS[name]["bytes"]
-    assert hashlib.sha256(data).hexdigest() == MODELS[name]["sha256"]
+    assert len(data) == FILES[name]["bytes"]
+    assert hashlib.sha256(data).hexdigest() == FILES[name]["sha256"]
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
@@ -44,28 +49,41 @@ def test_every_network_has_an_attribution_and_its_licence_text() -> None:
         assert who in text
 
 
-def test_a_network_with_one_other_bit_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    name = "palm_detection_full.onnx"
-    content = bytearray((WEIGHTS_FOLDER / name).read_bytes())
-    content[1_000_000] ^= 1
-    (tmp_path / name).write_bytes(content)
+@pytest.fixture
+def damaged_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in place of the packaged one; it has only the manifest."""
     monkeypatch.setattr(sessions, "WEIGHTS_FOLDER", tmp_path)
-    monkeypatch.setattr(sessions, "_published_sha256", lambda name: MODELS[name]["sha256"])
+    (tmp_path / "MANIFEST.json").write_text(json.dumps(MANIFEST))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("palm_detection_full", "palm_detection_full.onnx"),
+        ("depth_anything_v2_vits_int8", "depth_anything_v2_vits.weights"),
+    ],
+)
+def test_a_network_with_one_other_bit_is_refused(damaged_folder: Path, name: str, file: str) -> None:
+    shutil.copy(WEIGHTS_FOLDER / f"{name}.onnx", damaged_folder)
+    content = bytearray((WEIGHTS_FOLDER / file).read_bytes())
+    content[1_000_000] ^= 1
+    (damaged_folder / file).write_bytes(content)
     with pytest.raises(BackendError) as error:
-        open_session("palm_detection_full")
+        open_session(name)
     assert str(error.value) == (
-        f"{tmp_path / name} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
-        f"{MODELS[name]['sha256']}. Install physic-embedded again from its wheel."
+        f"{damaged_folder / file} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
+        f"{FILES[file]['sha256']}. Install physic-embedded again from its wheel."
     )
 
 
-def test_a_manifest_without_the_network_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}]}')
-    monkeypatch.setattr(sessions, "WEIGHTS_FOLDER", tmp_path)
+def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None:
+    shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
+    (damaged_folder / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}], "weights": []}')
     with pytest.raises(BackendError) as error:
-        sessions._published_sha256.__wrapped__("net.onnx")
+        open_session("palm_detection_full")
     assert str(error.value) == (
-        f"{tmp_path / 'MANIFEST.json'} is damaged: it has no SHA-256 of net.onnx. "
+        f"{damaged_folder / 'MANIFEST.json'} is damaged: it has no SHA-256 of palm_detection_full.onnx. "
         "Install physic-embedded again from its wheel."
     )
 
@@ -75,8 +93,8 @@ def test_a_network_that_is_not_there_is_named_with_those_that_are() -> None:
         weights_path("yolo")
     assert str(error.value) == (
         "physic-embedded contains no network 'yolo' (it contains: deeplabv3_mnv2_ade20k, depth_anything_v2_vits, "
-        "hand_landmark_full, migan_512_places2, mlsd_large_512, mobilesam_decoder, mobilesam_encoder, "
-        "palm_detection_full, pose_detection, pose_landmark_heavy, yolox_nano): "
+        "depth_anything_v2_vits_int8, hand_landmark_full, migan_512_places2, mlsd_large_512, mobilesam_decoder, "
+        "mobilesam_encoder, palm_detection_full, pose_detection, pose_landmark_heavy, yolox_nano): "
         "install the package again from its wheel"
     )
 

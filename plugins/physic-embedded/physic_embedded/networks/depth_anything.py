@@ -34,7 +34,7 @@ def predict_disparity(
     """Predict a disparity map at network resolution: an affine function of 1 / z, larger is nearer.
 
     Args:
-        session: on ``depth_anything_v2_vits``.
+        session: on ``depth_anything_v2_vits`` or ``depth_anything_v2_vits_int8``.
         image: (H, W, 3) uint8 RGB.
         short_side: px of the network's input.
         max_tokens: cap on the number of patches.

@@ -83,19 +83,24 @@ def open_session(name: str, threads: int = 2, device: str = "cpu") -> OnnxSessio
         DeviceError: the device does not exist, or the installed onnxruntime cannot use it.
     """
     path = weights_path(name)
-    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=_published_sha256(path.name))
+    network = _published(path)
+    if "weights" in network:
+        weights = path.with_name(network["weights"])
+        onnx_sessions.read_compared(weights, _published(weights)["sha256"], _BROKEN)
+    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=network["sha256"])
 
 
 @cache
-def _published_sha256(name: str) -> str:
-    """Return the SHA-256 of a packaged network by its file name.
+def _published(path: Path) -> dict[str, str]:
+    """Return the SHA-256 of a packaged file, and for the graph of a network the file of its weights, if it has one.
 
     Raises:
         BackendError: ``MANIFEST.json`` is damaged.
     """
-    path = WEIGHTS_FOLDER / "MANIFEST.json"
+    manifest = path.with_name("MANIFEST.json")
     try:
-        digests = {model["file"]: str(model["sha256"]) for model in json.loads(path.read_bytes())["models"]}
-        return digests[name]
+        content = json.loads(manifest.read_bytes())
+        files = {entry["file"]: entry for entry in (*content["models"], *content["weights"])}
+        return {key: str(files[path.name][key]) for key in ("sha256", "weights") if key in files[path.name]}
     except (OSError, ValueError, LookupError, TypeError) as error:
-        raise BackendError(f"{path} is damaged: it has no SHA-256 of {name}. {_BROKEN}") from error
+        raise BackendError(f"{manifest} is damaged: it has no SHA-256 of {path.name}. {_BROKEN}") from error

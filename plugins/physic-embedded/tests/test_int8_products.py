@@ -1,0 +1,94 @@
+"""Products in int8: no overflow on any CPU, and an answer near that of float32."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import onnx
+import pytest
+from numpy.typing import NDArray
+from onnx import numpy_helper
+
+from physic_embedded.networks.depth_anything import predict_disparity
+from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_session
+from physic_embedded.relative_pointmap import EmbeddedPointmap
+
+PHOTO = Path(__file__).parents[3] / "examples" / "couple.jpg"
+NETWORK = "depth_anything_v2_vits_int8"
+INT16 = np.iinfo(np.int16)
+
+
+@pytest.fixture(scope="module")
+def matrices() -> dict[str, NDArray[np.int8]]:
+    model = onnx.load(WEIGHTS_FOLDER / f"{NETWORK}.onnx")
+    weights = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+    products = [node for node in model.graph.node if node.op_type == "DynamicQuantizeMatMul"]
+    return {node.input[1]: weights[node.input[1]] for node in products}
+
+
+def saturating_product(activations: NDArray[np.uint8], matrix: NDArray[np.int8]) -> NDArray[np.int32]:
+    """Multiply as VPMADDUBSW and VPMADDWD do: pairs of products are added in 16 bits, with saturation."""
+    products = activations[:, :, None].astype(np.int32) * matrix[None].astype(np.int32)
+    pairs = products[:, 0::2] + products[:, 1::2]
+    return np.clip(pairs, INT16.min, INT16.max).sum(axis=1)
+
+
+def test_every_matrix_of_the_transformer_is_multiplied_in_int8(matrices: dict[str, NDArray[np.int8]]) -> None:
+    shapes = [matrix.shape for matrix in matrices.values()]
+    assert {matrix.dtype for matrix in matrices.values()} == {np.dtype(np.int8)}
+    assert {shape: shapes.count(shape) for shape in set(shapes)} == {
+        (384, 1152): 12,
+        (384, 384): 12,
+        (384, 1536): 12,
+        (1536, 384): 12,
+    }
+
+
+def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(
+    matrices: dict[str, NDArray[np.int8]],
+) -> None:
+    for name, matrix in matrices.items():
+        groups = np.sort(matrix.astype(int).reshape(-1, 4, matrix.shape[1]), axis=1)
+        largest = 255 * np.maximum(groups[:, 2:], 0).sum(axis=1).max()
+        smallest = 255 * np.minimum(groups[:, :2], 0).sum(axis=1).min()
+        assert INT16.min <= smallest <= largest <= INT16.max, name
+
+
+def test_a_cpu_without_vnni_gives_the_exact_product(matrices: dict[str, NDArray[np.int8]]) -> None:
+    rng = np.random.default_rng(0)
+    for matrix in list(matrices.values())[::7]:
+        # Activations of 255 beside positive weights and of 0 beside negative ones give the largest sums.
+        worst = np.where(matrix[:, :8].T > 0, 255, 0).astype(np.uint8)
+        activations = np.concatenate([worst, 255 - worst, rng.integers(0, 256, (8, len(matrix)), np.uint8)])
+        exact = activations.astype(np.int32) @ matrix[:, :64].astype(np.int32)
+        np.testing.assert_array_equal(saturating_product(activations, matrix[:, :64]), exact)
+
+
+def test_the_emulation_saturates_where_the_scales_do_not_prevent_it() -> None:
+    activations, matrix = np.full((1, 2), 255, np.uint8), np.full((2, 1), 127, np.int8)
+    assert saturating_product(activations, matrix).item() == INT16.max
+
+
+def test_disparities_in_int8_are_near_those_in_float32() -> None:
+    photo = cv2.imread(str(PHOTO))
+    assert photo is not None
+    image = np.ascontiguousarray(photo[..., ::-1])
+    exact, rounded = (
+        predict_disparity(open_session(name, 1), image, short_side=252) for name in ("depth_anything_v2_vits", NETWORK)
+    )
+    low, high = np.percentile(exact, [2, 98])
+    error = np.abs(rounded - exact) / (high - low)
+    print(f"disparity in int8: mean {error.mean():.2%}, 99th percentile {np.percentile(error, 99):.2%} of the range")
+    assert error.mean() < 0.02
+    assert np.percentile(error, 99) < 0.05
+
+
+@pytest.mark.parametrize(("products", "operator"), [("auto", True), ("int8", True), ("float32", False)])
+def test_the_option_chooses_the_arithmetic(products: str, operator: bool, caplog: pytest.LogCaptureFixture) -> None:
+    backend = EmbeddedPointmap(EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1))
+    with caplog.at_level("INFO"):
+        backend.load()
+    name = NETWORK if operator else "depth_anything_v2_vits"
+    assert [record.getMessage().split(" runs on ")[0] for record in caplog.records] == [f"{name}.onnx"]
