@@ -93,12 +93,10 @@ def licence(of: Distribution) -> str:
 
 
 def networks() -> list[Component]:
-    models = json.loads((WEIGHTS / "MANIFEST.json").read_text(encoding="utf-8"))["models"]
+    manifest = json.loads((WEIGHTS / "MANIFEST.json").read_text(encoding="utf-8"))
     return [
-        data(
-            f"physic_embedded/weights/{model['file']}", model["sha256"], re.split("[: (]", model["weights_license"])[0]
-        )
-        for model in models
+        data(f"physic_embedded/weights/{file['file']}", file["sha256"], re.split("[: (]", file["weights_license"])[0])
+        for file in (*manifest["models"], *manifest["weights"])
     ]
 
 
