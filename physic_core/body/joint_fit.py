@@ -23,7 +23,7 @@ __all__ = ["BodyFit", "fit_joints"]
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_ROUNDS = 3
+_ROUNDS = 3  # alternations between shape and rotations
 _MIN_RESIDUAL = 0.02
 """Minimum of the residual relative to the difference of two models."""
 _HIPS, _KNEES, _ANKLES = (joint_pair(name) for name in ("hip", "knee", "ankle"))
@@ -76,7 +76,7 @@ class BodyFit:
     transl: Array
 
 
-def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None, rounds: int = _ROUNDS) -> BodyFit:
+def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None) -> BodyFit:
     """Fit a body model to joints.
 
     Args:
@@ -84,7 +84,6 @@ def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None, rounds: i
         joints: (B, 55, 3) metres, NaN where unknown; hips, and shoulders or neck, are known in every row.
         world: (B, 55, 3, 3) initial rotations relative to the T-pose, if the other model has the same one; only thighs,
             shins, upper arms and forearms are corrected. None to estimate rotations from the joints.
-        rounds: number of alternations between shape and rotations.
     """
     known = finite_rows(joints)
     if world is None:
@@ -96,7 +95,7 @@ def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None, rounds: i
     transl = np.zeros((len(joints), 3))
     bare = world is None
     turns = rotations_from_joints(joints, bones.rest(betas)) if world is None else world
-    for round_ in range(rounds):
+    for round_ in range(_ROUNDS):
         betas, transl = fit_shape(
             bones.shape_jacobian(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights
         )

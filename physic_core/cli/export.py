@@ -71,14 +71,11 @@ def export(
 
     if name is None and path is None:
         raise click.UsageError("no format is given: name one with --to, or a file with -o; --list prints the formats")
-    # An unknown format is reported before numpy is imported, and a file that exists before the result is read.
+    # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
-    from physic_core.io.results import load_reconstruction, read_document
-    from physic_core.visual.export.write import check_target, export_reconstruction
-
-    people = person or range(len(read_document(out)["people"]))
-    check_target(out if path is None else path, name, people=people, overwrite=overwrite)
+    from physic_core.io.results import load_reconstruction
+    from physic_core.visual.export.write import export_reconstruction
 
     done = export_reconstruction(
         load_reconstruction(out),

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.camera import project
-from physic_core.geometry.visibility import facing
+from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
@@ -248,7 +248,7 @@ class BodyPoint:
 
 def body_point(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
     """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
-    seen = facing(normals, vertices, _FACING_DEG)
+    seen = facing_camera(normals, vertices, _FACING_DEG)
     seen = seen if bool(seen.any()) else torch.ones_like(seen)
     away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
     away = torch.where(seen, away, torch.inf)

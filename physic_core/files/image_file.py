@@ -8,7 +8,7 @@ import stat
 import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,6 @@ from PIL import Image, ImageFile, PngImagePlugin
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.image_memory import check_parts, decoding_bytes
 from physic_core.files.jpeg_data import check_jpeg_data
-from physic_core.files.native_messages import log_native_messages
 
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
@@ -164,14 +163,14 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             )
         if kind == "HEIF":
             _register_heif(source)
-        with wrap_decoding_errors(source, kind):
+        with wrap_decoding_errors(source):
             check_parts(kind, file)
             file.seek(0)
             image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
         with image:
             if image.size[0] * image.size[1] > MAX_PIXELS:
                 raise source.too_large()
-            with wrap_decoding_errors(source, kind):
+            with wrap_decoding_errors(source):
                 needed = decoding_bytes(image, file)
             if needed > MAX_DECODING_BYTES:
                 raise InputError(
@@ -188,7 +187,7 @@ def decode(image: Image.Image, source: ImageSource) -> None:
     Raises:
         InputError: its data are damaged or missing, or memory is not sufficient.
     """
-    with wrap_decoding_errors(source, image.format or ""):
+    with wrap_decoding_errors(source):
         # Pillow fills what a JPEG lacks with invented pixels. An image that was decoded before has no tiles.
         if image.format in ("JPEG", "MPO") and getattr(image, "tile", None):
             check_jpeg_data(image.fp)  # type: ignore[attr-defined]
@@ -196,18 +195,13 @@ def decode(image: Image.Image, source: ImageSource) -> None:
 
 
 @contextmanager
-def wrap_decoding_errors(source: ImageSource, kind: str = "") -> Iterator[None]:
-    """Convert errors of Pillow and its decoders to InputError; their warnings and messages are not shown.
+def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
+    """Convert errors of Pillow and its decoders to InputError; their warnings are not shown.
 
     Meanwhile, Pillow's global switches have the values that reading relies on, whatever a plugin has set.
-
-    Args:
-        source: for messages.
-        kind: of the file. Only TIFF files are read by a library that prints messages.
     """
-    quiet: AbstractContextManager[None] = log_native_messages() if kind == "TIFF" else nullcontext()
     try:
-        with quiet, warnings.catch_warnings(), _strict_pillow():
+        with warnings.catch_warnings(), _strict_pillow():
             warnings.simplefilter("ignore")
             yield
     except InputError:

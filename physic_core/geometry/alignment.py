@@ -46,11 +46,13 @@ class AlignmentOptions:
         hypotheses: number of RANSAC hypotheses; 20 in the released code.
         residual: "relative" as in the table above. "metric" multiplies it by the depth, as Eq. 1 is printed; far pixels
             then dominate.
+        axes: "z" ignores X and Y in "scale_shift", for a target without a known camera.
     """
 
     tolerance: float = 0.1
     hypotheses: int = 128
     residual: Literal["relative", "metric"] = "relative"
+    axes: Literal["xyz", "z"] = "xyz"
 
 
 @dataclass(frozen=True)
@@ -90,25 +92,21 @@ class _LinearSystem(NamedTuple):
 
 def align(
     relative_points: Tensor,
-    valid: Tensor,
     target_points: Tensor,
-    target_valid: Tensor,
+    valid: Tensor,
     unknown: AffineAmbiguity,
     *,
     options: AlignmentOptions | None = None,
-    axes: Literal["xyz", "z"] = "xyz",
     weight: Tensor | None = None,
 ) -> Alignment:
     """Estimate the scale and shift from ``relative_points`` to ``target_points`` (Eq. 1).
 
     Args:
         relative_points: (..., 3), any unit.
-        valid: (...) bool.
         target_points: (..., 3) of the same pixels.
-        target_valid: (...) bool.
+        valid: (...) bool, pixels that are valid in both.
         unknown: formula to fit.
         options: of the fit; default :class:`AlignmentOptions`.
-        axes: "z" ignores X and Y in "scale_shift", for a target without a known camera.
         weight: (...) >= 0, weight of each pixel in the fit and in ``inlier_share``; uniform if None.
 
     Returns:
@@ -116,13 +114,13 @@ def align(
     """
     options = options or AlignmentOptions()
     generator = torch.Generator().manual_seed(_SEED)
-    chosen = _common_pixels(relative_points, valid, target_points, target_valid, generator)
+    chosen = _sample_pixels(relative_points, target_points, valid, generator)
     source, target = (p.reshape(-1, 3)[chosen].double() for p in (relative_points, target_points))
     weights = torch.ones_like(source[:, 2]) if weight is None else weight.flatten()[chosen].double()
     if int((weights > 0).sum()) < _FEWEST_PIXELS:
         return _no_alignment(unknown)
     weights = weights / weights.sum()
-    system = _linear_system(source, target, weights, unknown, axes)
+    system = _linear_system(source, target, weights, unknown, options.axes)
     bounds = _scale_bounds(source[:, 2], target[:, 2], unknown)
     best = _ransac(system, unknown, options, bounds, generator)
     if best is None:
@@ -157,11 +155,9 @@ def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
     return torch.where(torch.isinf(factor)[..., None], math.inf, points * factor[..., None])
 
 
-def _common_pixels(
-    relative: Tensor, valid: Tensor, target: Tensor, target_valid: Tensor, generator: torch.Generator
-) -> Tensor:
-    """Return flat indices (M,) of pixels valid in both maps, at most ``_MAX_PIXELS``, in random order."""
-    chosen = (valid & target_valid).flatten().nonzero()[:, 0]
+def _sample_pixels(relative: Tensor, target: Tensor, valid: Tensor, generator: torch.Generator) -> Tensor:
+    """Return flat indices (M,) of valid pixels, at most ``_MAX_PIXELS``, in random order."""
+    chosen = valid.flatten().nonzero()[:, 0]
     chosen = chosen[torch.randperm(len(chosen), generator=generator)[:_MAX_PIXELS].to(chosen.device)]
     usable = torch.ones_like(chosen, dtype=torch.bool)
     for points in (relative, target):

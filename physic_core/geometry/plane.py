@@ -12,6 +12,9 @@ from torch import Tensor
 
 __all__ = ["height_over_plane", "plane_basis", "sample_plane"]
 
+_SPACING_M, _NEAR_M = 0.025, 1.5  # of points near people, and how far from a person that is
+_MAX_POINTS = 40_000
+
 
 def height_over_plane(points: Tensor, normal: Tensor, offset: float | Tensor) -> Tensor:
     """Return the signed height (...) of points (..., 3) over a plane, in the unit of the points."""
@@ -28,34 +31,22 @@ def plane_basis(normal: Tensor) -> tuple[Tensor, Tensor]:
     return first, torch.linalg.cross(normal, first)
 
 
-def sample_plane(
-    normal: Tensor,
-    offset: float,
-    points: Tensor,
-    *,
-    centres: Tensor | None = None,
-    spacing: float = 0.025,
-    near: float = 1.5,
-    max_points: int = 40_000,
-) -> Tensor:
+def sample_plane(normal: Tensor, offset: float, points: Tensor, centres: Tensor | None = None) -> Tensor:
     """Sample points on a plane over the extent of a scene.
 
-    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. The spacing is ``spacing``
-    within ``near`` of the centres, and elsewhere the finest that ``max_points`` allows.
+    The extent is the 2nd to 98th percentile of the scene along both axes of the plane. Points are 2.5 cm apart within
+    1.5 m of the centres, and elsewhere as dense as 40,000 points in all allow.
 
     Args:
         normal: (3,) unit.
         offset: of the plane.
         points: (M, 3) of the scene, metres.
         centres: (P, 3) positions of people; the nearest scene point if None or empty.
-        spacing: metres, near the centres.
-        near: metres.
-        max_points: limit of N.
 
     Returns:
         (N, 3) metres; N = 0 for an empty scene.
     """
-    if not len(points) or max_points < 1:
+    if not len(points):
         return points.new_zeros((0, 3))
     axes = torch.stack(plane_basis(normal))
     origin = -offset * normal
@@ -65,23 +56,21 @@ def sample_plane(
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
     # At most half of the points are near the centres.
-    fine = max(spacing, math.sqrt(2 * math.pi * near**2 / max_points))
-    close = _disc_points(middles, near, fine)
-    while len(close) > max(max_points // 2, len(middles)):
-        fine *= math.sqrt(2 * len(close) / max_points) * 1.01
-        close = _disc_points(middles, near, fine)
-    left = max_points - len(close)
+    fine = max(_SPACING_M, math.sqrt(2 * math.pi * _NEAR_M**2 / _MAX_POINTS))
+    close = _disc_points(middles, _NEAR_M, fine)
+    while len(close) > max(_MAX_POINTS // 2, len(middles)):
+        fine *= math.sqrt(2 * len(close) / _MAX_POINTS) * 1.01
+        close = _disc_points(middles, _NEAR_M, fine)
+    left = _MAX_POINTS - len(close)
     area = float((high - low).clamp(min=1e-6).prod())
-    coarse = max(fine, math.sqrt(area / max(1, left)))
+    coarse = max(fine, math.sqrt(area / left))
     counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
-    while int(counts.prod()) > left > 0:
+    while int(counts.prod()) > left:
         coarse *= 1.02
         counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
-    if left <= 0:
-        return origin + close[:max_points] @ axes
     lines = [float(low[i]) + coarse * torch.arange(int(counts[i]), dtype=flat.dtype) for i in (0, 1)]
     wide = torch.cartesian_prod(*lines).to(flat)
-    wide = wide[(torch.cdist(wide, middles) > near).all(-1)]
+    wide = wide[(torch.cdist(wide, middles) > _NEAR_M).all(-1)]
     return origin + torch.cat((close, wide)) @ axes
 
 

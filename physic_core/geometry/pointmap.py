@@ -15,10 +15,11 @@ __all__ = [
     "depth_to_pointmap",
     "intrinsics_from_pointmap",
     "isolated_pixels",
-    "normals",
+    "pointmap_normals",
 ]
 
 _FEWEST_POINTS = 16
+_RINGS = (2, 4)  # px, distances of neighbours of an isolated pixel
 _STRIP_ROWS = 64  # of a photo, so that temporary arrays stay in the cache of a CPU
 
 
@@ -69,7 +70,7 @@ def _max3x3(x: Tensor) -> Tensor:
     return x
 
 
-def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
+def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     """Return unit normals that face the camera, from differences of neighbouring pixels (paper Sec. 3.1).
 
     Differences across a depth edge are not used. A plane gets its exact normal up to its border.
@@ -93,7 +94,7 @@ def normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
 
 
 def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:
-    """Return :func:`normals` of a strip; those of its first and last row lack the neighbours outside of it."""
+    """Return :func:`pointmap_normals` of a strip; those of its first and last row lack the neighbours outside of it."""
     dtype, points = points.dtype, points.double()  # the last digits of float32 differ from CPU to CPU
     # Two steps of one pixel span the 3 x 3 window.
     limit = math.sqrt(ratio)
@@ -128,8 +129,8 @@ def _tangent(points: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
     return tangent, has
 
 
-def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tuple[int, ...] = (2, 4)) -> Tensor:
-    """Return pixels with fewer than two of eight neighbours at a similar depth.
+def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
+    """Return pixels with fewer than two of eight neighbours at a similar depth, 2 px or 4 px apart.
 
     A fast substitute for the paper's k-nearest-neighbour outlier rule that keeps distant points and thin poles.
 
@@ -137,7 +138,6 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tu
         depth: (H, W) > 0 where valid, any unit.
         valid: (H, W) bool; invalid pixels do not count as neighbours.
         ratio: largest depth ratio of similar neighbours two pixels apart; it grows with the distance.
-        rings: distances of the eight neighbours, px; a pixel isolated in any ring is returned.
 
     Returns:
         (H, W) bool, only among valid pixels.
@@ -145,7 +145,7 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05, rings: tu
     height, width = depth.shape
     log_depth = torch.where(valid, depth, depth.new_ones(())).log()
     lonely = torch.zeros_like(valid)
-    for ring in rings:
+    for ring in _RINGS:
         tolerance = 0.5 * ring * math.log(ratio) if math.isfinite(ratio) else math.inf
         support = torch.zeros_like(valid, dtype=torch.uint8)
         for dy, dx in ((0, ring), (ring, 0), (ring, ring), (ring, -ring)):

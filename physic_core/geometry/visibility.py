@@ -26,17 +26,19 @@ if TYPE_CHECKING:
 __all__ = [
     "SelfOcclusion",
     "depth_order_violations",
-    "facing",
+    "facing_camera",
     "hidden_from_camera",
     "inside_image",
     "inside_mask",
     "self_occlusion",
 ]
 
+_CELL_PX = 8  # side of the cells in which depths of two people are compared
+_ORDER_TOLERANCE_M = 0.02  # largest accepted difference of these depths
 _BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error
 
 
-def facing(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
+def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
     """Return whether vertex normals are within an angle of the direction to the camera (paper sec. 3.2): (...) bool.
 
     Args:
@@ -164,9 +166,7 @@ def self_occlusion(
     return SelfOcclusion(hidden, by_other, occluded, occluded[..., part_of_vertex])
 
 
-def depth_order_violations(
-    vertices: Tensor, uv: Tensor, masks: Tensor, cell_px: int = 8, tolerance_m: float = 0.02
-) -> Tensor:
+def depth_order_violations(vertices: Tensor, uv: Tensor, masks: Tensor) -> Tensor:
     """Return how often a person is in front of another person although the masks show the opposite.
 
     Vertices of person j that project onto person i's mask, but not onto j's own, must be farther than i's surface.
@@ -175,17 +175,15 @@ def depth_order_violations(
         vertices: (B, V, 3) metres, camera frame.
         uv: (B, V, 2) px, their projections.
         masks: (B, H, W) bool, visible pixels of each person.
-        cell_px: side of the cells in which depths are compared.
-        tolerance_m: largest accepted difference.
 
     Returns:
         (B, B) share of j's vertices that are wrongly nearer than i: row i, column j.
     """
     people, height, width = masks.shape
-    columns = width // cell_px + 1
-    cells = columns * (height // cell_px + 1)
+    columns = width // _CELL_PX + 1
+    cells = columns * (height // _CELL_PX + 1)
     inside = inside_image(uv, height, width)
-    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long() // cell_px
+    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long() // _CELL_PX
     cell = safe[..., 1] * columns + safe[..., 0]
     z = vertices[..., 2].detach()
     shares = z.new_zeros((people, people))
@@ -199,6 +197,6 @@ def depth_order_violations(
             on_other = inside_mask(uv[j], masks[i]) & ~own[j]
             there = front[cell[j][on_other]]
             comparable = torch.isfinite(there)
-            nearer = z[j][on_other][comparable] < there[comparable] - tolerance_m
+            nearer = z[j][on_other][comparable] < there[comparable] - _ORDER_TOLERANCE_M
             shares[i, j] = nearer.sum() / z.shape[1]
     return shares

@@ -11,8 +11,9 @@ Metres, OpenCV camera frame (x right, y down, z forward). Since a point map show
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Plane
 
-__all__ = ["SEARCH_RADIUS_M", "SceneDistance", "hidden_by_depth_map", "point_spacing", "scene_distance"]
+__all__ = ["SEARCH_RADIUS_M", "SignedDistances", "hidden_by_depth_map", "point_spacing", "scene_distance"]
 
 SEARCH_RADIUS_M = 0.15
 """Default search radius, metres, as in the released code."""
@@ -30,7 +31,7 @@ _LEVEL = 0.17  # sine of 10 degrees
 
 
 @dataclass(frozen=True)
-class SceneDistance:
+class SignedDistances:
     """Signed distance and surface normal at each vertex (..., V).
 
     Attributes:
@@ -42,6 +43,13 @@ class SceneDistance:
     normal: FloatArray
 
 
+def __getattr__(name: str) -> Any:
+    if name != "SceneDistance":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    warnings.warn("SceneDistance is now SignedDistances", DeprecationWarning, stacklevel=2)
+    return SignedDistances
+
+
 def scene_distance(
     vertices: FloatArray,
     points: FloatArray,
@@ -50,7 +58,7 @@ def scene_distance(
     intrinsics: Intrinsics,
     floor: Plane | None = None,
     reach: float = SEARCH_RADIUS_M,
-) -> SceneDistance:
+) -> SignedDistances:
     """Return the signed distance of vertices to a point map and its floor.
 
     Args:
@@ -94,7 +102,7 @@ def scene_distance(
         plane = ((np.abs(height) < reach) & (np.abs(height) < np.abs(answer))) | (height <= -reach)
         answer = np.where(plane, np.maximum(height, -reach), answer)
         towards[plane] = floor.normal
-    return SceneDistance(answer.reshape(vertices.shape[:-1]), towards.reshape(vertices.shape))
+    return SignedDistances(answer.reshape(vertices.shape[:-1]), towards.reshape(vertices.shape))
 
 
 def hidden_by_depth_map(

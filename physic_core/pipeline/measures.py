@@ -12,7 +12,7 @@ import torch
 from physic_core.body.posture import is_body_straight
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas
-from physic_core.geometry.visibility import facing, inside_mask
+from physic_core.geometry.visibility import facing_camera, inside_mask
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -153,4 +153,4 @@ def depth_ratio(
 
 def _camera_facing(vertices: Tensor, normals: Tensor, outer: Tensor) -> Tensor:
     """Return (V,) bool: True for outer vertices that face the camera and are in front of it."""
-    return facing(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)
+    return facing_camera(normals, vertices, _FACING_DEG) & outer & (vertices[:, 2] > 0)

@@ -38,7 +38,7 @@ __all__ = [
     "export_glb",
     "glb_files",
     "glb_notes",
-    "influences",
+    "skin_influences",
 ]
 
 _WEIGHT_LOSS = 1e-3
@@ -133,7 +133,7 @@ def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ..
     """Return sentences about what a GLB file of a request cannot state."""
     notes = []
     for index, rig in skins.items():
-        lost = float(1 - influences(rig.weights)[1].sum(1).min())
+        lost = float(1 - skin_influences(rig.weights)[1].sum(1).min())
         if lost > _WEIGHT_LOSS:
             notes.append(f"person {index}: skinning weights beyond eight joints are left out (at most {lost:.3f})")
     camera = request.result.intrinsics
@@ -202,7 +202,7 @@ def build_glb(
     return glb
 
 
-def influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Return joints and weights (V, 4) or (V, 8) of each vertex: the largest, normalised if little was lost.
 
     Eight are used if more than 0.001 of a vertex lies beyond four. A joint of weight 0 is 0, as glTF demands.
@@ -231,7 +231,7 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
     if rig is not None:
         top, skin = _add_skeleton(glb, name, rig)
         tops.append(top)
-        indices, weights = influences(rig.weights)
+        indices, weights = skin_influences(rig.weights)
         for group in range(indices.shape[1] // 4):
             columns = slice(4 * group, 4 * group + 4)
             attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)

@@ -13,7 +13,7 @@ from torch import Tensor
 from physic_core.geometry import floor, floor_ransac
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
-from physic_core.geometry.pointmap import normals
+from physic_core.geometry.pointmap import pointmap_normals
 
 ROWS, COLUMNS = 180, 240
 RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(200.0, 200.0, 119.5, 89.5, torch.zeros((), dtype=torch.float64)))
@@ -321,7 +321,7 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) ->
     depth = torch.where(on_table, torch.minimum(depth, meet(normal, 0.7)), depth)
     points = RAYS * depth[..., None]
     alone = fit_floor(points, ALL)
-    told = fit_floor(points, ALL, normals=normals(points, ALL))
+    told = fit_floor(points, ALL, normals=pointmap_normals(points, ALL))
     assert (alone.plane, alone.reason) == (None, "below_plane")
     assert told.plane is not None
     print(f"pitch {pitch}: {told.plane.offset:.3f} m of 1.5, the table is at 0.7; {told.inlier_share:.2f} of the rest")
@@ -345,7 +345,7 @@ def test_a_small_bent_floor_takes_up_from_the_room(pitch: float, amount: float, 
     mask[150:159, 60:156] = True
     assert on_floor[mask].all()
     assert float(mask.double().mean()) == pytest.approx(0.02)
-    alone, told = fitted(bent, mask), fitted(bent, mask, normals(RAYS * bent[..., None], ALL))
+    alone, told = fitted(bent, mask), fitted(bent, mask, pointmap_normals(RAYS * bent[..., None], ALL))
     off_alone, off_told = angle_deg(alone.normal, normal), angle_deg(told.normal, normal)
     print(f"pitch {pitch} bent by {amount}: normal off {off_alone:.2f} degrees alone, {off_told:.2f} told")
     assert alone.source == "floor mask"
@@ -360,7 +360,7 @@ def test_surfaces_that_show_no_direction_change_nothing(masked: bool, monkeypatc
     plain = fit_floor(points, ALL, mask=mask)
     unknown = fit_floor(points, ALL, mask=mask, normals=torch.zeros_like(points))
     monkeypatch.setattr(floor, "MIN_UP_CONFIDENCE", 1.0)
-    vague = fit_floor(points, ALL, mask=mask, normals=normals(points, ALL))
+    vague = fit_floor(points, ALL, mask=mask, normals=pointmap_normals(points, ALL))
     assert plain.plane is not None
     for other in (unknown, vague):
         assert other.plane is not None
@@ -383,7 +383,7 @@ def test_a_camera_that_looks_down_steeply_sees_the_floor(pitch: float, roll: flo
     """The up direction is first looked for round the camera's own, and finds the walls' there."""
     depth, on_floor = walled(up(pitch, roll), 3.0)
     points = RAYS * (depth + 0.004 * depth * noise())[..., None]
-    found = fit_floor(points, ALL, normals(points, ALL), mask=on_floor if masked else None)
+    found = fit_floor(points, ALL, pointmap_normals(points, ALL), mask=on_floor if masked else None)
     assert found.plane is not None
     assert angle_deg(found.plane.normal, up(pitch, roll)) < 2
     assert found.plane.offset == pytest.approx(3.0, rel=0.03)

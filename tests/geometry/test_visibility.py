@@ -11,7 +11,7 @@ import trimesh
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import (
     depth_order_violations,
-    facing,
+    facing_camera,
     hidden_from_camera,
     inside_image,
     inside_mask,
@@ -55,13 +55,13 @@ def test_facing_is_measured_against_the_ray_not_the_optical_axis():
     vertex = torch.tensor([[2.0, 0.0, 2.0]])
     back, side = torch.tensor([[0.0, 0.0, -1.0]]), torch.tensor([[-1.0, 0.0, 0.0]])
     for normal in (back, side):
-        assert facing(normal, vertex, 46.0).item()
-        assert not facing(normal, vertex, 44.0).item()
+        assert facing_camera(normal, vertex, 46.0).item()
+        assert not facing_camera(normal, vertex, 44.0).item()
 
 
 def test_half_a_distant_sphere_faces_the_camera():
     vertices, faces = sphere([0.3, 0.7, 100.0], fineness=4)
-    share = facing(vertex_normals(vertices, faces), vertices, 90.0).double().mean()
+    share = facing_camera(vertex_normals(vertices, faces), vertices, 90.0).double().mean()
     assert share.item() == pytest.approx(0.5, abs=0.02)
 
 

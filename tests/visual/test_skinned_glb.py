@@ -18,7 +18,7 @@ from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_core.visual.glb import influences
+from physic_core.visual.glb import skin_influences
 from physic_core.visual.palette import contact_legend
 
 DTYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -160,11 +160,11 @@ def test_weights_of_many_joints_become_eight():
     rng = np.random.default_rng(0)
     weights = rng.random((10, 55)) ** 8
     weights /= weights.sum(1, keepdims=True)
-    joints, kept = influences(weights)
+    joints, kept = skin_influences(weights)
     assert joints.shape == kept.shape == (10, 8)
     np.testing.assert_allclose(kept.sum(1), 1, atol=1e-6)
     four = np.eye(55)[[3, 7]]
-    joints, kept = influences(four)
+    joints, kept = skin_influences(four)
     assert joints.tolist() == [[3, 0, 0, 0], [7, 0, 0, 0]]
 
 

@@ -15,7 +15,7 @@ from physic_core.engine.scene.settings import SceneSettings
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
 from physic_core.geometry.plane import sample_plane
-from physic_core.geometry.pointmap import normals
+from physic_core.geometry.pointmap import pointmap_normals
 
 __all__ = ["finalize_scene"]
 
@@ -76,7 +76,7 @@ def _carved(
         return scene
     rows, columns = (_span(changed.any(dim)) for dim in (1, 0))
     ratio = edge_ratio(*hole.shape)
-    fresh = normals(points[rows, columns], scene.valid[rows, columns], ratio)
+    fresh = pointmap_normals(points[rows, columns], scene.valid[rows, columns], ratio)
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()
     surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])

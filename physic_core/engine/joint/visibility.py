@@ -16,7 +16,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.visibility import facing, inside_image, self_occlusion
+from physic_core.geometry.visibility import facing_camera, inside_image, self_occlusion
 
 __all__ = [
     "HIDDEN_LIMB_SHARE",
@@ -111,7 +111,7 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
     in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * options.mask_tolerance).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
     normals = vertex_normals(bodies.vertices, problem.model.faces, context.faces_of_vertices)
-    toward = facing(normals, vertices, options.facing_deg)
+    toward = facing_camera(normals, vertices, options.facing_deg)
     return Visibility(
         uv=uv,
         normals=normals,

@@ -107,9 +107,8 @@ def align_photo_points_to_scene(
     background = ~method.grow_mask(photo.people) & (scene_points[..., 2] <= far)
     return align(
         photo.points,
-        photo.valid & background,
         scene_points,
-        scene_valid & background,
+        photo.valid & scene_valid & background,
         photo.unknown,
         options=method.alignment,
         weight=method.weigh_background(photo.points[..., 2], photo.valid, photo.people, background),

@@ -39,7 +39,7 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_edges, isolated_pixels
-from physic_core.geometry.visibility import facing, inside_mask
+from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
 
 __all__ = ["ALIGN_TOLERANCE", "FEWEST_POINTS", "Fit", "PlacementMethod"]
@@ -145,7 +145,7 @@ class PlacementMethod:
 
     def facing(self, person: PlacementProblem, moved: Tensor) -> Tensor:
         """Return which vertices (V, 3), moved to a place, face the camera: (V,) bool."""
-        return facing(person.normals, moved, _FACING_DEG)
+        return facing_camera(person.normals, moved, _FACING_DEG)
 
     def camera_facing(self, person: PlacementProblem, x: Tensor) -> Tensor:
         """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""

@@ -12,7 +12,7 @@ from physic_core.engine.scene.settings import SceneSettings
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSearch, PlaneFit, fit_floor
 from physic_core.geometry.plane import sample_plane
-from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, normals
+from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, pointmap_normals
 
 __all__ = ["ALIGN_TOLERANCE", "PixelSurface", "SceneMethod"]
 
@@ -58,7 +58,7 @@ class SceneMethod:
         ratio = edge_ratio(*known.shape)
         edges = depth_edges(points[..., 2], known, ratio)
         outliers = isolated_pixels(points[..., 2], known & ~edges, ratio)
-        return PixelSurface(normals(points, known, ratio), edges, outliers)
+        return PixelSurface(pointmap_normals(points, known, ratio), edges, outliers)
 
     def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
         """Find the floor in valid metric points (H, W, 3) with normals (H, W, 3)."""

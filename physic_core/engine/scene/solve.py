@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -165,8 +165,8 @@ def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
         target = depth_to_pointmap(depth, camera.to(depth))
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
-    axes: Literal["xyz", "z"] = "z" if camera is None else "xyz"
-    return align(given.points, given.valid, target, metric_valid, given.unknown, options=method.alignment, axes=axes)
+    options = replace(method.alignment, axes="z") if camera is None else method.alignment
+    return align(given.points, target, given.valid & metric_valid, given.unknown, options=options)
 
 
 def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod) -> tuple[Tensor, Tensor, Tensor]:

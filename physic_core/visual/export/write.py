@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from physic_core.visual.export.request import ExportRequest, export_frame
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["check_target", "export_reconstruction"]
+__all__ = ["export_reconstruction"]
 
 
 def export_reconstruction(
@@ -61,30 +61,11 @@ def export_reconstruction(
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
     file = None if body_model is None else Path(os.path.expanduser(body_model))
     request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
+    if not overwrite:  # before an exporter that takes long is called
+        names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
+        _refuse_existing(folder, names)
     made = _call(exporter, request)
     return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
-
-
-def check_target(
-    path: str | os.PathLike[str], format: str | None = None, *, people: Sequence[int] = (), overwrite: bool = False
-) -> None:
-    """Check what an export can know of its target before the result is read.
-
-    Args:
-        path: as of :func:`export_reconstruction`.
-        format: as of :func:`export_reconstruction`.
-        people: indices of those to write.
-        overwrite: whether to replace files.
-
-    Raises:
-        InputError: the format is unknown, the path has another suffix, or a package is missing.
-        OutputError: a file exists already.
-    """
-    exporter, folder, stem, suffix = _target(Path(path), format)
-    many = exporter.record.per_person and len(people) > 1
-    names = [f"{stem}_{person}{suffix}" for person in people] if many else [f"{stem}{suffix}"]
-    if not overwrite:
-        _refuse_existing([folder / name for name in names])
 
 
 def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], Path, str, str]:
@@ -184,18 +165,17 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
 
 
 def _write(folder: Path, made: ExportedFiles, overwrite: bool) -> tuple[Path, ...]:
-    paths = tuple(folder / name for name in made.files)
     if not overwrite:
-        _refuse_existing(paths)
+        _refuse_existing(folder, made.files)
     check_writable(folder)
     with atomic_write(folder) as temporary:
         for name, content in made.files.items():
             temporary(name).write_bytes(content)
-    return paths
+    return tuple(folder / name for name in made.files)
 
 
-def _refuse_existing(paths: Sequence[Path]) -> None:
-    if existing := [str(path) for path in paths if os.path.lexists(path)]:
+def _refuse_existing(folder: Path, names: Iterable[str]) -> None:
+    if existing := [str(folder / name) for name in names if os.path.lexists(folder / name)]:
         raise OutputError(
             f"{', '.join(existing)} exists already: name another file (-o), or replace it with --overwrite "
             "(overwrite=True in Python)"

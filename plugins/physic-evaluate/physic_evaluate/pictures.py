@@ -34,7 +34,7 @@ def open_picture(path: Path) -> Iterator[OpenedImage]:
     try:
         with path.open("rb"):
             pass
-        with open_image(source) as (image, _), wrap_decoding_errors(source, image.format or ""):
+        with open_image(source) as (image, _), wrap_decoding_errors(source):
             yield image
     except FileNotFoundError as error:
         raise DamagedFileError(f"there is no picture {path}") from error

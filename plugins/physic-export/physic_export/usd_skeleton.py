@@ -8,7 +8,7 @@ import numpy as np
 import roma
 import torch
 
-from physic_core.visual.glb import influences
+from physic_core.visual.glb import skin_influences
 from physic_export.t_pose import t_pose
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
-    indices, weights = influences(rig.weights)
+    indices, weights = skin_influences(rig.weights)
     count = indices.shape[1]
     binding.CreateJointIndicesPrimvar(False, count).Set(Vt.IntArray.FromNumpy(indices.reshape(-1).astype(np.int32)))
     binding.CreateJointWeightsPrimvar(False, count).Set(Vt.FloatArray.FromNumpy(weights.reshape(-1)))

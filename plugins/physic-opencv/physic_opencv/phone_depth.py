@@ -46,7 +46,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
                 f"the depth map in {path} is no disparity with its range (it says {kind or 'nothing'}), so its metres "
                 "are not known; convert it to .npy"
             )
-        with wrap_decoding_errors(source, "HEIF"):
+        with wrap_decoding_errors(source):
             values = np.asarray(found[0].to_pillow())
             file.seek(0)
             is_relative = _RELATIVE.search(file.read()) is not None

@@ -15,7 +15,7 @@ from physic_core.engine.scene.method import ALIGN_TOLERANCE, PixelSurface, Scene
 from physic_core.engine.scene.settings import SceneSettings
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
-from physic_core.geometry.pointmap import normals
+from physic_core.geometry.pointmap import pointmap_normals
 from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
 from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
@@ -87,7 +87,7 @@ class PaperSceneMethod(SceneMethod):
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges, no edges, and outliers by the distance to their neighbours."""
         return PixelSurface(
-            normals(points, known, math.inf), torch.zeros_like(known), _outliers_by_distance(points, known)
+            pointmap_normals(points, known, math.inf), torch.zeros_like(known), _outliers_by_distance(points, known)
         )
 
     def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
@@ -121,7 +121,7 @@ class ProxSceneMethod(SceneMethod):
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges; nothing is removed."""
         none = torch.zeros_like(known)
-        return PixelSurface(normals(points, known, math.inf), none, none)
+        return PixelSurface(pointmap_normals(points, known, math.inf), none, none)
 
 
 def _outliers_by_distance(points: Tensor, known: Tensor) -> Tensor:

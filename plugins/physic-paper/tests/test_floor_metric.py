@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_core.geometry.pointmap import normals
+from physic_core.geometry.pointmap import pointmap_normals
 from physic_paper import floor_metric
 from physic_paper.floor_metric import fit_floor_metric
 
@@ -26,7 +26,7 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
     on_floor[60:120, 10:50] = True  # the mask covers a piece of furniture too
     noise = torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     points = RAYS * (depth * (1 + 0.0005 * noise))[..., None]
-    found = fit_floor_metric(points, normals(RAYS * depth[..., None], ALL), ALL, on_floor)
+    found = fit_floor_metric(points, pointmap_normals(RAYS * depth[..., None], ALL), ALL, on_floor)
     assert found.plane is not None
     assert math.degrees(math.acos(min(1.0, float(found.plane.normal.double() @ up)))) < 0.1
     assert found.plane.offset == pytest.approx(1.5, abs=0.005)
@@ -35,12 +35,12 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
 
 def test_no_mask_is_no_floor() -> None:
     points = RAYS * 2
-    assert fit_floor_metric(points, normals(points, ALL), ALL, None).reason == "no_pixels"
-    assert fit_floor_metric(points, normals(points, ALL), ALL, ~ALL).reason == "no_pixels"
+    assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, None).reason == "no_pixels"
+    assert fit_floor_metric(points, pointmap_normals(points, ALL), ALL, ~ALL).reason == "no_pixels"
 
 
 def test_points_without_a_plane_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     points = RAYS * (1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0)))
     monkeypatch.setattr(floor_metric, "MIN_INLIER_SHARE", 0.3)
-    found = fit_floor_metric(points, normals(points, ALL, math.inf), ALL, ALL)
+    found = fit_floor_metric(points, pointmap_normals(points, ALL, math.inf), ALL, ALL)
     assert (found.plane, found.reason) == (None, "no_consensus")

@@ -19,7 +19,7 @@ from physic_core.metrics.geodesic import geodesic_error, surface_graph
 from physic_core.metrics.matching import match_by_masks
 from physic_core.metrics.physics import contact_gap, penetration, vertex_areas, vertex_normals
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.proximity import SEARCH_RADIUS_M, SceneDistance, hidden_by_depth_map, scene_distance
+from physic_core.metrics.proximity import SEARCH_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error
 from physic_testing.bench.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
 from physic_testing.bench.support_scores import SupportScorer
@@ -350,7 +350,7 @@ class Evaluator:
             for j in range(len(true))
         ]
 
-    def _touch(self, true: Indices, near: SceneDistance, vertices: FloatArray) -> list[dict[str, float]]:
+    def _touch(self, true: Indices, near: SignedDistances, vertices: FloatArray) -> list[dict[str, float]]:
         """Return penetration and floating for given scene distances."""
         world = self.world
         facing = -(vertex_normals(vertices, world.faces) * near.normal).sum(-1)
