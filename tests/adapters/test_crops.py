@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from physic_core.adapters.crops import Crop, PixelAlignment, crop_around_box, padded_region, resample_crop
+from physic_core.adapters.crops import (
+    Crop,
+    PixelAlignment,
+    antialias_sigma,
+    crop_around_box,
+    padded_region,
+    resample_crop,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -95,6 +102,11 @@ def test_a_blur_keeps_grey_grey_and_takes_stripes_away() -> None:
         < 6
         < np.ptp(resample_crop(stripes, crop).astype(int))
     )
+
+
+def test_the_blur_before_a_reduction_is_that_of_hmr_2():
+    for step, sigma in ((1.0, 0.0), (2.2, 0.0), (4.0, 0.5), (-10.0, 2.0)):
+        assert antialias_sigma(Crop((0.0, 0.0), (step, abs(step)), 8, 8)) == pytest.approx(sigma)
 
 
 def test_the_grid_of_halves_is_mmposes_affine_and_its_inverse() -> None:

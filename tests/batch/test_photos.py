@@ -235,6 +235,11 @@ def test_shards_cover_every_photo_once(items: list[str], count: int):
         assert sum(in_shard(item, shard, count) for shard in range(1, count + 1)) == 1
 
 
+def test_the_shard_of_a_photo_is_the_same_in_every_version():
+    shards = {item: next(k for k in range(1, 8) if in_shard(item, k, 7)) for item in ("IMG_1", "a/b", "ü")}
+    assert shards == {"IMG_1": 3, "a/b": 2, "ü": 5}
+
+
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3"])
 def test_invalid_shards_are_an_error(text: str):
     assert parse_shard("3/16") == (3, 16)

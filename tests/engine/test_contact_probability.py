@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -15,7 +16,7 @@ from physic_core.engine.contact.features import KINDS, feature_columns, measure_
 from physic_core.engine.contact.probability import ContactModel, contact_model
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
-from physic_core.engine.contact.solve import solve_contact
+from physic_core.engine.contact.solve import solve_contact, touch_by_probability
 from physic_core.geometry.neighbors import NearestPointSearch
 
 LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0})
@@ -58,10 +59,11 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def test_depth_behind_a_foot_speaks_against_its_contact(body):
+def alone(body, plane=None, foot_gap=None) -> ContactInput:
+    """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
     empty, none = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3)), torch.zeros(0, dtype=torch.int64)
-    given = ContactInput(
+    return ContactInput(
         model=body,
         vertices=posed.vertices,
         joints=posed.joints,
@@ -69,15 +71,33 @@ def test_depth_behind_a_foot_speaks_against_its_contact(body):
         prior=torch.full(posed.vertices.shape[:2], 0.5),
         observed=torch.ones(1, 55, dtype=torch.bool),
         lifted_feet=torch.zeros(1, 2, dtype=torch.bool),
-        surfaces=ContactSurfaces(empty, none, None),
+        surfaces=ContactSurfaces(empty, none, plane),
         uncarved=empty,
         classes=ClassifiedPoints(("unknown",), none, none.bool()),
-        plane=None,
-        foot_gap=torch.tensor([[0.2, math.nan]]),
+        plane=plane,
+        foot_gap=foot_gap,
     )
+
+
+def test_depth_behind_a_foot_speaks_against_its_contact(body):
+    given = alone(body, foot_gap=torch.tensor([[0.2, math.nan]]))
     settings = engine_preset("default").contact
     gaps = feature_columns(given, measure_distances(given, settings))["scene"]["foot, depth behind"][0]
     assert gaps[given.part("left_foot")].unique().tolist() == pytest.approx([2.0])
     assert not gaps[~given.part("left_foot")].any()
     likely = solve_contact(given, contact_model(), settings).probability[0]
     assert likely[given.part("left_foot")].max() < likely[given.part("right_foot")].max()
+
+
+@pytest.mark.parametrize(("scene", "kind"), [(-3.0, KINDS.index("own body")), (-1.0, -1)])
+def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, scene: float, kind: int):
+    soles = float(body(*body.zero_pose()).vertices[..., 1].min())
+    given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
+    settings = replace(engine_preset("default").contact, threshold=0.9, skin_threshold=0.1)
+    near = measure_distances(given, settings)
+    near = replace(near, own=replace(near.own, distance=torch.zeros_like(near.own.distance)))
+    constants = {"scene": scene, "own body": -1.5}
+    model = ContactModel({name: {"constant": value} for name, value in constants.items()}, LINEAR.part)
+    on_floor = torch.isfinite(near.surface.nearest) & body.outer
+    assert on_floor.any()
+    assert touch_by_probability(given, near, model, settings).kind[on_floor].unique().tolist() == [kind]

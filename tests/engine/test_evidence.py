@@ -15,7 +15,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.visibility import sample_mask_neighbours
+from physic_core.engine.joint.visibility import SelfOcclusion, sample_mask_neighbours
 from physic_core.engine.limbs import (
     is_standing,
     keypoints_of_observed_limbs,
@@ -116,6 +116,24 @@ def test_standing_and_other_poses_are_recognised(make_stage):
     problem = stage.problem
     assert is_standing(problem.rotations0, stage.joints, problem.observed).tolist() == [True, False]
     assert not is_standing(problem.rotations0, stage.joints, torch.zeros_like(problem.observed)).any()
+
+
+def test_one_lifted_foot_leaves_a_person_standing_and_two_do_not(standing):
+    for lifted, stands in (([True, False], True), ([True, True], False)):
+        problem = replace(standing.problem, lifted_feet=torch.tensor([lifted]))
+        assert JointEnergy(problem, SETTINGS).context.standing.tolist() == [stands]
+
+
+def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
+    occlusion, vertices = SelfOcclusion(JointEnergy(standing.problem, SETTINGS).context), standing.vertices
+    first = occlusion(vertices)[0].clone()
+    rough = vertices + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0)) - 0.005
+    fresh = SelfOcclusion(JointEnergy(standing.problem, SETTINGS).context)(rough)[0]
+    assert not torch.equal(fresh, first)
+    assert torch.equal(occlusion(rough)[0], first)
+    assert torch.equal(occlusion(3 * vertices)[0], first)
+    aside = rough + torch.tensor([0.1, 0.0, 0.0])
+    assert not torch.equal(occlusion(aside)[0], first)
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(0, True), (40, True), (80, False), (180, False)])

@@ -47,6 +47,15 @@ def test_an_object_is_moved_with_the_person_who_holds_it():
     assert distances([[0, 0, AWAY - 0.2]], ratio=np.nan) == [np.inf]
 
 
+def test_a_vertex_in_the_first_column_of_the_picture_can_be_inside_an_object():
+    mask, depth = ball()
+    camera = K.clone()
+    camera[0, 2] = 0.0
+    right_half = HeldObjects(mask[..., 60:], depth[:, 60:], torch.ones(1, dtype=torch.float64), camera)
+    vertices = torch.tensor([[[0, 0, AWAY - 0.12]]], dtype=torch.float64)
+    assert float(object_distances(vertices, right_half, 0.15).distance) < 0
+
+
 def people(*objects: tuple[int, int]) -> tuple[People, Keypoints]:
     """A person 40 px wide with a wrist at (60, 50), and objects of 6 px at (x, y)."""
     masks = np.zeros((1, 100, 120), bool)

@@ -12,7 +12,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BackendOutputError, ConfigError, InputError, NoPersonError
 from physic_core.interfaces import SegmenterRequest
-from physic_core.pipeline.chosen_people import select_chosen
+from physic_core.pipeline.chosen_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
@@ -49,6 +49,12 @@ def test_points_and_boxes_select_in_the_order_of_the_prompts(people: People) -> 
 def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people: People) -> None:
     chosen = select_chosen(people, PeoplePrompt(points=((28, 20),)))
     assert np.array_equal(chosen.masks, people.masks[:1])
+
+
+def test_a_point_on_the_common_edge_of_two_boxes_is_in_the_right_one(people: People) -> None:
+    boxes = np.array([[10, 10, 30, 50], [30, 10, 50, 50]], np.float32)
+    unmasked = replace(people, masks=np.zeros_like(people.masks), boxes=boxes)
+    assert [person_at_point(unmasked, (x, 20.0)) for x in (9.5, 29.25, 29.5, 49.5)] == [0, 0, 1, None]
 
 
 def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People) -> None:

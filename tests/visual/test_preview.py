@@ -14,7 +14,14 @@ from PIL import Image
 from physic_core.types import CheckResult, Grade, Intrinsics
 from physic_core.visual.orthographic_views import BACKGROUND_RGB, PAGE_RGB, build_preview_geometry, side_view, top_view
 from physic_core.visual.palette import person_color
-from physic_core.visual.panels import CONTACT_VIEWS, depth_panel, depth_range, overlay_panel, render_contact_views
+from physic_core.visual.panels import (
+    CONTACT_VIEWS,
+    colored_depth,
+    depth_panel,
+    depth_range,
+    overlay_panel,
+    render_contact_views,
+)
 from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
@@ -75,6 +82,11 @@ def test_the_nearer_hides_the_farther():
 def test_light_falls_from_above():
     layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
     assert layer.color[33, 50, 0] > layer.color[47, 50, 0] + 0.05
+
+
+def test_a_surface_that_faces_the_camera_shows_five_sixths_of_its_colour():
+    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.6))
+    assert layer.color[40, 50] == pytest.approx(0.6 * 5 / 6, abs=0.01)
 
 
 def test_what_lies_behind_the_camera_is_not_drawn():
@@ -185,6 +197,14 @@ def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
     assert counts[2] > 5 * max(counts[0], counts[1], 1)
 
 
+def test_contact_views_hold_the_person_and_enlarge_the_view_from_below(reconstruction):
+    shown = np.split((render_contact_views(reconstruction, 0, 900, 300) != PAGE_RGB).any(-1), 3, axis=1)
+    spans = [[np.ptp(np.flatnonzero(view.any(axis))) + 1 for axis in (0, 1)] for view in shown]
+    height = 1.69
+    assert spans[0][1] == pytest.approx(300 * height / (height + 0.1), abs=4)
+    assert spans[2][0] == pytest.approx(1.5 * spans[0][0], abs=4)
+
+
 def test_the_front_is_the_side_with_the_toes(reconstruction):
     """The mannequin's shoes point ahead: they are seen from the front, and the heels from the back."""
     person = reconstruction.people[0]
@@ -255,6 +275,15 @@ def test_the_preview_is_a_page_of_fixed_width(make, width, height, people):
     assert image.width == 1800
     assert 700 < image.height < 1800
     assert image.getextrema() != ((250, 250), (250, 250), (248, 248))
+
+
+def test_the_colours_of_depth_stand_above_their_panel(reconstruction):
+    page = np.asarray(preview_image(reconstruction))
+    near, far = depth_range(reconstruction)
+    scale = colored_depth(np.geomspace(near, far, 240)[None], near, far)[0]
+    starts = np.lib.stride_tricks.sliding_window_view(page, (240, 3), axis=(1, 2))[:, :, 0]
+    rows, columns = np.nonzero((starts == scale).all((-2, -1)))
+    assert (len(rows), np.ptp(rows), np.ptp(columns)) == (9, 8, 0)
 
 
 @pytest.mark.parametrize("aspect", [0.04, 0.23, 0.5625, 1.0, 1.06, 20.0])
