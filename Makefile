@@ -64,7 +64,7 @@ kernels: $(VENV)/test.stamp
 
 fuzz: $(VENV)/test.stamp
 	$(BIN)/python tools/attacks/fuzz.py --minutes $(MINUTES)
-	ATTACK_EVERY_STEP=1 OMP_NUM_THREADS=1 $(BIN)/pytest -q tests/attacks/test_saving.py tools/attacks
+	ATTACK_EVERY_STEP=1 OMP_NUM_THREADS=1 $(BIN)/pytest -q tests/attacks/test_saving.py
 
 mutants: $(VENV)/test.stamp
 	$(BIN)/python tools/mutants.py

@@ -81,13 +81,6 @@ def answer_with(*people: dict, **more: object) -> dict:
     return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
 
 
-def test_sides_may_be_one_letter_and_what_is_missing_is_nan(truth):
-    rows = truth.joints.limb_joints({"l_knee": [1, 2, 3], "right_hip": [4, 5, 6], "lip": [0, 0, 0]}, 3)
-    assert rows[truth.joints.ROW["left_knee"]].tolist() == [1, 2, 3]
-    assert rows[truth.joints.ROW["right_hip"]].tolist() == [4, 5, 6]
-    assert np.isfinite(rows).all(-1).sum() == 2
-
-
 def test_joints_are_those_of_the_body_by_name(truth):
     from physic_core.body.joints import JOINT_NAMES
 
@@ -108,16 +101,6 @@ def test_a_person_who_sits_bends_or_lies_is_not_upright(truth, joints):
     assert not truth.joints.is_upright(bent, UP)
     assert truth.joints.is_upright(lying, None)
     assert not truth.joints.is_upright(lying, UP)
-
-
-def test_posture_is_unknown_where_the_joints_that_decide_are_missing(truth, joints):
-    one_leg, no_legs, no_trunk = joints.copy(), joints.copy(), joints.copy()
-    one_leg[truth.joints.ROW["left_knee"]] = np.nan
-    no_legs[[truth.joints.ROW[f"{side}_knee"] for side in ("left", "right")]] = np.nan
-    no_trunk[truth.joints.SHOULDERS] = np.nan
-    assert truth.joints.is_upright(one_leg, UP) is True
-    assert truth.joints.is_upright(no_legs, UP) is None
-    assert truth.joints.is_upright(no_trunk, UP) is None
 
 
 def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
@@ -145,13 +128,6 @@ def test_joints_without_truth_do_not_count(truth, joints):
     facts[truth.joints.ROW["left_wrist"]] = np.nan
     found = truth.measures.pose_errors(wrong, facts)
     assert (found["mpjpe_mm"], found["joints"]) == (pytest.approx(0), 11)
-
-
-def test_one_hip_is_a_root_too(truth, joints):
-    facts = joints.copy()
-    facts[truth.joints.ROW["left_hip"]] = np.nan
-    found = truth.measures.pose_errors(moved(joints, 0, 0, 0.1), facts)
-    assert (found["pelvis_mm"], found["root_aligned_mm"]) == (pytest.approx(100), pytest.approx(0, abs=1e-9))
 
 
 def test_floors(truth):
@@ -261,11 +237,6 @@ def test_depth_that_is_a_factor_off_is_right_after_it(truth):
     assert math.isnan(truth.measures.depth_errors(np.full((2, 2), np.nan), np.ones((2, 2)))["absrel"])
 
 
-def test_spread_of_places(truth):
-    assert truth.measures.spread_m(np.array([[0.1, 0, 0], [-0.1, 0, 0]])) == pytest.approx(0.1)
-    assert math.isnan(truth.measures.spread_m(np.zeros((1, 3))))
-
-
 def ring(truth, count: int = 5) -> list:
     """Cameras around the origin that look at it from 4 m, the world's y down."""
     cameras = []
@@ -349,23 +320,6 @@ def test_a_camera_of_a_padded_picture(truth):
     assert camera.in_world(camera.in_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(np.array([[1.0, 2, 3]]))
 
 
-def test_undistorted_pictures_are_of_the_pinhole(truth):
-    import cv2
-
-    distortion = np.array([-0.28, 0.17, 0.0, 0.0, 0.0])
-    point = np.array([[0.35, 0.2, 1.0]])
-    where = cv2.projectPoints(point, np.zeros(3), np.zeros(3), K, distortion)[0].reshape(2)
-    straight = (point @ K.T)[0, :2]
-    assert np.linalg.norm(where - straight) > 10
-    rows, columns = np.mgrid[:800, :1000]
-    picture = np.exp(-((columns - where[0]) ** 2 + (rows - where[1]) ** 2) / 50)
-    found = truth.cameras.undistorted((255 * picture).astype(np.uint8), K, distortion)
-    row, column = np.unravel_index(found.argmax(), found.shape)
-    assert np.hypot(column - straight[0], row - straight[1]) < 1.5
-    same = np.zeros((4, 4, 3), np.uint8)
-    assert truth.cameras.undistorted(same, K, np.zeros(5)) is same
-
-
 def test_intervals_are_over_groups(truth):
     pooled, figure = truth.statistics.pooled("x"), truth.statistics.figure
     alike = [{"set": "a", "group": str(i // 10), "photo": str(i // 10), "x": float(i // 10)} for i in range(40)]
@@ -391,15 +345,6 @@ def test_a_large_set_does_not_drown_a_small_one(truth):
     records.append({"set": "few", "group": "0", "photo": "0", "x": 2.0})
     assert truth.statistics.figure(records, truth.statistics.of_sets("x")).value == pytest.approx(1.5)
     assert truth.statistics.figure(records, truth.statistics.pooled("x")).value == pytest.approx(1.1)
-
-
-def test_the_first_of_a_film_are_from_all_over_it(truth):
-    order = truth.sets.scattered(range(0, 50, 5))
-    assert sorted(order) == list(range(0, 50, 5))
-    assert order[:3] == [0, 40, 20]
-    assert truth.sets.scattered([7]) == [7]
-    assert truth.sets.rotated([0, 40, 20], 4) == [40, 20, 0]
-    assert truth.sets.in_turn([["a1", "a2", "a3"], ["b1"]]) == ["a1", "b1", "a2", "a3"]
 
 
 def alone(truth, joints: np.ndarray) -> object:
@@ -447,67 +392,6 @@ def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
-def test_a_person_without_a_body_is_missed_and_a_refused_floor_is_missing(truth, joints):
-    bodiless = person_of(truth, np.full((12, 3), np.nan)) | {"keypoints": person_of(truth, joints)["keypoints"]}
-    refused = [{"name": "floor", "state": "failed", "value": 0.1, "person": None}]
-    records = truth.main.compared([alone(truth, joints)], [answer_with(bodiless, checks=refused)])
-    rows = rows_by_name(truth, records)
-    assert (rows["people found, mpi_inf_3dhp"], rows["missing"]) == (0, 1)
-    assert records["photos"][0]["failed_checks"] == ["floor"]
-    assert rows["photos graded good"] == 1
-
-
-def test_the_bystander_is_not_compared(truth, joints):
-    answer = answer_with(person_of(truth, moved(joints, 1.5, 0, 0)), person_of(truth, moved(joints, 0, 0, 0.1)))
-    person = truth.main.compared([alone(truth, joints)], [answer])["people"][0]
-    assert person["mpjpe_mm"] == pytest.approx(100)
-
-
-def test_many_views_of_two_people(truth, people):
-    """In two views everybody is 20 cm too far away, and in one somebody is missed."""
-    cameras = ring(truth)
-    samples, answers = [], []
-    for v, camera in enumerate(cameras):
-        facts = {"camera": camera, "up": UP, "moment": "0"}
-        samples.append(truth.sets.Sample("panoptic", f"{v}_0", "0", Path(f"{v}_0.jpg"), K=K, truth=facts))
-        found = [person_of(truth, camera.in_camera(joints)) for joints in people]
-        if v < 2:
-            for one in found:
-                one["joints"] = moved(one["joints"], 0, 0, 0.2).tolist()
-        answers.append(answer_with(*found[: 1 if v == 4 else 2]))
-    records = truth.main.compared(samples, answers)
-    assert [len(joints) for joints in records["triangulated"].values()] == [2]
-    assert sum(r["found"] for r in records["people"]) == 9
-    assert len(records["people"]) == 10
-    off = {r["photo"]: r["mpjpe_mm"] for r in records["people"] if r["found"]}
-    assert off == {f"{v}_0": pytest.approx(200 if v < 2 else 0, abs=0.1) for v in range(5)}
-    assert {r["views"] for r in records["people"]} == {4, 5}
-    places = np.array([cameras[v].in_world(np.array([[0, 0.1, 4.2 if v < 2 else 4.0]]))[0] for v in range(5)])
-    spreads = [r["spread_m"] for r in records["people"] if r["views"] == 5]
-    assert spreads == [pytest.approx(truth.measures.spread_m(places), abs=1e-3)] * 5
-    again = truth.main.compared(samples, [answers[0], *[answer_with()] * 4], records["triangulated"])
-    assert sum(r["found"] for r in again["people"]) == 2
-    assert len(again["people"]) == 10
-
-
-def test_annotated_people_are_found_and_measured_in_the_picture(truth, joints):
-    person = person_of(truth, joints)
-    pixels = np.array(person["keypoints"])[:, :2]
-    x0, y0, x1, y1 = person["box"]
-    diagonal = math.hypot(x1 - x0, y1 - y0)
-    marks = {name: [*moved(p, 0.1 * diagonal, 0), 2] for name, p in zip(truth.joints.LIMB_JOINTS, pixels, strict=True)}
-    marks["left_knee"] = [*moved(pixels[truth.joints.ROW["left_knee"]], 0, 0.2 * diagonal), 1]
-    del marks["left_wrist"]
-    annotated = [
-        {"box_xywh": [x0, y0, x1 - x0, y1 - y0], "keypoints": marks},
-        {"box_xywh": [0, 0, 20, 20], "keypoints": {}},
-    ]
-    sample = truth.sets.Sample("people2d", "a", "a", Path("a.jpg"), truth={"people": annotated})
-    rows = rows_by_name(truth, truth.main.compared([sample], [answer_with(person)]))
-    assert rows["people found, people2d"] == 0.5
-    assert (rows["visible"], rows["hidden"]) == (pytest.approx(0.1), pytest.approx(0.2))
-
-
 def test_limbs_of_parkour(truth, joints):
     names = [name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS]
     facts = {
@@ -527,113 +411,6 @@ def test_limbs_of_parkour(truth, joints):
     assert rows_by_name(truth, records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
     nobody = truth.main.compared([sample], [answer_with()])
     assert [r["predicted"] for r in nobody["limbs"]] == [False] * 3
-
-
-def test_results_are_kept_in_px_of_the_photo(truth):
-    from physic_core.types import Intrinsics
-
-    person = SimpleNamespace(
-        box=np.array([10.0, 20, 30, 40]),
-        score=0.5,
-        joints=np.zeros((55, 3)),
-        keypoints=np.full((17, 2), 9.5),
-        keypoint_confidence=np.ones(17),
-        contact=np.zeros(5, bool),
-        contact_partner=None,
-        contact_probability=None,
-        failed_checks=(),
-        grade="good",
-    )
-    result = SimpleNamespace(
-        intrinsics=Intrinsics(100.0, 100.0, 49.5, 39.5, 100, 80),
-        people=(person,),
-        body_model="other",
-        skeleton="coco17",
-        scene=SimpleNamespace(floor=None),
-        checks=(),
-        grade="doubtful",
-        warnings=(),
-    )
-    sample = truth.sets.Sample("people2d", "a", "a", Path("a.jpg"))
-    kept = truth.run.measured_fields(result, (200, 160), sample)
-    assert kept["people"][0]["box"] == [20, 40, 60, 80]
-    assert kept["people"][0]["keypoints"][0] == [19.5, 19.5, 1]
-    assert kept["camera"] == [200, 200, 99.5, 79.5]
-    assert (kept["grade"], kept["people"][0]["grade"]) == ("doubtful", "good")
-
-
-def test_a_run_goes_on_where_it_was_broken_off(truth, tmp_path, monkeypatch, joints):
-    calls: list[list[str]] = []
-    monkeypatch.setattr(truth.run, "_run", lambda sample, out, arguments: calls.append(arguments) or answer_with())
-    sample = alone(truth, joints)
-    for options in (["--preset", "embedded"], ["--preset", "embedded"], ["--preset", "other"]):
-        truth.run.answer_of(sample, tmp_path, options)
-    truth.run.answer_of(sample, tmp_path, ["--preset", "other"], with_camera=False)
-    assert calls == [
-        ["--preset", "embedded", "--intrinsics", "1000,1000,500,400"],
-        ["--preset", "other", "--intrinsics", "1000,1000,500,400"],
-        ["--preset", "other"],
-    ]
-
-
-def test_the_true_stature_is_given_where_a_setting_takes_it(truth):
-    body = {"head_top": [0, -0.9, 3], "neck": [0, -0.6, 3], "spine": [0, -0.3, 3], "pelvis": [0, 0, 3]}
-    for side in ("l", "r"):
-        body |= {f"{side}_hip": [0, 0, 3], f"{side}_knee": [0, 0.4, 3], f"{side}_ankle": [0, 0.8, 3]}
-    sample = truth.sets.Sample("mpi_inf_3dhp", "one", "one", Path("one.jpg"), truth={"joints": body})
-    assert truth.sets.with_stature(sample, "photo.stature").settings == ("photo.stature=1.780",)
-
-
-def test_data_sets_are_read_and_the_missing_ones_named(truth, tmp_path, capsys):
-    import cv2
-
-    folder = tmp_path / "panoptic"
-    folder.mkdir()
-    cameras = {}
-    for v, camera in enumerate(ring(truth, 2)):
-        record = {"width": 100, "height": 80, "K": K.tolist(), "dist": [0.0] * 5}
-        cameras[f"c{v}"] = record | {"R": camera.R.tolist(), "t_m": camera.t.tolist()}
-        for moment in ("10", "20"):
-            cv2.imwrite(str(folder / f"c{v}_{moment}.jpg"), np.zeros((80, 100, 3), np.uint8))
-    (folder / "cameras.json").write_text(json.dumps({"cameras": cameras}))
-    samples = truth.main.samples_of([tmp_path], ["panoptic", "parkour"], 3, None)
-    assert [(s.name, s.group, s.changed) for s in samples] == [
-        ("c0_10", "10", False),
-        ("c1_10", "10", False),
-        ("c0_20", "20", False),
-    ]
-    assert truth.sets.picture_of(samples[0]).shape == (80, 100, 3)
-    assert f"parkour: not in {tmp_path}; skipped" in capsys.readouterr().out
-
-
-def test_a_film_is_taken_apart(truth, tmp_path):
-    import cv2
-
-    film = cv2.VideoWriter(str(tmp_path / "a.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 25, (72, 58))
-    for k in range(12):
-        film.write(np.full((58, 72, 3), 20 * k, np.uint8))
-    film.release()
-    np.savez(
-        tmp_path / "a.npz",
-        joints_m=np.zeros((15, 1, 3)),
-        joint_names=["l_hip"],
-        forces=np.ones((15, 4, 6)),
-        force_names=list(truth.scores.LIMBS),
-        uncaptured=np.zeros((15, 4), int),
-    )
-    samples = truth.sets.parkour(tmp_path)
-    assert [sample.frame for sample in samples] == [0, 10, 5]
-    picture = truth.sets.picture_of(samples[1])
-    assert picture.shape == (576, 1024, 3)
-    assert picture.mean() == pytest.approx(200, abs=10)
-
-
-@pytest.mark.parametrize("data", [[], ["nowhere"]])
-def test_without_data_there_is_nothing_to_do(truth, tmp_path, monkeypatch, capsys, data):
-    monkeypatch.setattr(sys, "argv", ["truth", *data, "--out", str(tmp_path / "out")])
-    assert truth.main.main() == 0
-    assert "No data set found" in capsys.readouterr().out
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joints):

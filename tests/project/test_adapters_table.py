@@ -11,11 +11,8 @@ from types import ModuleType
 
 import pytest
 
-from physic_core.weights import read_manifest
-
 ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "plugins" / "ADAPTERS.md"
-FORBIDS = ("non-commercial", "research only", "CC-BY-NC", "no commercial use")
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +57,3 @@ def test_records_name_the_weights_that_their_defaults_read(
         asked = tuple(re.findall(r"weights '([\w.-]+)' \(", lacks))
         assert record.weights == asked, f"{record.interface} {record.name}"
         assert ("weights" in record.needs) == bool(asked), f"{record.interface} {record.name}"
-
-
-def test_non_commercial_weights_are_marked(tool: ModuleType) -> None:
-    """Words and mark of a licence do not contradict each other, in any list of weights."""
-    for package, folder in tool.PLUGINS.items():
-        for name, group in read_manifest(folder / package / "weights").items():
-            if any(words.lower() in group.license.lower() for words in FORBIDS):
-                assert group.commercial is False, name
-            elif group.commercial is False:
-                pytest.fail(f"{name} is marked as not commercial, and its licence does not say why: {group.license}")

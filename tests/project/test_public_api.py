@@ -3,13 +3,12 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import re
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 import physic_core
-from physic_core import errors, interfaces
+from physic_core import errors
 
 PUBLIC = [
     "BackendError",
@@ -83,27 +82,5 @@ def test_a_public_name_is_there(name: str):
     assert name in dir(physic_core)
 
 
-def test_the_version_is_that_of_the_distribution():
-    assert physic_core.__version__ == version("physic-core")
-
-
-def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match=r"^module 'physic_core' has no attribute 'reconstrut'$"):
-        physic_core.reconstrut  # noqa: B018
-
-
 def test_every_error_is_a_physic_error():
     assert all(issubclass(getattr(errors, name), errors.PhysicError) for name in errors.__all__)
-
-
-def test_there_are_eight_interfaces():
-    assert list(interfaces.INTERFACES) == [
-        "segmenter",
-        "inpainter",
-        "metric_depth",
-        "relative_pointmap",
-        "keypoint_detector",
-        "body_estimator",
-        "hand_estimator",
-        "contact_prior",
-    ]

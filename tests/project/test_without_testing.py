@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 RUN = """
 import sys
@@ -20,21 +19,6 @@ def run(*arguments: str, plugins: str) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"PHYSIC_PLUGINS": plugins}
     command = [sys.executable, "-c", RUN, *arguments]
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=600, check=False)
-
-
-def test_a_photo_is_reconstructed(repository: Path, tmp_path: Path):
-    photo = repository / "examples" / "couple.jpg"
-    faster = (
-        "relative_pointmap.options.short_side=154",
-        "segmenter.options.tile_fractions=[]",
-        "engine.joint.optimiser.steps=2",
-        "photo.max_side=320",
-    )
-    words = ["-o", str(tmp_path / "out"), "--no-cache", "--save", "numbers"]
-    words += [word for one in faster for word in ("--set", one)]
-    done = run("run", str(photo), *words, plugins="physic-embedded")
-    assert done.returncode == 0, done.stderr
-    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["people"]
 
 
 def test_its_commands_are_not_there_and_the_others_are():
