@@ -9,7 +9,6 @@ import torch
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.errors import BackendError
 from physic_core.types import (
     SKELETONS,
     Bodies,
@@ -22,14 +21,12 @@ from physic_core.types import (
     SurfaceLabels,
     skeleton_named,
 )
-from physic_embedded.body_estimator import EmbeddedBodies, EmbeddedBodiesOptions
+from physic_embedded.body_estimator import EmbeddedBodies
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.observations import observe_people, rotation_to_ray
-from physic_embedded.body_fit.pose_prior import hinge_joints, pose_prior, relaxed_finger_pose
-from physic_embedded.body_fit.start import pose_from_landmarks, translation_from_points
-from physic_embedded.body_fit.stature_prior import ADULT_STATURE_M, ADULT_STATURE_SPREAD_M, adult_shape
+from physic_embedded.body_fit.pose_prior import pose_prior, relaxed_finger_pose
+from physic_embedded.body_fit.stature_prior import ADULT_STATURE_M, adult_shape
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
-from physic_embedded.standing import standing_bodies
 
 CAMERA = Intrinsics.from_focal(900.0, 1000, 800)
 IMAGE = np.zeros((800, 1000, 3), np.uint8)
@@ -164,12 +161,6 @@ def test_noise_of_two_pixels_costs_little(backend: EmbeddedBodies) -> None:
     assert pelvis.max() < 20
 
 
-def test_each_person_is_fitted_as_if_alone(backend: EmbeddedBodies) -> None:
-    together, _ = posed(fit(backend, truth([STANDS, WALKS], PLACES[:2])))
-    alone, _ = posed(fit(backend, truth([WALKS], PLACES[1:2])))
-    assert np.abs(together[1] - alone[0]).max() < 0.03
-
-
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
 def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend: EmbeddedBodies, skeleton: str) -> None:
     seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
@@ -277,15 +268,6 @@ def test_rounding_errors_of_the_input_are_not_amplified(backend: EmbeddedBodies)
     np.testing.assert_allclose(two, one, rtol=0, atol=2e-6)  # float32 of five metres is half a micrometre
 
 
-def test_the_cure_can_be_switched_off(backend: EmbeddedBodies) -> None:
-    plain = EmbeddedBodies(EmbeddedBodiesOptions(cure_lean=False))
-    plain.load()
-    seen = truth([STANDS], PLACES[:1], lean_deg=20)
-    observations = observe_people(seen.keypoints, seen.people, CAMERA)
-    lean = lean_towards_camera(posed(fit(plain, seen, FLOOR))[0], observations.turn, np.array([0.0, -1.0, 0.0]))
-    assert np.degrees(lean[0]) > 12
-
-
 def test_feet_that_are_both_seen_come_out_level(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS], PLACES[:1], noise_px=3.0)
     _, vertices = posed(fit(backend, seen, FLOOR))
@@ -337,99 +319,6 @@ def test_legs_of_which_nothing_is_seen_are_seated_beside_a_seat(backend: Embedde
         assert thigh[2] < -0.2  # towards the camera, as the person faces it
 
 
-def test_no_people_give_no_bodies(backend: EmbeddedBodies) -> None:
-    empty = Keypoints(np.zeros((0, 33, 2)), np.zeros((0, 33)), "blazepose33", np.zeros((0, 33, 3)))
-    nobody = People(np.zeros((0, 800, 1000), bool), np.zeros((0, 4)), np.zeros(0))
-    answer = backend.infer(IMAGE, nobody, CAMERA, empty, Hints())
-    assert len(answer.parameters) == 0
-    assert answer.observed is not None
-    assert answer.observed.shape == (0, 55)
-
-
-def test_torch_keeps_its_threads_and_answers_are_the_same_twice(backend: EmbeddedBodies) -> None:
-    before = torch.get_num_threads()
-    seen = truth([WALKS], PLACES[:1])
-    first, second = fit(backend, seen), fit(backend, seen)
-    assert torch.get_num_threads() == before
-    assert np.array_equal(first.parameters.body_pose, second.parameters.body_pose)
-
-
-def test_unknown_joint_sets_and_an_unloaded_body_are_refused(backend: EmbeddedBodies) -> None:
-    seen = truth([STANDS], PLACES[:1])
-    other = replace(seen.keypoints, skeleton=Skeleton("trunk", BLAZEPOSE_SKELETON.names[:23]))
-    with pytest.raises(BackendError) as error:
-        backend.infer(IMAGE, seen.people, CAMERA, other, Hints())
-    assert str(error.value) == (
-        "the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and the skeleton 'trunk' "
-        "has no left_hip, right_hip, left_knee, right_knee, left_ankle, right_ankle: choose a keypoint detector that "
-        "detects them"
-    )
-    with pytest.raises(BackendError) as error:
-        EmbeddedBodies().infer(IMAGE, seen.people, CAMERA, seen.keypoints, Hints())
-    assert str(error.value) == "the embedded body is not loaded: call load() before infer()"
-
-
-def test_the_closed_form_start_points_every_limb_the_right_way() -> None:
-    seen = truth([WALKS, SITS], PLACES[:2], skeleton="coco17")
-    for i in range(2):
-        points = MODEL.regressor("coco17")(*(torch.as_tensor(a[i : i + 1]).float() for a in _inputs(seen)))[0].numpy()
-        root, vectors = pose_from_landmarks(points.astype(float), SKELETONS["coco17"])
-        rotations = torch.eye(3).repeat(1, 55, 1, 1)
-        rotations[0, 0] = torch.as_tensor(root)
-        rotations[0, 1:22] = roma.rotvec_to_rotmat(torch.as_tensor(vectors, dtype=torch.float32))
-        joints = MODEL(rotations, *MODEL.zero_pose(1)[1:], joints_only=True).joints[0].double().numpy()
-        for start, end in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
-            for side in ("left", "right"):
-                a, b = JOINT_INDEX[f"{side}_{start}"], JOINT_INDEX[f"{side}_{end}"]
-                found, wanted = joints[b] - joints[a], seen.joints[i, b] - seen.joints[i, a]
-                cosine = found @ wanted / np.linalg.norm(found) / np.linalg.norm(wanted)
-                assert np.degrees(np.arccos(min(cosine, 1))) < 16, (side, start)
-
-
-def _inputs(seen: Truth) -> tuple[np.ndarray, np.ndarray]:
-    return seen.joints, seen.vertices[:, MODEL.regressor("coco17").vertex_ids.numpy()]
-
-
-def test_the_place_of_landmarks_is_found_from_their_pixels() -> None:
-    rng = np.random.default_rng(1)
-    landmarks, place = rng.normal(0, 0.4, (20, 3)), np.array([0.4, -0.2, 3.1])
-    seen = (landmarks + place) @ CAMERA.matrix.T
-    found = translation_from_points(landmarks, seen[:, :2] / seen[:, 2:], np.ones(20), CAMERA.matrix)
-    assert found == pytest.approx(place, abs=1e-9)
-    behind = (landmarks - place) @ CAMERA.matrix.T
-    assert translation_from_points(landmarks, behind[:, :2] / behind[:, 2:], np.ones(20), CAMERA.matrix) is None
-
-
-def test_the_size_in_the_picture_is_that_of_a_standing_body() -> None:
-    seen = truth([STANDS, SITS], PLACES[:2])
-    observations = observe_people(seen.keypoints, seen.people, CAMERA)
-    assert observations.size == pytest.approx(1.72 * CAMERA.fx / seen.joints[:, 0, 2], rel=0.08)
-
-
-def test_standing_differs_from_sitting_and_from_unseen_legs() -> None:
-    joints = truth([STANDS, SITS, STANDS], PLACES).joints
-    assert standing_bodies(joints, np.array([0.9, 0.9, 0.2])).tolist() == [True, False, False]
-
-
-def test_the_lean_of_a_body_is_measured_about_the_view() -> None:
-    joints = truth([STANDS], [(0.0, 0.0, 3.0)], yaw_deg=0).joints
-    up = np.array([0.0, -1.0, 0.0])
-    c, s = np.cos(0.2), np.sin(0.2)
-    leaning = joints @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]]).T
-    turn = np.eye(3)[None]
-    assert lean_towards_camera(leaning, turn, up) - lean_towards_camera(joints, turn, up) == pytest.approx(0.2)
-
-
-def test_the_prior_s_mean_bends_hinges_the_way_they_initial_angles() -> None:
-    prior = pose_prior()
-    assert (prior.sigma > 0).all()
-    for hinge in hinge_joints():
-        assert hinge.sign * prior.mean[hinge.row, hinge.axis] > 0
-    tight = pose_prior(tight=True)
-    assert (tight.sigma <= prior.sigma).all()
-    assert np.array_equal(tight.mean, prior.mean)
-
-
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])
 def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend: EmbeddedBodies, skeleton: str) -> None:
     seen = truth([STANDS], PLACES[:1], skeleton="coco23")
@@ -444,13 +333,6 @@ def test_larger_joint_sets_are_fitted_by_their_body_and_feet(backend: EmbeddedBo
     np.testing.assert_allclose(second.parameters.body_pose, first.parameters.body_pose, rtol=0, atol=1e-9)
     np.testing.assert_allclose(second.parameters.transl, first.parameters.transl, rtol=0, atol=1e-9)
     assert miss_mm(posed(first)[0], seen.joints)[0] < 250
-
-
-def test_the_mean_adult_has_the_stature_of_the_prior() -> None:
-    assert float(MODEL.stature(ADULT[None])) == pytest.approx(ADULT_STATURE_M, abs=1e-3)
-    assert float(ADULT.norm()) < 0.3  # of a standard deviation of all shapes: the proportions stay those of the mean
-    # Of men and women alike, each sex 6.65 cm about its mean.
-    assert pytest.approx(np.hypot(0.0665, (1.78 - 1.65) / 2), abs=1e-3) == ADULT_STATURE_SPREAD_M
 
 
 def test_a_person_of_unknown_stature_gets_that_of_the_mean_adult(backend: EmbeddedBodies) -> None:

@@ -74,11 +74,6 @@ def test_a_person_who_sits_or_lies_touches_with_seat_and_back_too(pose: str) -> 
         assert other[at(name)] == pytest.approx(worth)
 
 
-def test_seat_and_back_of_everybody_on_demand() -> None:
-    (row,) = prior(seat_by_pose=False).infer(IMAGE, people(1), bodies("stands")).probability
-    assert (row[at("gluteus")] == 0.5).all()
-
-
 def test_parts_of_unseen_joints_touch_nothing() -> None:
     observed = np.ones((1, 55), bool)
     observed[0, [JOINT_INDEX[n] for n in ("left_ankle", "left_foot", "right_wrist", "left_hip", "right_hip")]] = False
@@ -120,7 +115,3 @@ def test_bodies_of_another_model_without_joints_are_refused() -> None:
     )
     with pytest.raises(BackendError, match="is not loaded"):
         StaticContact().infer(IMAGE, people(1), made)
-
-
-def test_no_people_touch_nothing() -> None:
-    assert prior().infer(IMAGE, people(0), bodies()).probability.shape == (0, load_body("embedded").num_vertices)

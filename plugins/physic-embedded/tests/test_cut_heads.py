@@ -50,8 +50,3 @@ def test_a_head_on_the_chest_of_a_body_cut_by_the_border_is_doubted(quarters: in
 )
 def test_heads_without_both_signs_keep_their_confidence(head_y: float, masks: np.ndarray) -> None:
     assert (doubt_cut_heads(person(head_y), masks).confidence == 1).all()
-
-
-def test_no_people_give_no_joints() -> None:
-    none = Keypoints(np.zeros((0, 33, 2), np.float32), np.zeros((0, 33), np.float32), BLAZEPOSE_SKELETON)
-    assert doubt_cut_heads(none, np.zeros((0, HEIGHT, WIDTH), bool)).confidence.shape == (0, 33)

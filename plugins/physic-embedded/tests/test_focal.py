@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import manhattan_frame, stable_manhattan_frame
-from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
+from physic_embedded.single_view.gravity import gravity_from_segments
 
 WIDTH, HEIGHT = 800, 600
 
@@ -93,33 +92,6 @@ def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
     assert known is not None
     assert default is not None
     assert default.sigma_deg > known.sigma_deg + 2
-
-
-def test_few_upright_edges_give_no_gravity() -> None:
-    turn = np.eye(3)
-    segments = edges_of_a_room(700.0, turn, count=9, noise=0.2, clutter=0, seed=9)
-    assert gravity_from_segments(segments, WIDTH, HEIGHT, 700.0) is None
-
-
-def test_the_frame_s_most_vertical_axis_is_gravity() -> None:
-    turn = Rotation.from_euler("yx", [30, 10], degrees=True).as_matrix()
-    frame = manhattan_frame(edges_of_a_room(640.0, turn, count=60, noise=0.0, clutter=0, seed=5), WIDTH, HEIGHT)
-    assert frame is not None
-    gravity = gravity_from_manhattan_frame(frame)
-    assert gravity is not None
-    assert gravity.down[1] > 0.9
-    assert np.abs(turn.T @ gravity.down).max() > 0.999
-
-
-def test_segments_of_a_drawn_rectangle_lie_on_its_sides() -> None:
-    import cv2
-
-    image = np.full((300, 400, 3), 40, np.uint8)
-    cv2.rectangle(image, (80, 60), (320, 240), (230, 230, 230), -1)
-    segments = detect_line_segments(open_session("mlsd_large_512", 1), image)
-    assert len(segments) >= 4
-    for side, axis in ((80, 0), (320, 0), (60, 1), (240, 1)):
-        assert np.abs(segments[:, :, axis] - side).max(1).min() < 2.5
 
 
 def test_segments_in_the_made_up_part_are_left_out() -> None:

@@ -11,7 +11,6 @@ import pytest
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_embedded.keypoint_detector import EmbeddedKeypoints, EmbeddedKeypointsOptions
-from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_testing import violations
 
@@ -74,10 +73,3 @@ def test_limbs_beyond_the_edge_of_the_photo_have_no_confidence(people: People) -
     knees_and_below = people.keypoints.confidence[:, 25:33]
     assert knees_and_below[0].mean() > 0.6
     assert knees_and_below[1].max() < 0.2
-
-
-def test_no_people_give_no_rows(detector: EmbeddedKeypoints, image: NDArray[np.uint8]) -> None:
-    nobody = People(np.zeros((0, *image.shape[:2]), bool), np.zeros((0, 4)), np.zeros(0))
-    found = detector.infer(image, nobody)
-    assert found.points.shape == (0, 33, 2)
-    assert found.skeleton == BLAZEPOSE_SKELETON

@@ -202,25 +202,6 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth() -> None:
     assert np.nanquantile(EmbeddedMetricDepth().infer(IMAGE, known).depth / world.depth, 0.02) < 0.9
 
 
-def test_unknown_scene_pixels_stay_unknown(world: World) -> None:
-    assert world.hints.scene is not None
-    valid = world.hints.scene.valid.copy()
-    valid[:20] = False
-    answer = EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, scene=replace(world.hints.scene, valid=valid)))
-    assert np.isnan(answer.depth[:20]).all()
-    assert np.isfinite(answer.depth[20:]).all()
-
-
-def test_missing_hints_are_named(world: World) -> None:
-    for name in ("scene", "bodies"):
-        with pytest.raises(BackendError) as error:
-            EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, **{name: None}))
-        assert str(error.value) == (
-            f"the embedded metric depth needs hints.scene and hints.bodies, and hints.{name} is missing: "
-            "use it in the pipeline, which asks for both before it, or choose a metric depth network"
-        )
-
-
 def test_metric_depth_without_people_or_evidence_of_scale_is_an_error(world: World) -> None:
     nobody = Bodies(world.bodies.parameters[0:0], "embedded")
     with pytest.raises(NoPersonError) as error:

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.errors import BackendError
-from physic_core.types import Hints, Intrinsics, Keypoints, People, Pointmap
-from physic_embedded.networks.depth_anything import network_input_size
+from physic_core.types import Hints, Keypoints, People, Pointmap
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity, manhattan_normal_share
@@ -26,19 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
-
-
-@pytest.mark.parametrize(
-    ("height", "width", "wanted"), [(720, 1280, (518, 924)), (1024, 683, (770, 518)), (400, 400, (518, 518))]
-)
-def test_network_size_keeps_the_aspect_on_multiples_of_14(height: int, width: int, wanted: tuple[int, int]) -> None:
-    assert network_input_size(height, width) == wanted
-
-
-def test_network_size_caps_the_patches_of_a_panorama() -> None:
-    rows, columns = network_input_size(500, 5000)
-    assert rows * columns / 196 < 3800
-    assert columns / rows == pytest.approx(10, rel=0.1)
 
 
 def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has() -> None:
@@ -91,12 +76,6 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
     assert horizon == pytest.approx((HEIGHT - 1) / 2 - FOCAL * down[2] / down[1], abs=2)
     assert floor.inlier_share > 0.5
     assert floor.below_share < 0.01
-
-
-def test_a_wall_is_no_floor() -> None:
-    assert fit_disparity_floor(np.ones((HEIGHT, WIDTH))) is None
-    ceiling = np.linspace(2, 1, HEIGHT)[:, None] * np.ones(WIDTH)
-    assert fit_disparity_floor(ceiling) is None
 
 
 @pytest.mark.parametrize("ahead", [4.0, 6.0, 12.0])
@@ -179,12 +158,6 @@ def test_sky_over_ground_is_infinitely_far() -> None:
     assert found.rule == "the farthest pixels are taken as infinitely far, since the photo has no other cue"
 
 
-def test_nothing_known_of_a_room_leaves_the_default() -> None:
-    found = disparity_at_infinity(np.linspace(2, 5, 400).reshape(20, 20), None, 20.0)
-    assert found.gap == pytest.approx(0.4, rel=0.1)
-    assert found.rule == "the farthest pixels are taken as a wall, since the photo has no other cue"
-
-
 def test_a_standing_person_tells_how_high_the_camera_is() -> None:
     """Without the cue the default horizon would put the camera at twice a person's height."""
     disparity = np.maximum(np.linspace(-1, 5, HEIGHT), 1.0)[:, None] * np.ones(WIDTH)
@@ -258,13 +231,6 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert rule.startswith("the farthest pixels are taken as a wall")
 
 
-def test_a_given_camera_is_respected(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> None:
-    camera = Intrinsics(500.0, 500.0, 640.0, 480.0, 1280, 960)
-    answer = backend.infer(image, Hints(intrinsics=camera))
-    assert answer.intrinsics == camera.resized(320, 240)
-    assert not any("focal" in note for note in answer.notes)
-
-
 def test_the_second_call_agrees_with_the_scene_outside_the_count_people(
     backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
 ) -> None:
@@ -287,24 +253,3 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(
     everybody = People(np.ones((1, 240, 320), bool), np.array([[0.0, 0.0, 320.0, 240.0]]), np.ones(1))
     answer = backend.infer(image, Hints(intrinsics=scene.intrinsics, people=everybody, scene=scene))
     assert answer.notes[0] == "the photo's depth could not be matched to the scene's outside the people"
-
-
-def test_the_same_photo_gives_the_same_points(
-    backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
-) -> None:
-    again = backend.infer(image, Hints(hole=np.zeros((240, 320), bool)))
-    assert np.array_equal(again.points, scene.points)
-
-
-def test_asking_before_loading_is_refused(image: NDArray[np.uint8]) -> None:
-    with pytest.raises(BackendError) as error:
-        EmbeddedPointmap().infer(image, Hints())
-    assert str(error.value) == "the embedded point map is not loaded: call load() before infer()"
-
-
-def test_loading_and_closing_twice_is_harmless() -> None:
-    made = EmbeddedPointmap(EmbeddedPointmap.Options(threads=1, focal_from_edges=False))
-    made.load()
-    made.load()
-    made.close()
-    made.close()

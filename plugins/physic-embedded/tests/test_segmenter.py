@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from physic_core.adapters.detections import box_iou
 from physic_core.adapters.people import boxes_from_masks
-from physic_core.errors import BackendError
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
@@ -86,13 +85,6 @@ def pose_at(center: tuple[float, float], height: float = 200.0, confidence: floa
     )
 
 
-def test_anchors_lie_at_the_middle_of_their_cells() -> None:
-    anchors = anchor_centers(224, DETECTOR_LAYERS)
-    assert anchors.shape == (28 * 28 * 2 + 14 * 14 * 2 + 7 * 7 * 6, 2)
-    np.testing.assert_allclose(anchors[:3], [[0.5 / 28, 0.5 / 28], [0.5 / 28, 0.5 / 28], [1.5 / 28, 0.5 / 28]])
-    np.testing.assert_allclose(anchors[-1], [6.5 / 7, 6.5 / 7])
-
-
 def test_decode_puts_boxes_and_keypoints_at_their_anchor() -> None:
     anchors = anchor_centers(224, DETECTOR_LAYERS)
     raw, logits = np.zeros((len(anchors), 12)), np.full(len(anchors), -100.0)
@@ -113,19 +105,6 @@ def test_decode_averages_what_overlaps_by_score_and_keeps_the_rest() -> None:
     np.testing.assert_allclose(first.box[0], 25 + 10 * 0.6 / 1.4)
     np.testing.assert_allclose([first.score, second.score], [0.8, 0.7])
     np.testing.assert_allclose(second.box[0], 115)
-
-
-def test_nothing_is_decoded_below_the_threshold() -> None:
-    assert decode_detections(np.zeros((3, 12)), np.full(3, -5.0), np.zeros((3, 2)), 224, threshold=0.5) == []
-
-
-@given(st.floats(-500, 500), st.floats(-500, 500), st.floats(1, 2000), st.floats(-7, 7), st.integers(1, 512))
-def test_a_square_carries_points_there_and_back(x: float, y: float, side: float, angle: float, size: int) -> None:
-    square = RotatedSquare(np.array([x, y]), side, angle)
-    points = np.array([[0.0, 0.0], [size, 0.0], [0.3 * size, 1.7 * size]])
-    there = square.to_photo(points, size)
-    np.testing.assert_allclose(np.linalg.norm(there[1] - there[0]), side, rtol=1e-9)
-    np.testing.assert_allclose(square.from_photo(there, size), points, atol=1e-6 * size)
 
 
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
@@ -230,17 +209,6 @@ def test_a_pose_fits_the_box_around_its_joints_and_its_mask() -> None:
     assert box_fit(pose, square + 500) == 0
 
 
-def test_confidence_is_zero_outside_the_photo() -> None:
-    pose = pose_at((100, 100), confidence=0.8)
-    np.testing.assert_allclose(pose.confidence(300, 300), 0.8)
-    assert pose.confidence(300, 150)[[29, 30]].max() == 0
-    assert pose.confidence(300, 150)[0] == 0.8
-
-
-def test_every_joint_but_the_nose_has_one_partner() -> None:
-    assert sorted(j for pair in MIRROR_PAIRS for j in pair) == list(range(1, 33))
-
-
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
 def test_grid_values_land_on_the_pixels_that_the_grid_names(height: int, width: int) -> None:
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), height, width, 1024 / max(height, width))
@@ -280,10 +248,6 @@ def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> No
     assert masks[0, 50:200, 20:140].all()
 
 
-def test_the_box_of_an_empty_mask_is_zero() -> None:
-    np.testing.assert_array_equal(boxes_from_masks(np.zeros((1, 5, 5), bool)), np.zeros((1, 4)))
-
-
 def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo() -> None:
     pose = pose_at((100, 100))
     people = np.zeros((250, 300), bool)
@@ -312,26 +276,6 @@ def test_the_example_photo_has_two_count_people(people: People, image: NDArray[n
     assert people.boxes[0, 2] < 200 < 400 < people.boxes[1, 0]
 
 
-def test_boxes_hold_their_masks_and_no_less(people: People) -> None:
-    for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
-        inner = mask[y0:y1, x0:x1]
-        assert inner.sum() == mask.sum()
-        assert inner[0].any()
-        assert inner[-1].any()
-        assert inner[:, 0].any()
-        assert inner[:, -1].any()
-
-
-def test_clear_joints_lie_on_their_person(people: People) -> None:
-    assert people.keypoints is not None
-    for mask, points, confidence in zip(
-        people.masks, people.keypoints.points, people.keypoints.confidence, strict=True
-    ):
-        near = cv2.dilate(mask.astype(np.uint8), np.ones((9, 9), np.uint8))
-        x, y = np.rint(points[confidence > 0.8]).astype(int).T
-        assert near[y, x].mean() > 0.95
-
-
 def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
     assert people.keypoints is not None
     assert people.keypoints.world is not None
@@ -341,13 +285,6 @@ def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
     assert face_on[0, 1] < -0.4 < 0.4 < face_on[27, 1]
     assert face_on[0, 2] < face_on[[7, 8], 2].mean()
     assert from_behind[0, 2] > from_behind[[7, 8], 2].mean()
-
-
-def test_the_floor_is_low_and_free_of_people(people: People) -> None:
-    assert people.floor is not None
-    assert 0.03 < people.floor.mean() < 0.3
-    assert np.nonzero(people.floor)[0].min() > 240
-    assert not (people.floor & people.masks.any(axis=0)).any()
 
 
 def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]) -> None:
@@ -373,22 +310,6 @@ def test_no_people_are_found_in_an_empty_photo(segmenter: EmbeddedSegmenter, sha
     assert len(found) == 0
     assert found.floor is not None
     assert not found.floor.any()
-
-
-def test_the_same_photo_gives_the_same_count_people(
-    segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]
-) -> None:
-    again = segmenter.infer(image)
-    np.testing.assert_array_equal(again.masks, people.masks)
-    assert people.keypoints is not None
-    assert again.keypoints is not None
-    np.testing.assert_array_equal(again.keypoints.points, people.keypoints.points)
-
-
-def test_a_segmenter_that_is_not_loaded_says_so(image: NDArray[np.uint8]) -> None:
-    with pytest.raises(BackendError) as error:
-        EmbeddedSegmenter().infer(image)
-    assert str(error.value) == "network 'yolox_nano' is not loaded: call load() before infer()"
 
 
 def rectangle(rows: slice, columns: slice = slice(None)) -> NDArray[np.bool_]:

@@ -71,13 +71,6 @@ def test_the_network_gets_blue_first_at_the_top_left_of_a_grey_canvas() -> None:
     np.testing.assert_array_equal(canvas[:, 300, 200], [PADDING_VALUE] * 3)
 
 
-def test_a_score_below_the_lowest_is_no_person() -> None:
-    network = Network(60, 120, score=0.45)
-    image = photo(416, 416, (200, 200))
-    assert len(detect_boxes(network, image, min_score=0.4, min_tile_score=0.5)) > 0  # type: ignore[arg-type]
-    assert len(detect_boxes(network, image, min_score=0.5, min_tile_score=0.5)) == 0  # type: ignore[arg-type]
-
-
 def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge_is_kept() -> None:
     """Tiles of 416 px show the marks at their own size; the full photo of 832 px does not pass ``min_score``."""
     network = Network(60, 120)

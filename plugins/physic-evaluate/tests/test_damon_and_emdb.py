@@ -11,10 +11,9 @@ import pytest
 from PIL import Image
 
 from physic_core.types import ContactPartner
-from physic_evaluate.bodies import BodyFiles
 from physic_evaluate.datasets.emdb import DATA_SET as EMDB
 from physic_evaluate.datasets.emdb import EmdbOptions
-from physic_evaluate.touched_classes import CLASSES, class_of_object, class_of_partner
+from physic_evaluate.touched_classes import class_of_partner
 
 from .miniatures import SIZE, Files, K, figures, moved_by, python2_pickle, rigid, rotation, run, write_plain
 
@@ -75,28 +74,6 @@ def test_objects_are_scored_by_class(damon: tuple[Path, np.ndarray], tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("objects", "message"),
-    [
-        ([{"chair": [6890]}, {}, {}], "must hold vertex ids from 0 to 6889 for 'chair'"),
-        ([{"chair": [0.5]}, {}, {}], "must hold vertex ids from 0 to 6889 for 'chair'"),
-        ([{"chair": [1]}], "must have 3 entries, got 1"),
-        ([["chair"], {}, {}], "must be a dictionary from object to vertex ids for each photo"),
-        ([Path("/"), {}, {}], "holds pathlib.PosixPath, which is refused: only numbers and texts are read"),
-    ],
-)
-def test_damaged_objects_are_refused(damon: tuple[Path, np.ndarray], objects: list, message: str, tmp_path: Path):
-    labels = damon[0] / "Release_Datasets" / "damon" / "hot_dca_test.npz"
-    with np.load(labels) as old:
-        kept = {name: old[name] for name in ("imgname", "contact_label")}
-    rows = np.empty(len(objects), object)
-    rows[:] = objects
-    np.savez(labels, **kept, contact_label_objectwise=rows)
-    done = run("damon", str(damon[0]), "-o", str(tmp_path / "out"))
-    assert done.exit_code != 0
-    assert message in " ".join(done.output.split())
-
-
-@pytest.mark.parametrize(
     ("partner", "name"),
     [
         (ContactPartner("floor", "rug"), "supporting"),
@@ -110,28 +87,6 @@ def test_damaged_objects_are_refused(damon: tuple[Path, np.ndarray], objects: li
 )
 def test_the_class_of_a_partner(partner: ContactPartner, name: str):
     assert class_of_partner(partner) == name
-
-
-def test_objects_without_a_class_of_their_own_are_objects():
-    names = ("couch", "Dining Table", "skateboard", "supporting", "car", "frisbee")
-    assert [class_of_object(name) for name in names] == ["seat", "table", "object", "supporting", "vehicle", "object"]
-    assert all(class_of_object(name) in CLASSES for name in names)
-
-
-def test_contact_of_another_mesh_needs_the_files_of_both(damon: tuple[Path, np.ndarray], tmp_path: Path):
-    for i in range(3):
-        write_plain(tmp_path / "theirs", f"hake_{i}", contact=np.zeros((1, 10475), bool))
-    done = run("damon", str(damon[0]), "-o", str(tmp_path / "out"), "--results", f"theirs=plain:{tmp_path / 'theirs'}")
-    assert done.exit_code == 0, done.output
-    text = (tmp_path / "out" / "table.txt").read_text()
-    assert "carrying them over needs --smpl FILE and --smplx FILE" in text
-    assert not (tmp_path / "out" / "results-theirs.zip").exists()
-
-
-def test_damon_names_missing_photos(damon: tuple[Path, np.ndarray], tmp_path: Path):
-    (damon[0] / "HOT-Annotated" / "images" / "hake_1.jpg").unlink()
-    done = run("damon", str(damon[0]), "-o", str(tmp_path / "out"))
-    assert f"{damon[0]}/datasets/HOT-Annotated/images/hake_1.jpg: picture" in done.output
 
 
 @pytest.fixture(scope="module")
@@ -201,9 +156,3 @@ def test_a_pickle_that_names_code_is_refused(tmp_path: Path, files: Files):
     whole = pickle.dumps({"emdb1": np.ones(1000)}, protocol=2)
     file.write_bytes(whole[:500])
     assert "is not a complete pickle" in EMDB.frames(tmp_path, EmdbOptions(), files.bodies).left_out["P0/0"]
-
-
-def test_emdb_needs_smpl(emdb: Path, tmp_path: Path):
-    done = run("emdb", str(emdb), "-o", str(tmp_path / "out"))
-    assert "EMDB holds parameters of SMPL: give --smpl FOLDER" in done.output
-    assert BodyFiles().rest("smpl") is None

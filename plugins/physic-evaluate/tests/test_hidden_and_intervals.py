@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,9 +9,7 @@ from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Surface, TruePerson, Truth
 from physic_evaluate.intervals import figure
 from physic_evaluate.metrics import COLUMNS
-from physic_evaluate.plots import draw_plots
-from physic_evaluate.scoring import base_record, occluded_share, truncated_share
-from physic_evaluate.tables import latex_table, measure
+from physic_evaluate.scoring import occluded_share, truncated_share
 
 from .miniatures import SIZE, K
 
@@ -67,25 +63,3 @@ def test_views_of_a_moment_are_two_people_and_one_group():
     assert (one.count, one.groups, two.count, two.groups) == (3, 3, 6, 3)
     assert (two.value, two.low, two.high) == (one.value, one.low, one.high)
     assert figure(records(4, 3, 2), column).groups == 4
-
-
-def test_the_plot_has_a_panel_for_each(tmp_path: Path):
-    from PIL import Image
-
-    widths = []
-    for cut in (False, True):
-        own = [r if cut else r | {"truncation": 0.0} for r in records(1, 3, 1)]
-        path = draw_plots(own, measure(own, ["ours"], []), tmp_path / "plots.png")
-        assert path is not None
-        with Image.open(path) as page:
-            widths.append(page.width)
-    assert widths == [round(130 * 5.2) * 2, round(130 * 5.2) * 3]
-
-
-def test_names_of_methods_are_escaped_in_latex():
-    found = {"found": True, "has_result": True, "me_mpjpe": 30.0}
-    names = [r"a_b\c", "50 % ~x^2", "R&D"]
-    own = [base_record(FRAME, name, TruePerson()) | found for name in names]
-    table = latex_table(measure(own, names, []))
-    rows = [line.partition(" & ")[0] for line in table.splitlines()[4:7]]
-    assert rows == [r"a\_b\textbackslash{}c", r"50 \% \textasciitilde{}x\textasciicircum{}2", r"R\&D"]

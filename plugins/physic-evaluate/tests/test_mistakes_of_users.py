@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core.errors import InputError
-from physic_evaluate.datasets.prox import DATA_SET, ProxOptions
 from physic_evaluate.joints import LIMB_JOINTS
 
-from .miniatures import SIZE, Files, K, figures, run, write_plain
-from .prox_miniature import write_prox
+from .miniatures import SIZE, K, figures, run, write_plain
 
 TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
 NAMES = np.array(LIMB_JOINTS)
@@ -81,13 +77,6 @@ def test_missing_frames_are_counted_and_named(root: Path):
     assert found["me_mpjpe"]["value"] == pytest.approx(50)
 
 
-def test_methods_without_a_common_frame_have_no_difference(root: Path):
-    text = call(root, results(root, "one", (0, 1)), results(root, "two", (2,)))
-    assert text.partition("Difference from one")[2].split("\n\n")[1].split() == (
-        ["two", "people", "frames", "in", "common", "0", "of", "3"]
-    )
-
-
 def _one_name(a: dict[str, Any]) -> None:
     a["joint_names"] = NAMES[:5]
 
@@ -120,70 +109,3 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
     file = root.parent / "theirs" / "p1.npz"
     assert f"theirs: 1 of 3 frames without a result: p1 ({reason.format(file=file)}" in text
     assert figures(root.parent / "out", "theirs")["me_mpjpe"] == pytest.approx(0, abs=1e-9)
-
-
-def test_joints_that_a_method_leaves_unknown_are_not_compared(root: Path):
-    theirs = results(root, "theirs", shift=0.03)
-    joints = TRUE[None] + [0.03, 0, 0]
-    joints[0, LIMB_JOINTS.index("left_wrist")] = np.nan
-    write_plain(root.parent / "theirs", "p1", joints=joints, joint_names=NAMES)
-    text = call(root, theirs)
-    assert "theirs: joints compared: 11 (" in text
-    assert figures(root.parent / "out", "theirs")["me_mpjpe"] == pytest.approx(30)
-
-
-def test_a_folder_of_damaged_results_is_refused_with_the_first_reason(root: Path):
-    theirs = results(root, "theirs")
-    for file in (root.parent / "theirs").iterdir():
-        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    folder = root.parent / "theirs"
-    assert call(root, theirs, fails=True) == (
-        f"no result of theirs in {folder} can be used; the first: {folder / 'p0.npz'} cannot be read: it is damaged or "
-        "cut off, copy it again"
-    )
-
-
-def test_own_results_that_are_cut_off(root: Path):
-    folder = root.parent / "ours" / "p0"
-    folder.mkdir(parents=True)
-    (folder / "reconstruction.json").write_text('{"format": ')
-    assert f"no result of ours in {folder.parent} can be used; the first: " in call(
-        root, f"ours={folder.parent}", fails=True
-    )
-
-
-def cut(file: Path) -> None:
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-
-
-def test_a_set_that_is_half_unpacked(files: Files, tmp_path: Path):
-    mini = write_prox(tmp_path / "quantitative", files)
-    names = sorted(mini.vertices)
-    meshes = mini.root / "fittings" / "mosh" / "vicon_03301_01" / "meshes"
-    shutil.rmtree(meshes / names[3].partition("/")[2])
-    cut(next(mini.root.glob("keypoints/*/*_keypoints.json")))
-    next(mini.root.glob("recordings/*/Color/*.jpg")).write_bytes(b"")
-    found = DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
-    assert [frame.id for frame in found.frames] == names[:3]
-    assert found.left_out == {names[3]: f"there is no mesh {meshes / names[3].partition('/')[2] / '000.ply'}"}
-    assert found.frames[0].camera is not None
-    assert (found.frames[0].camera.width, found.frames[0].camera.height) == (480, 270)
-    for file in (meshes / name.partition("/")[2] / "000.ply" for name in names[:3]):
-        file.write_bytes(b"")
-    with pytest.raises(InputError, match=r"has both a mesh and keypoints \(.* is damaged or cut off"):
-        DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
-    (mini.root / "calibration" / "Color.json").write_text("{}")
-    with pytest.raises(InputError, match=r"Color\.json has no 'camera_mtx' of 3 x 3 numbers"):
-        DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
-
-
-def test_a_scan_that_is_cut_off_is_an_error_and_no_empty_table(files: Files, tmp_path: Path):
-    mini = write_prox(tmp_path / "quantitative", files)
-    cut(mini.root / "scenes" / "vicon.ply")
-    for name, vertices in mini.vertices.items():
-        write_plain(tmp_path / "theirs", name, vertices=vertices[None])
-    theirs = f"theirs=plain:{tmp_path / 'theirs'}"
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments())
-    assert done.exit_code == 3
-    assert f"Error: no frame of {mini.root} can be evaluated: {mini.root / 'scenes/vicon.ply'} cannot be" in done.output
-    assert not (tmp_path / "out" / "table.txt").exists()

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from PIL import Image
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_evaluate.datasets.prox import DATA_SET, ProxOptions
 from physic_evaluate.pictures import picture_file
 
-from .miniatures import Files, figures, ring, run, write_plain
+from .miniatures import Files, figures, run, write_plain
 from .prox_miniature import TO_SCENE, Miniature, write_prox
 
 
@@ -73,17 +72,6 @@ def test_5_cm_down_are_5_cm_in_all_of_it(mini: Miniature, files: Files, tmp_path
     assert found["floating_mm"] == 0
 
 
-def test_contact_moved_by_a_ring_is_its_precision(mini: Miniature, files: Files, tmp_path: Path):
-    grown = {name: ring(h <= 0.02, mini.faces) for name, h in mini.height.items()}
-    found = evaluated(mini, files, tmp_path, results(tmp_path, mini, contact=grown.__getitem__))
-    precision = np.mean([(mini.height[n] <= 0.02).sum() / g.sum() for n, g in grown.items()])
-    assert found["recall@2 cm"] == 1
-    assert found["precision@2 cm"] == pytest.approx(precision)
-    assert found["f1_of_means@2 cm"] == pytest.approx(2 * precision / (1 + precision))
-    assert 0 < found["geodesic_fp_cm"] < 2
-    assert found["geodesic_fn_cm"] == 0
-
-
 @pytest.mark.parametrize("frame", ["camera", "scene"])
 def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files: Files, tmp_path: Path, frame: str):
     mini = write_prox(tmp_path / "quantitative", files, frame)
@@ -121,38 +109,6 @@ def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files
     assert done.exit_code != 0
     assert "posed by SMPLX_NEUTRAL.npz, are" in done.output
     assert "the body is male" in done.output
-
-
-def test_damaged_frames_are_left_out_with_their_reason(mini: Miniature, files: Files, tmp_path: Path):
-    theirs = results(tmp_path, mini)
-    names = sorted(mini.vertices)
-    meshes = [mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply" for n in names]
-    meshes[0].write_bytes(meshes[0].read_bytes()[:5000])
-    trimesh.Trimesh(np.random.default_rng(0).random((6890, 3)), [[0, 1, 2]], process=False).export(meshes[1])
-    whole = trimesh.load(meshes[2], process=False)
-    whole.vertices *= 1000
-    whole.export(meshes[2])
-    found = evaluated(mini, files, tmp_path, theirs, "--no-geodesic")
-    assert found["found"] == 1
-    left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
-    assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
-    assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"
-    assert "(millimetres?)" in left_out[names[2]]
-    assert "3 frames left out" in (tmp_path / "out" / "table.txt").read_text()
-
-
-def test_missing_files_are_listed_at_once(mini: Miniature, tmp_path: Path):
-    (mini.root / "vicon2scene.json").unlink()
-    shutil.rmtree(mini.root / "recordings")
-    shutil.rmtree(mini.root / "keypoints")
-    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"))
-    for name in ("vicon2scene.json", "recordings/*/Color/*.jpg", "keypoints/*/*_keypoints.json"):
-        assert f"{mini.root / name}: " in done.output
-    (tmp_path / "list.txt").write_text("# two\nvicon_03301_01/s001_frame_00001__00.00.01.023\nvicon_03301_01/gone\n")
-    options = ProxOptions(frames=str(tmp_path / "list.txt"), mesh_frame="vicon")
-    assert DATA_SET.check(mini.root, options, pictures=False) == [
-        f"{mini.root / 'vicon2scene.json'}: transform from Vicon to the scene"
-    ]
 
 
 def test_a_list_or_every_nth_frame(mini: Miniature, files: Files, tmp_path: Path):

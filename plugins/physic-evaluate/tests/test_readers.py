@@ -13,11 +13,10 @@ import torch
 import trimesh
 
 from physic_core.errors import InputError
-from physic_evaluate.bodies import BodyFiles
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Prediction, TruePerson, Truth
 from physic_evaluate.frame_of_results import check_frame
-from physic_evaluate.readers import READERS, open_reader
+from physic_evaluate.readers import open_reader
 from physic_evaluate.readers.physic_release import point_contact
 
 from .miniatures import SIZE, STANDING, Files, K, moved_by, python2_pickle, rigid, rotation
@@ -190,13 +189,6 @@ def test_torch_tensors_and_code_in_pickles_are_refused_by_name(files: Files, tmp
         open_reader("hsfm", tmp_path / "hsfm", files.bodies).result(frame)
 
 
-def test_parameters_need_the_users_file(files: Files, tmp_path: Path):
-    frame = frame_of()
-    write_human3r(tmp_path, files, frame)
-    with pytest.raises(InputError, match="a SMPLX body needs the user's model file: give --smplx FILE or FOLDER"):
-        open_reader("human3r", tmp_path, BodyFiles()).result(frame)
-
-
 def test_the_world_of_the_data_set_is_found_by_projection(files: Files):
     to_camera = rigid(rotation("y", 30) @ rotation("x", 95), [0.2, 0.4, 3.0])
     camera = Camera(K, *SIZE, to_camera[:3, :3], to_camera[:3, 3])
@@ -210,8 +202,3 @@ def test_the_world_of_the_data_set_is_found_by_projection(files: Files):
         check_frame([(frame, truth, own)], "theirs", "camera")
     check = check_frame([(frame, truth, own)], "theirs", "world")
     assert check.overlap["world"] == pytest.approx(1)
-
-
-def test_a_frame_without_a_file_has_no_result(files: Files, tmp_path: Path):
-    for name in READERS:
-        assert open_reader(name, tmp_path, files.bodies).result(frame_of()) is None

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.errors import InputError
 from physic_evaluate import release_engine
-from physic_evaluate.pose2sim import convert_project, read_trc
+from physic_evaluate.pose2sim import convert_project
 from physic_evaluate.readers.base import archive_arrays
 
 from .miniatures import Files, K, figures, rotation, run
@@ -115,13 +114,6 @@ def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(fil
     assert np.abs(found["vertices"][0, soles, 1] - after).mean() < before
 
 
-def test_a_file_of_the_release_with_other_names_says_which_it_has(files: Files, tmp_path: Path):
-    path = tmp_path / "a.npz"
-    np.savez(path, K=K, scene_points=np.zeros((1, 3)), scene_normals=np.zeros((1, 3)), start_betas=np.zeros(10))
-    with pytest.raises(InputError, match="has no init_betas, init_global_orient, init_body_pose, init_cam_trans"):
-        release_engine.release_problem(archive_arrays(path), path, files.bodies)
-
-
 TRC = """PathFileType\t4\t(X/Y/Z)\tdemo.trc
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames
 30\t30\t2\t2\t{unit}\t30\t0\t2
@@ -162,11 +154,3 @@ def test_a_pose2sim_project_becomes_calibrated_photos(tmp_path: Path, unit: str,
     assert joints["1"][0]["right_hip"] == pytest.approx([0.2, 0.1, 0.9])
     assert (tmp_path / "out" / "cam1_1.png").is_file()
     assert run("show", "calibrated", str(tmp_path / "out")).output.endswith(f"Nothing is missing in {tmp_path}/out.\n")
-
-
-def test_a_trc_file_that_is_cut_off_is_refused(tmp_path: Path):
-    folder = project(tmp_path / "project")
-    file = folder / "pose-3d" / "demo.trc"
-    file.write_text(file.read_text()[:60])
-    with pytest.raises(InputError, match=r"demo.trc is no complete .trc file"):
-        read_trc(file)

@@ -54,14 +54,3 @@ def test_beyond_reach_is_infinite_and_points_without_triangles_are_refused():
     assert index.signed_distance(np.array([[0, 0, 3.0], [np.nan, 0, 0]])).tolist() == [np.inf, np.inf]
     with pytest.raises(InputError, match="the mesh of the scene has no triangles"):
         SceneIndex.build(Surface(np.zeros((4, 3)), np.zeros((0, 3), int)))
-
-
-def test_far_points_get_the_distance_to_a_sheet_of_many_triangles():
-    rng = np.random.default_rng(2)
-    x, y = np.meshgrid(np.linspace(-2, 2, 161), np.linspace(-2, 2, 161), indexing="ij")
-    corner = np.arange(161 * 161).reshape(161, 161)
-    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    index = SceneIndex.build(Surface(np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3), faces))
-    points = rng.uniform([-1, -1, -0.9], [1, 1, 0.9], (200, 3))
-    np.testing.assert_allclose(index.signed_distance(points), points[:, 2], atol=1e-9)

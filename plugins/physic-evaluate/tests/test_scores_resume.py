@@ -74,16 +74,6 @@ def test_what_changed_is_scored_again(root: Path):
     assert "unchanged" not in call(root, "--no-geodesic")
 
 
-def test_a_call_that_was_stopped_goes_on(root: Path):
-    """The journal ends in the middle of a line, as after a power cut."""
-    call(root)
-    journal = root.parent / "out" / "scores" / "journal.jsonl"
-    journal.write_bytes(journal.read_bytes()[:-40])
-    before = document(root)
-    assert unchanged(2) in call(root)
-    assert document(root) == before
-
-
 def test_options_that_change_figures_stand_over_the_tables(root: Path):
     call(root)
     out = root.parent / "out"

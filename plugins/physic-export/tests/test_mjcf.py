@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -188,25 +187,6 @@ def test_people_do_not_collide_with_themselves(text: str):
     assert collide(first, second)
     assert collide(first, floor)
     assert not collide(first, model.geom("person_0"))
-
-
-def test_the_error_of_the_collision_mesh_is_stated(export):
-    (note,) = export("a.xml").notes
-    assert re.search(r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note)
-
-
-def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, text: str):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
-    camera = result.intrinsics
-    assert model.cam("photo").fovy[0] == pytest.approx(
-        2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    up = export_frame(result.scene.floor, "z").from_camera
-    np.testing.assert_allclose(data.cam("photo").xpos, up[:3, 3], atol=1e-5)
-    np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)
 
 
 def test_a_result_without_a_surface_is_a_floor_with_people(export, result: Reconstruction):

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import fields
-from importlib import import_module
-
 import numpy as np
 import pytest
 import torch
@@ -11,7 +8,7 @@ from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Keypoints, People
-from physic_mock import NOISE_VERSION, physic_backends
+from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
@@ -27,7 +24,6 @@ from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions, HandOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.pixels import InpainterOptions, SegmenterOptions
-from physic_mock.recognition import MockOptions
 from physic_testing.worlds import build_world, labels
 
 WORLDS = ("stand", "sit_on_stool", "hug")
@@ -190,25 +186,6 @@ def test_bodies_start_about_where_the_paper_starts():
     assert 300 < np.mean(absolute) < 1100
 
 
-def test_people_may_come_in_any_order_and_not_all(two):
-    whole, swapped = everyone(two), People(two.masks[::-1], two.boxes[::-1], np.ones(2))
-    one = People(two.masks[1:], two.boxes[1:], np.ones(1))
-    detector = MockKeypointDetector()
-    points = detector.infer(two.image, whole).points
-    np.testing.assert_array_equal(detector.infer(two.image, swapped).points, points[::-1])
-    np.testing.assert_array_equal(detector.infer(two.image, one).points, points[1:])
-    estimator = MockBodyEstimator()
-    bodies = [estimator.infer(two.image, p, two.intrinsics, no_keypoints(2), Hints()) for p in (whole, one)]
-    np.testing.assert_array_equal(bodies[1].parameters.transl, bodies[0].parameters.transl[1:])
-
-
-def test_the_inpainter_changes_nothing_outside_the_mask(world):
-    mask = world.masks[0]
-    filled = MockInpainter().infer(world.image, mask)
-    np.testing.assert_array_equal(filled[~mask], world.image[~mask])
-    np.testing.assert_array_equal(filled[mask], world.empty_image[mask])
-
-
 def test_a_picture_without_people_has_the_depth_behind_them(two):
     people = MockSegmenter().infer(two.empty_image)
     assert len(people) == 0
@@ -271,17 +248,6 @@ def test_any_world_is_recognised_by_its_label():
     assert len(MockSegmenter().infer(world.empty_image)) == 0
 
 
-def test_one_label_may_lie_in_the_hole(two):
-    hole = two.masks.any(axis=0)
-    hole[:14, :14] = True
-    image = two.image.copy()
-    image[hole] = 128
-    np.testing.assert_array_equal(
-        MockMetricDepth(TRUE_DEPTH).infer(image, Hints(hole=hole)).depth,
-        known(np.where(hole, two.empty_depth, two.depth)),
-    )
-
-
 def test_rounding_of_another_machine_is_forgiven(two):
     image = two.image.copy()
     image[::3] = np.clip(image[::3].astype(int) + 1, 0, 255)
@@ -308,35 +274,6 @@ def test_contact_for_another_body_brings_the_worlds_mesh(two):
     np.testing.assert_array_equal(found.probability, told.probability)
     assert found.rest.topology == found.topology == two.topology
     assert found.rest.vertices.shape == two.vertices[0].shape
-
-
-@pytest.mark.parametrize("unlike", [0, 1])
-def test_the_same_seed_gives_the_same_answer_and_another_seed_another(two, unlike):
-    bodies = [pose(two, noise_seed=seed).parameters for seed in (0, unlike)]
-    for field in fields(bodies[0]):
-        a, b = (getattr(parameters, field.name) for parameters in bodies)
-        if unlike and field.name in ("global_orient", "body_pose", "betas", "transl"):
-            assert (a != b).any()
-        elif not unlike:
-            np.testing.assert_array_equal(a, b)
-
-
-def test_no_answer_shares_memory_with_the_world(world):
-    people = MockSegmenter(TRUE_MASKS).infer(world.image)
-    bodies = pose(world, noise=0)
-    writable = [people.masks, people.floor, bodies.observed, *vars(bodies.parameters).values()]
-    writable.append(MockInpainter().infer(world.image, np.zeros(world.image.shape[:2], bool)))
-    writable.append(MockKeypointDetector().infer(world.image, people).points)
-    for array in writable:
-        assert array.flags.writeable
-
-
-def test_options_are_shared_by_all_mocks():
-    for record in physic_backends():
-        module, name = record.target.split(":")
-        options = getattr(import_module(module), name).Options
-        assert issubclass(options, MockOptions)
-        assert all(field.description for field in options.model_fields.values())
 
 
 def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
 from physic_core.types import SKELETONS, Hints, Keypoints, People
@@ -14,24 +11,20 @@ from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
-    MockHandEstimator,
     MockKeypointDetector,
     MockMetricDepth,
     MockRelativePointmap,
-    MockSegmenter,
 )
 from physic_mock.body_noise import (
     BONES,
     LIMBS,
     draw_bone_errors,
-    hidden_bones,
 )
 from physic_mock.contact import ContactOptions
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
-from physic_mock.humans import BodyOptions, HandOptions
+from physic_mock.humans import BodyOptions
 from physic_mock.keypoints import KeypointOptions
 from physic_mock.mask_noise import draw_floor_mask, remove_hands_and_feet
-from physic_mock.pixels import SegmenterOptions
 from physic_testing.worlds import build_world
 
 DRAWS = range(300)
@@ -92,13 +85,6 @@ def test_bones_of_a_limb_share_half_of_their_error():
     assert np.corrcoef(errors[:, one], errors[:, other])[0, 1] == pytest.approx(0, abs=0.1)
 
 
-def test_a_bone_is_hidden_when_its_end_is():
-    visible = np.ones(55, bool)
-    visible[[JOINT_INDEX["left_knee"], JOINT_INDEX["right_wrist"]]] = False
-    hidden = {name for name, index in JOINT_INDEX.items() if index < BONES and hidden_bones(visible)[index]}
-    assert hidden == {"left_hip", "right_elbow", "right_wrist"}
-
-
 def test_people_stray_along_their_line_of_sight(world, people):
     true = world.joints[0, 0].astype(float)
     moved = np.array(
@@ -110,20 +96,6 @@ def test_people_stray_along_their_line_of_sight(world, people):
     options = BodyOptions()
     assert along.std() == pytest.approx(options.depth_noise, rel=0.25)
     assert np.sqrt((across**2).sum(axis=1).mean() / 2) == pytest.approx(options.lateral_noise_m, rel=0.25)
-
-
-def test_people_of_a_photo_err_together_in_part():
-    world = build_world("hug", size=SMALL)
-    people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
-    for share, expected in ((1.0, 1.0), (0.5, 0.5), (0.0, 0.0)):
-        z = np.array(
-            [
-                bodies_of(world, people, noise_seed=s, depth_share=share, lateral_noise_m=0).parameters.transl[:, 2]
-                for s in range(60)
-            ]
-        )
-        z = np.log(z - world.parameters.transl[:, 2] + world.joints[:, 0, 2])
-        assert np.corrcoef(z.T)[0, 1] == pytest.approx(expected, abs=0.5 * (1 - expected) + 1e-3)
 
 
 def test_stature_errs_by_its_own_share_whatever_the_shape_does(world, people):
@@ -139,26 +111,6 @@ def test_stature_errs_by_its_own_share_whatever_the_shape_does(world, people):
     options = BodyOptions()
     assert np.log(stature / true).std() == pytest.approx(options.stature_noise, rel=0.25)
     assert (betas - world.parameters.betas)[:, 4:].std() == pytest.approx(options.shape_noise, rel=0.25)
-
-
-def test_twice_the_noise_is_twice_the_same_error(world, people):
-    once, twice = (bodies_of(world, people, noise=n, lateral_noise_m=0).parameters for n in (1, 2))
-    betas = world.parameters.betas
-    np.testing.assert_allclose(twice.betas - betas, 2 * (once.betas - betas), atol=1e-5)
-    pelvis = world.joints[0, 0] - world.parameters.transl[0]
-    lengths = [np.linalg.norm(p.transl[0] + pelvis) for p in (world.parameters, once, twice)]
-    assert np.log(lengths[2] / lengths[0]) == pytest.approx(2 * np.log(lengths[1] / lengths[0]), rel=1e-4)
-
-
-def test_hands_err_and_are_missed(world, people):
-    keypoints = Keypoints(np.zeros((1, 17, 2)), np.zeros((1, 17)), "coco17")
-    answers = [MockHandEstimator(HandOptions(noise_seed=s)).infer(world.image, people, keypoints) for s in range(100)]
-    seen = world.joints_visible[0, [20, 21]]
-    found = np.array([a.confidence[0] > 0 for a in answers])[:, seen]
-    assert found.mean() == pytest.approx(0.9, abs=0.07)
-    true = Rotation.from_rotvec(world.parameters.left_hand_pose.reshape(15, 3))
-    turns = [(true.inv() * Rotation.from_rotvec(a.rotvecs[0, 0])).as_rotvec() for a in answers]
-    assert np.degrees(np.std(turns)) == pytest.approx(HandOptions().noise_deg, rel=0.1)
 
 
 # --- contact ----------------------------------------------------------------------------------------------------------
@@ -215,20 +167,6 @@ def replace_seed(options, seed):
     return options.model_copy(update={"noise_seed": seed})
 
 
-def test_sky_has_no_depth_and_no_point(world, monkeypatch):
-    depth, empty = world.depth.copy(), world.empty_depth.copy()
-    depth[:20], empty[:20] = np.inf, np.inf
-    outdoors = replace(world, depth=depth, empty_depth=empty)
-    monkeypatch.setattr("physic_mock.recognition.build_world", lambda *_: outdoors)
-    metric = MockMetricDepth().infer(world.image, Hints())
-    assert np.isnan(metric.depth[:20]).all()
-    assert np.isfinite(metric.depth[20:]).all()
-    for unknown in ("scale_shift", "inverse_scale_shift"):
-        answer = MockRelativePointmap(RelativePointmapOptions(unknown=unknown)).infer(world.image, Hints())
-        assert not answer.valid[:20].any()
-        assert answer.valid[20:].all()
-
-
 def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(world):
     background = ~world.masks.any(axis=0)
     quiet = {"unknown": "scale", "scale_sigma": 0, "photo_scale_sigma": 0, "smear_px": 0}
@@ -269,22 +207,6 @@ def test_a_floor_takes_in_and_leaves_out(world):
     np.testing.assert_array_equal(draw_floor_mask(nothing, 0, 8, 1, rng()), nothing)
 
 
-def test_floors_are_missed_now_and_then(world):
-    quiet = {"raggedness_px": 0, "missed_ends": 0, "strays": 0, "floor_spills": 0}
-    floors = [MockSegmenter(SegmenterOptions(noise_seed=s, **quiet)).infer(world.image).floor for s in range(120)]
-    assert np.mean([floor is None for floor in floors]) == pytest.approx(0.15, abs=0.07)
-
-
-def test_masks_hold_at_any_noise(world):
-    for seed in range(5):
-        people = MockSegmenter(SegmenterOptions(noise=3, noise_seed=seed)).infer(world.image)
-        assert (people.masks.sum(axis=0) <= 1).all()
-        if people.floor is not None:
-            assert not (people.floor & world.masks.any(axis=0)).any()
-        for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes.astype(int), strict=True):
-            assert mask[y0:y1, x0:x1].sum() == mask.sum()
-
-
 def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
     options = KeypointOptions(skeleton="coco17", swapped=1, point_noise=0, hidden_noise=0)
     points = MockKeypointDetector(options).infer(world.image, people).points[0]
@@ -297,17 +219,3 @@ def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
             )
         else:
             np.testing.assert_array_equal(points[i], true[i])
-
-
-def test_some_hidden_points_look_sure():
-    world = build_world("hug", size=SMALL)
-    people = People(world.masks.copy(), world.boxes.copy(), np.ones(2))
-    hidden = ~world.visible["blazepose33"]
-    assert hidden.any()
-    sure = [
-        (MockKeypointDetector(KeypointOptions(noise_seed=s, swapped=0)).infer(world.image, people).confidence > 0.8)[
-            hidden
-        ]
-        for s in range(100)
-    ]
-    assert np.mean(sure) == pytest.approx(0.1, abs=0.04)

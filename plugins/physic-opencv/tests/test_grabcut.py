@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, ConfigError
+from physic_core.errors import BackendError
 from physic_opencv.grabcut import GrabCut, GrabCutOptions
 
 HEIGHT, WIDTH = 180, 240
@@ -87,40 +87,6 @@ def test_a_large_photo_is_cut_on_a_reduced_crop():
     print(f"IoU {iou(people.masks[0], whole):.3f}")
     assert people.masks.shape == (1, 4 * HEIGHT, 4 * WIDTH)
     assert iou(people.masks[0], whole) > 0.95
-
-
-def test_the_answer_is_the_same_each_time():
-    image, options = scene(ellipse((120, 90), (30, 60))), GrabCutOptions(boxes=[(82, 22, 158, 158)])
-    one, two = GrabCut(options).infer(image), GrabCut(options).infer(image)
-    np.testing.assert_array_equal(one.masks, two.masks)
-    np.testing.assert_array_equal(one.scores, two.scores)
-
-
-def test_a_missing_box_is_an_error():
-    with pytest.raises(ConfigError) as caught:
-        GrabCut().infer(scene())
-    assert str(caught.value) == (
-        "GrabCut finds nobody by itself: give options.boxes = [[x0, y0, x1, y1]] or options.keypoints = "
-        "[[[x, y], ...]] for each person, or choose a segmenter with a detector."
-    )
-
-
-def test_a_box_beside_the_photo_is_refused():
-    with pytest.raises(ConfigError) as caught:
-        GrabCut(GrabCutOptions(boxes=[(300, 20, 400, 90)])).infer(scene())
-    assert str(caught.value) == (
-        "A box of GrabCut holds too little of the 240 x 180 px image: [300.0, 20.0, 240.0, 90.0] px after clipping. "
-        "Give x0 y0 x1 y1 in px of the upright image, at least 4 px wide and high."
-    )
-
-
-def test_a_box_round_everything_is_refused():
-    with pytest.raises(BackendError) as caught:
-        GrabCut(GrabCutOptions(boxes=[(0, 0, 240, 180)])).infer(scene())
-    assert str(caught.value) == (
-        "GrabCut needs some background, but the box [0.0, 0.0, 240.0, 180.0] px covers the whole image: "
-        "give a smaller box, or keypoints."
-    )
 
 
 def test_a_box_in_which_nothing_stands_out_is_refused():

@@ -13,10 +13,9 @@ from typing import Any
 
 import pytest
 
-from physic_serve.pages import STATIC
 from physic_serve.worker import Message, Task
 
-from .conftest import PHOTO, Served, jpeg
+from .conftest import PHOTO, Served
 
 Serve = Callable[..., Served]
 HTML = {"accept": "text/html,*/*"}
@@ -288,14 +287,6 @@ def test_a_worker_that_ends_without_a_photo_costs_none(serve: Serve):
     assert len(served.workers) == 2
 
 
-def test_all_results_are_deleted_at_the_end(serve: Serve, tmp_path: Path):
-    served = serve()
-    served.release.set()
-    served.wait(served.post().json()["id"])
-    served.jobs.close()
-    assert not (tmp_path / "results-0").exists()
-
-
 def test_a_browser_gets_pages(serve: Serve):
     served = serve(queue=1)
     start = served.client.get("/", headers=HTML).text
@@ -355,60 +346,3 @@ def test_the_page_of_a_result_lists_its_files_for_people_first(serve: Serve):
     # A worker without a plugin that makes reports writes none.
     assert f'<img src="/reconstructions/{posted}/files/preview.png"' in text
     assert "<iframe" not in text
-
-
-def test_the_pages_have_the_colours_of_the_report(serve: Serve):
-    def colours(css: str) -> dict[str, list[str]]:
-        return {
-            name: re.findall(rf"--{name}: ([^;]+);", css) for name in ("page", "card", "text", "soft", "line", "bad")
-        }
-
-    report = Path(__file__).parents[2] / "physic-viewer" / "physic_viewer" / "report" / "page" / "report.css"
-    assert colours(serve().client.get("/static/style.css").text) == colours(report.read_text())
-
-
-@pytest.mark.parametrize("name", STATIC)
-def test_the_files_of_the_pages_are_served_and_name_no_other_server(serve: Serve, name: str):
-    found = serve().client.get(f"/static/{name}")
-    assert found.status_code == 200
-    assert "//" not in re.sub(r"^//.*$", "", found.text, flags=re.M)
-
-
-def test_the_interface_is_described(serve: Serve):
-    described = serve().client.get("/openapi.json").json()
-    assert {(path, method) for path, methods in described["paths"].items() for method in methods} == {
-        ("/reconstructions", "post"),
-        ("/reconstructions/{name}", "get"),
-        ("/reconstructions/{name}", "delete"),
-        ("/reconstructions/{name}/events", "get"),
-        ("/reconstructions/{name}/files/{file}", "get"),
-        ("/health", "get"),
-    }
-    post = described["paths"]["/reconstructions"]["post"]
-    assert set(post["responses"]) == {"202", "400", "408", "413", "415", "422", "503", "507"}
-    assert set(post["requestBody"]["content"]) == {"multipart/form-data", "image/*"}
-
-
-def test_ten_clients_at_once(serve: Serve):
-    """Good and broken uploads together: each gets its own answer, and every good photo its own result."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    served = serve(queue=20, upload_mb=0.2)
-    served.release.set()
-    broken = [b"", b"<html>", b"PK\x03\x04bomb", b"\xff\xd8\xff" + bytes(300_000)]
-
-    def client(number: int) -> list[tuple[int, str]]:
-        uploads = [jpeg(70 + number), broken[number % 4], jpeg(90 + number)]
-        answers: list[Any] = [
-            served.client.post("/reconstructions", files={"photo": (f"../{number}.jpg", upload)}) for upload in uploads
-        ]
-        return [(found.status_code, found.json().get("id", "")) for found in answers]
-
-    with ThreadPoolExecutor(10) as pool:
-        answers = list(pool.map(client, range(10)))
-    assert [[status for status, _ in found] for found in answers] == [
-        [202, (400, 415, 415, 413)[number % 4], 202] for number in range(10)
-    ]
-    names = {name for found in answers for status, name in found if status == 202}
-    assert len(names) == 20
-    assert {served.wait(name)["state"] for name in names} == {"done"}

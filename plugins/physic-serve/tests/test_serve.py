@@ -24,7 +24,7 @@ from PIL import Image
 
 from physic_core import Reconstruction
 from physic_core.cli import main
-from physic_serve.command import exposure_warning, is_loopback
+from physic_serve.command import is_loopback
 from physic_testing import build_world
 
 pytestmark = pytest.mark.slow
@@ -195,52 +195,12 @@ def test_a_person_uploads_a_photo_in_the_browser(address: str, photo: Path, chro
     page.close()
 
 
-def test_a_photo_is_dropped_in_the_browser(address: str, photo: Path, chromium: Any):
-    page = chromium.open(f"{address}/", 420, 900)
-    page.evaluate(
-        """(() => {
-          const data = new DataTransfer();
-          data.items.add(new File([new Uint8Array(6e6)], "large.jpg"));
-          document.querySelector(".drop").dispatchEvent(new DragEvent("drop", {dataTransfer: data, cancelable: true}));
-        })()"""
-    )
-    assert page.evaluate("document.querySelector('input[type=file]').files[0].name") == "large.jpg"
-    assert page.evaluate("document.querySelector('.drop span').textContent") == "large.jpg, 6.0 MB"
-    warning = "This file is larger than 5 MB, and the server will refuse it."
-    assert page.evaluate("document.querySelector('.warning:not([hidden])').textContent") == warning
-    page.close()
-
-
-def test_a_broken_photo_in_the_browser_leads_to_a_page(address: str, chromium: Any, tmp_path: Path):
-    (tmp_path / "page.jpg").write_text("<html></html>")
-    page = chromium.open(f"{address}/", 420, 900)
-    root = page.call("DOM.getDocument")["root"]["nodeId"]
-    field = page.call("DOM.querySelector", nodeId=root, selector="input[type=file]")["nodeId"]
-    page.call("DOM.setFileInputFiles", nodeId=field, files=[str(tmp_path / "page.jpg")])
-    page.evaluate("document.querySelector('button').click()")
-    page.wait("document.querySelector('h1')?.textContent === 'It did not work'")
-    assert "the file is not a photo" in page.evaluate("document.body.innerText")
-    page.close()
-
-
 @pytest.mark.parametrize(
     ("host", "loopback"),
     [("127.0.0.1", True), ("::1", True), ("localhost", True), ("127.8.8.8", True), ("0.0.0.0", False), ("a.b", False)],
 )
 def test_only_the_loopback_is_not_warned_about(host: str, loopback: bool):
     assert is_loopback(host) is loopback
-
-
-def test_the_warning_names_the_address_and_what_to_do():
-    assert exposure_warning("0.0.0.0") == (
-        "Warning: 0.0.0.0 can be reached by other machines. There is no password and no encryption: put a server in "
-        "front that has both, or use the default 127.0.0.1."
-    )
-
-
-def test_an_unknown_format_is_refused():
-    done = CliRunner().invoke(main, ["serve", "--export", "gltf"])
-    assert (done.exit_code, "cannot export to 'gltf'" in done.stderr) == (3, True)
 
 
 def test_a_wrong_option_is_an_error_before_anything_is_loaded():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import time
 from pathlib import Path
@@ -16,7 +15,6 @@ from physic_core.cli import main
 from physic_core.errors import InputError
 from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command
-from physic_viewer.drawing import PARTS
 from physic_viewer.shapes import build_shapes, nearest_on_ray
 from physic_viewer.sources import Source
 from physic_viewer.text import escape
@@ -120,35 +118,10 @@ def test_the_first_view_shows_all_people_and_the_camera(saved, result, viewer_of
     assert np.abs((points - position) @ right / depth).max() < 1.2 * np.tan(camera.fov / 2)
 
 
-def test_the_panel_has_the_colours_of_contact_that_are_shown(saved, viewer_of):
-    viewer = viewer_of(saved)
-    red, green, blue = CONTACT_PALETTE["floor"]
-    assert f"rgb({red}, {green}, {blue})" in viewer.legend.content
-    assert re.sub(r"<[^>]*>", " ", viewer.legend.content).split() == ["Contact", "with", "floor"]
-    for name in ("contact", "people"):
-        viewer.switches[name].value = False
-        viewer._show()
-        assert viewer.legend.content == ""
-        viewer.switches[name].value = True
-
-
 def test_contact_has_the_colour_of_what_is_touched(result):
     for body in build_shapes(result).bodies:
         np.testing.assert_array_equal(np.unique(body.contact_colors, axis=0), [CONTACT_PALETTE["floor"]])
         assert len(body.contact_colors) == len(body.contact_vertices)
-
-
-def test_switches_hide_their_part_in_all_results(saved, viewer_of):
-    viewer = viewer_of(saved, saved)
-    for name, shown in PARTS.items():
-        assert [slot.drawn.is_shown(name) for slot in viewer.slots] == [shown, shown]
-        viewer.switches[name].value = not shown
-        viewer._show()
-        assert [slot.drawn.is_shown(name) for slot in viewer.slots] == [not shown, not shown]
-        viewer.switches[name].value = shown
-    viewer.switches["people"].value = False
-    viewer._show()
-    assert not viewer.slots[0].drawn.is_shown("contact")
 
 
 def test_a_click_selects_a_person_and_two_clicks_measure(saved, result, viewer_of):
@@ -219,12 +192,6 @@ def test_the_command_prints_the_address_and_ends_at_ctrl_c(saved, monkeypatch, h
         if host == "127.0.0.1"
         else ["warning: whoever reaches 0.0.0.0 can see these photos; --host 127.0.0.1 is this machine only"]
     )
-
-
-def test_without_following_a_folder_must_have_a_result(tmp_path):
-    done = CliRunner().invoke(main, ["view", str(tmp_path), "--no-follow"])
-    assert done.exit_code == 3
-    assert done.output == f"Error: no result in {tmp_path}: name the folder of a finished run, or let it follow\n"
 
 
 def pixels_of(picture: np.ndarray, color: tuple[int, int, int]) -> int:

@@ -18,6 +18,7 @@ from physic_testing.conformance.truth import (
     embedded_body,
     mirrored_order,
     model_of,
+    parameters_of_model,
     posed_bodies,
     rotation_errors_deg,
 )
@@ -72,10 +73,8 @@ def check_angles_are_radians(subject: BackendUnderTest) -> None:
 
 def check_joints_suffice_to_convert_bodies(subject: BackendUnderTest) -> None:
     """Joints of another body model include both hips, and both shoulders or the neck, for the conversion."""
-    from physic_core.body.conversion import convert_bodies
-
     bodies = subject.result()
-    carried = convert_bodies(bodies, model_of(bodies)).parameters.transl
+    carried = parameters_of_model(bodies).transl
     lost = np.isnan(carried[:, 0]) & np.isfinite(bodies.parameters.transl[:, 0])
     expect(
         not lost.any(),
@@ -239,11 +238,9 @@ def _people(subject: BackendUnderTest) -> list[list[_Person]]:
     """Return the people of each photo."""
     from scipy.spatial.transform import Rotation
 
-    from physic_core.body.conversion import convert_bodies
-
     photos = []
     for case, bodies in subject.evidence():
-        given, truth = convert_bodies(bodies, model_of(bodies)).parameters, case.truth
+        given, truth = parameters_of_model(bodies), case.truth
         joints, true = posed_bodies(bodies)[1][:, :_BODY], truth.joints[:, :_BODY].astype(np.float64)
         at, place = joints[:, 0], true[:, 0]
         across = (at[:, :2] / at[:, 2:] - place[:, :2] / place[:, 2:]) * place[:, 2:]

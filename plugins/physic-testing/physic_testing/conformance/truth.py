@@ -10,8 +10,18 @@ import numpy as np
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
+    from physic_core.body.correspondence import Correspondence
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, BoolArray, ContactProbability, FloatArray, Keypoints, Skeleton
+    from physic_core.types import (
+        Bodies,
+        BodyParameters,
+        BoolArray,
+        ContactProbability,
+        FloatArray,
+        Keypoints,
+        RestMesh,
+        Skeleton,
+    )
     from physic_testing.worlds import World
 
 __all__ = [
@@ -20,6 +30,7 @@ __all__ = [
     "embedded_body",
     "mirrored_order",
     "model_of",
+    "parameters_of_model",
     "posed_bodies",
     "rotation_errors_deg",
     "true_hands",
@@ -97,12 +108,10 @@ def posed_bodies(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """
     import torch
 
-    from physic_core.body.conversion import convert_bodies
     from physic_core.body.parameters import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
-    model = model_of(bodies)
-    p = convert_bodies(bodies, model).parameters
+    model, p = model_of(bodies), parameters_of_model(bodies)
     with torch.no_grad():
         out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
     return out.vertices.double().numpy(), out.joints.double().numpy()
@@ -131,9 +140,30 @@ def model_of(bodies: Bodies) -> BodyModel:
     return embedded_body()
 
 
+def parameters_of_model(bodies: Bodies) -> BodyParameters:
+    """Convert bodies to the model of :func:`model_of`, and return their parameters."""
+    from physic_core.body.conversion import convert_with_residuals
+
+    return convert_with_residuals(bodies, model_of(bodies), _find_correspondence).bodies.parameters
+
+
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
     """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
-    from physic_core.body import load_body
     from physic_core.body.conversion import convert_contact
 
-    return convert_contact(answer, load_body("embedded"))
+    return convert_contact(answer, embedded_body(), _find_correspondence)
+
+
+def _find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
+    """Find the correspondence of two meshes; those of the last meshes are cached, as a search takes half a second."""
+    arrays = np.asarray(rest.vertices, np.float64), np.asarray(rest.faces, np.int64)
+    return _correspondence_of(rest.topology, arrays[0].tobytes(), arrays[1].tobytes(), model)
+
+
+@lru_cache(maxsize=4)
+def _correspondence_of(topology: str, vertices: bytes, faces: bytes, model: BodyModel) -> Correspondence:
+    from physic_core.body.correspondence import find_correspondence
+    from physic_core.types import RestMesh
+
+    points = np.frombuffer(vertices, np.float64).reshape(-1, 3)
+    return find_correspondence(RestMesh(topology, points, np.frombuffer(faces, np.int64).reshape(-1, 3)), model)

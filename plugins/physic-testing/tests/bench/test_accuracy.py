@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-import shlex
 import subprocess
 import sys
 from dataclasses import fields, is_dataclass
@@ -22,11 +20,10 @@ from physic_core.errors import ConfigError, PhysicError
 from physic_testing.bench import run_worlds, world_evidence
 from physic_testing.bench.evidence_file import load_evidence, save_evidence
 from physic_testing.bench.results import summarise_records, write_results
-from physic_testing.bench.run_worlds import BenchmarkJob, run_cases, run_world
+from physic_testing.bench.run_worlds import BenchmarkJob, run_world
 from physic_testing.bench.table_rows import ablation_rows, select_rows
-from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence
-from physic_testing.commands.bench import bench as bench_commands
-from physic_testing.worlds import WORLDS, build_world
+from physic_testing.bench.world_evidence import WorldCase, estimate_evidence
+from physic_testing.worlds import build_world
 
 SIZE = (160, 120)
 CASE = WorldCase("stand", 0, SIZE)
@@ -160,22 +157,6 @@ def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     assert "| PA-MPJPE mm |" in paths[2].read_text()
 
 
-def test_each_action_comes_equally_often_and_a_seed_gives_the_same_worlds():
-    found = benchmark_cases(2 * len(WORLDS), 5, SIZE)
-    assert found == benchmark_cases(2 * len(WORLDS), 5, SIZE)
-    assert sorted(case.name for case in found) == sorted(2 * WORLDS)
-    assert found != benchmark_cases(2 * len(WORLDS), 6, SIZE)
-    assert len(set(found)) == len(found)
-
-
-def test_two_processes_find_what_one_finds(config, tmp_path):
-    work = BenchmarkJob(config, select_rows("default", ["start"]), tmp_path)
-    asked = [CASE, WorldCase("lie", 0, SIZE)]
-    alone = {record["name"]: record["rows"] for record in run_cases(asked, BenchmarkJob(config, work.rows, None))}
-    several = {record["name"]: record["rows"] for record in run_cases(asked, work, jobs=2)}
-    assert several == alone
-
-
 # ---- the command -----------------------------------------------------------------------------------------------------
 
 
@@ -187,13 +168,6 @@ def bench(*arguments):
 def known_worlds(monkeypatch):
     """Worlds that other tests build too, in the place of drawn ones."""
     monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count)
-
-
-def test_bench_alone_says_what_there_is():
-    told = bench()
-    assert "accuracy" in told.output
-    assert "speed" in told.output
-    assert "pip install -e plugins/physic-mock" in told.output
 
 
 @pytest.mark.parametrize(
@@ -211,15 +185,6 @@ print(sorted({{m.partition(".")[0] for m in sys.modules}} & {{"torch", "numpy", 
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_every_command_of_the_page_can_be_given(repository):
-    page = (repository / "benchmarks" / "README.md").read_text()
-    lines = [line for block in re.findall(r"^```sh\n(.*?)^```", page, re.M | re.S) for line in block.splitlines()]
-    commands = [shlex.split(line) for line in lines if line.startswith("physic bench ")]
-    assert commands
-    for words in commands:
-        bench_commands.commands[words[2]].make_context(words[2], words[3:])
 
 
 def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
@@ -277,10 +242,3 @@ def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkey
     assert "1 of 3 worlds" in told.output
     document = json.loads((tmp_path / "results.json").read_text())
     assert (document["complete"], document["worlds_done"]) == (False, 1)
-
-
-def test_without_the_mock_plugin_the_command_names_the_package_to_install(tmp_path, monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-testing")
-    told = bench("accuracy", "-o", str(tmp_path / "out"))
-    assert told.exit_code == 2
-    assert "pip install -e plugins/physic-mock" in told.output

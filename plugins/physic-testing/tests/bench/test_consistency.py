@@ -8,18 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.body.posture import is_body_straight, lean_deg
+from physic_core.body.posture import lean_deg
 from physic_core.types import BodyParameters, Intrinsics, Person, Plane, Reconstruction, Scene
 from physic_testing.bench.consistency import (
     consistency,
-    contact_distance,
-    inside_share,
-    keypoint_error_px,
     lowest_height,
     summarise,
 )
@@ -119,36 +114,9 @@ def test_a_lean_towards_the_camera_is_measured_with_its_sign(model, lean):
     assert total == pytest.approx(abs(part), abs=0.5)
 
 
-def test_a_bent_person_does_not_stand(model):
-    assert is_body_straight(standing(model).joints)
-    assert not is_body_straight(standing(model, knee=1.0).joints)
-    (person,) = consistency(reconstruction_of(model, [standing(model, knee=1.0)]), model)
-    assert math.isnan(person.lean_deg)
-
-
 def test_without_a_floor_heights_are_unknown():
     assert math.isnan(lowest_height(np.zeros((2, 3)), None))
     assert lowest_height(np.array([[0, 1.0, 3], [0, 1.4, 3]]), FLOOR) == pytest.approx(0.1)
-
-
-def test_only_seen_keypoints_count():
-    projected = np.zeros((4, 2))
-    keypoints = np.array([[3.0, 4.0], [100.0, 0.0], [-5.0, 0.0], [0.0, 1.0]])
-    confidence = np.array([0.9, 0.1, 0.9, 0.3])
-    assert keypoint_error_px(projected, keypoints, confidence, size=(50, 50)) == pytest.approx(3.0)
-    assert math.isnan(keypoint_error_px(projected, keypoints, np.zeros(4), size=(50, 50)))
-
-
-def test_the_contact_distance_is_a_median_over_known_contacts():
-    distance = np.array([0.01, -0.03, np.inf, 0.5, 0.02])
-    contact = np.array([True, True, True, False, True])
-    assert contact_distance(distance, contact) == pytest.approx(0.02)
-    assert math.isnan(contact_distance(distance, np.zeros(5, bool)))
-
-
-@given(st.lists(st.floats(-0.2, 0.2) | st.just(math.inf), min_size=1, max_size=30))
-def test_the_share_inside_counts_what_is_deep(distances):
-    assert inside_share(np.array(distances)) == pytest.approx(sum(d < -0.03 for d in distances) / len(distances))
 
 
 def test_a_photo_is_summarised_over_its_people(model):

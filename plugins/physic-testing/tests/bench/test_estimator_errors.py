@@ -95,16 +95,6 @@ def test_a_nearer_body_and_swapped_keypoints_are_measured(estimates, truth, mode
     assert not first["swap_arms"]
 
 
-def test_unknown_truth_is_not_counted(estimates, truth, model):
-    blind = replace(truth, up=None, camera_known=False, points_known=False, touches=())
-    records = estimator_records(estimates, blind, model)
-    assert records["keypoints"] == records["contact"] == records["segments"] == []
-    assert "floor_scale_log" not in records["depth"][0]
-    assert set(records["bodies"][0]) == {
-        *("pa_mpjpe_mm", "bones_log", "upper_arm_log", "forearm_log", "thigh_log", "shank_log"),
-    }
-
-
 def test_statistics_have_intervals_over_photos():
     records = {"bodies": [{"photo": f"{k}", "pa_mpjpe_mm": float(10 * k)} for k in range(1, 10)]}
     figures = statistics_of(records)

@@ -23,13 +23,3 @@ def test_the_parts_of_a_photo_without_people_add_up(tmp_path):
     assert cost["networks"]["depth_anything_v2_vits_int8"] < cost["total"]
     assert 0 < cost["imports"] < cost["total"]
     assert cost["yardstick"] > 0
-
-
-def test_a_failed_run_is_reported_with_its_last_line(tmp_path):
-    Image.new("RGB", (64, 48)).save(tmp_path / "photo.png")
-    done = CliRunner().invoke(
-        main, ["bench", "photo", str(tmp_path / "photo.png"), "--repeats", "1", "--preset", "no-such"]
-    )
-    assert done.exit_code == 1
-    assert f"the measured run of {tmp_path}/photo.png ended with code 1: " in done.output
-    assert "no-such" in done.output

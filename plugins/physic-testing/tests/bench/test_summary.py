@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_testing.bench.summary import by_action, row_difference, row_statistics, truth_statistics
+from physic_testing.bench.summary import by_action, row_difference, row_statistics
 
 
 def person(hits=0, alarms=0, misses=0, **numbers):
@@ -75,13 +75,6 @@ def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
     assert min(values) - slack <= found.low <= found.high <= max(values) + slack
 
 
-def test_the_interval_of_many_worlds_is_that_of_the_normal_distribution():
-    rng = np.random.default_rng(0)
-    values = rng.normal(100, 20, 400)
-    found = row_statistics([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
-    assert (found.high - found.low) / 2 == pytest.approx(1.96 * values.std() / 20, rel=0.08)
-
-
 def test_people_of_one_world_are_drawn_together():
     values = np.random.default_rng(0).normal(100, 20, 50)
     alone = row_statistics([record(person(mpjpe_mm=v)) for v in values], "full").figures["mpjpe_mm"]
@@ -95,28 +88,6 @@ def test_rows_are_compared_on_the_same_draws():
     change = row_difference(row_statistics(records, "full"), row_statistics(records, "start"), "mpjpe_mm")
     assert change.value == pytest.approx(-5)
     assert (change.low, change.high) == (pytest.approx(-5), pytest.approx(-5))
-
-
-def test_the_truth_has_figures_of_its_own():
-    found = truth_statistics([record(person(), person())])
-    assert found["floating_mm"].value == 11
-    assert found["penetration_mm"].value == 0
-    assert found["penetration_mm"].count == 2
-
-
-def test_results_are_grouped_by_action():
-    records = [
-        record(person(pa_mpjpe_mm=10.0, hidden_limbs_pa_mm=None), action="stand", start=[person(pa_mpjpe_mm=40.0)]),
-        record(person(pa_mpjpe_mm=30.0, hidden_limbs_pa_mm=60.0), action="lie", start=[person(pa_mpjpe_mm=50.0)]),
-        record(person(pa_mpjpe_mm=20.0, hidden_limbs_pa_mm=20.0), action="lie", start=[person(pa_mpjpe_mm=60.0)]),
-    ]
-    found = by_action(records, ["start", "full"])
-    assert list(found) == ["stand", "lie"]
-    assert (found["lie"]["full"]["people"], found["lie"]["full"]["hidden_limbs_people"]) == (2, 2)
-    assert (found["lie"]["start"]["pa_mpjpe_mm"], found["lie"]["full"]["pa_mpjpe_mm"]) == (55, 25)
-    assert found["lie"]["full"]["hidden_limbs_pa_mm"] == 40
-    assert found["stand"]["full"]["hidden_limbs_people"] == 0
-    assert np.isnan(found["stand"]["full"]["hidden_limbs_pa_mm"])
 
 
 def test_hidden_limbs_are_compared_person_by_person():

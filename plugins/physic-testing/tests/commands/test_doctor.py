@@ -96,16 +96,3 @@ def test_a_refused_record_and_a_missing_module_are_broken(site):
         "BROKEN   segmenter 'new' (physic-sick 1.0): written for version 2 of the interface segmenter, and this "
         "physic-core has version 1: upgrade physic-core",
     ]
-
-
-def test_plugins_of_another_entry_point_group_are_named_with_the_cure(site, monkeypatch):
-    for distribution, points in (("heuristics", "[physic_plugins]\nx = heuristics\n"), ("physic-mine", "")):
-        module = site.install(distribution, "")
-        (site.folder / f"{module}-1.0.dist-info" / "entry_points.txt").write_text(points)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "heuristics,physic-mine,physic-testing")
-    done = physic("plugins", "doctor")
-    assert (
-        "BROKEN   heuristics 1.0: its entry points are in the group 'physic_plugins', which is not read: "
-        'write [project.entry-points."physic.plugins"] in its pyproject.toml, and install it again\n' in done.output
-    )
-    assert "missing  physic-mine 1.0: it has no entry point in the group 'physic.plugins'" in done.output

@@ -74,10 +74,6 @@ def test_the_names_are_the_authors_own(interface: str):
     assert '"my-2nd.thing" = "physic_my_2nd_thing"' in written["pyproject.toml"]
 
 
-def test_a_name_that_begins_with_a_digit_makes_a_class():
-    assert PluginNames("3d-fill", "inpainter").class_name == "Backend3dFill"
-
-
 def test_a_new_package_is_the_authors_to_build(tmp_path):
     from hatchling.builders.wheel import WheelBuilder
 

@@ -91,15 +91,6 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
     assert "  hint:     Is it centimetres?\n" in done.stdout
 
 
-def test_check_prints_json(offer):
-    offer("physic-far", 300.0)
-    done = physic("plugins", "check", "far", "--json")
-    assert done.exit_code == 5
-    (report,) = json.loads(done.stdout)
-    assert report["origin"] == "physic-far 1.0"
-    assert [r["check"] for r in report["results"] if r["outcome"] == "failed"] == ["depth_is_in_metres"]
-
-
 def test_check_says_what_is_wrong_with_its_arguments(offer):
     offer("physic-flat", 3.0)
     assert physic("plugins", "check", "flatt").stderr.startswith(
@@ -123,20 +114,3 @@ def test_compare_prints_a_table_and_json(offer):
     read = json.loads(done.stdout)
     assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
     assert read["worlds"] == [["stand", 0]]
-
-
-def test_compare_takes_options_as_a_toml_table(offer):
-    offer("physic-flat", 3.0)
-    arguments = ("plugins", "compare", "metric_depth", "--world", "stand")
-    assert physic(*arguments, "flat{gain=2}").stderr == "Error: metric_depth 'flat': gain: unknown option\n"
-    assert "flat{gain: write NAME{key=value, ...} as in TOML" in physic(*arguments, "flat{gain").stderr
-    done = physic(*arguments, "flat", "flat{}")
-    assert done.exit_code == 0, done.output
-
-
-def test_compare_refuses_a_seed_that_is_no_number(offer):
-    offer("physic-flat", 3.0)
-    assert (
-        "--world stand:x: write NAME or NAME:SEED"
-        in physic("plugins", "compare", "metric_depth", "flat", "--world", "stand:x").stderr
-    )

@@ -1,60 +1,16 @@
 from __future__ import annotations
 
-import inspect
 import socket
-from dataclasses import fields
 
 import numpy as np
 import pytest
-from right_backends import SIZE
 
-from physic_core.interfaces import INTERFACES, Backend
 from physic_core.types import DepthMap
-from physic_testing.conformance.cases import CASES, build_case
 from physic_testing.conformance.depth_checks import aligned_depth_error, rank_correlation
-from physic_testing.conformance.field_comparison import changed_fields, describe_difference
+from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
-from physic_testing.conformance.requests import infer_arguments, read_only_views
 
 DEPTH = np.random.default_rng(0).uniform(1, 5, (20, 30))
-
-
-@pytest.mark.parametrize("interface", INTERFACES.values())
-def test_a_request_has_the_arguments_of_infer_in_their_order(interface: type[Backend]):
-    arguments = list(inspect.signature(vars(interface)["infer"]).parameters)
-    assert arguments[1:] == [field.name for field in fields(interface.Request) if not field.kw_only]
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_everything_of_a_case_is_of_one_size(name: str):
-    case = build_case(name, SIZE)
-    height, width = case.photo.shape[:2]
-    assert case.photo.dtype == np.uint8
-    assert case.empty.shape == case.photo.shape
-    assert case.hole.shape == (height, width)
-    assert (case.intrinsics.width, case.intrinsics.height) == (width, height)
-    assert case.people.masks.shape[1:] == (height, width)
-    assert case.scene.points.shape == case.original.points.shape == (height, width, 3)
-    assert len(case.people) == len(case.bodies.parameters) == len(case.keypoints.points)
-
-
-@pytest.mark.parametrize("interface", INTERFACES)
-def test_inputs_are_copies_that_can_be_written_to(interface: str):
-    case = build_case("one person", SIZE)
-    first, second = infer_arguments(interface, case), infer_arguments(interface, case)
-    assert changed_fields(first, second) == []
-    first[0][0, 0] += 1
-    assert len(changed_fields(first, second)) == 1
-    assert changed_fields(infer_arguments(interface, case), second) == []
-
-
-@pytest.mark.parametrize("interface", INTERFACES)
-def test_views_hold_the_same_and_cannot_be_written_to(interface: str):
-    given = infer_arguments(interface, build_case("odd size", SIZE))
-    views = read_only_views(given)
-    assert changed_fields(given, views) == []
-    assert min(views[0].strides) < 0
-    assert not views[0].flags.writeable
 
 
 def test_rounding_is_no_difference():

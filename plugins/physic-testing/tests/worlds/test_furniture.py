@@ -47,10 +47,3 @@ def test_moving_a_piece_moves_its_distance() -> None:
     assert signed_distance(turned, carried, LEVEL_GROUND) == pytest.approx(
         signed_distance(points, blocks, LEVEL_GROUND), abs=1e-9
     )
-
-
-def test_backs_recline_backwards() -> None:
-    back = _build("sofa", 0, recline=0.3)[1]
-    corners = back.corners()
-    high, low = corners[corners[:, 1] > back.centre[1]], corners[corners[:, 1] < back.centre[1]]
-    assert high[:, 2].mean() < low[:, 2].mean() - 0.1

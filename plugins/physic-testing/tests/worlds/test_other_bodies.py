@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from physic_core.body import load_body
-from physic_core.errors import InputError
 from physic_testing.worlds import CONTACT_DISTANCE, OTHER_BODIES, SKELETONS, build_world
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.ground_truth import project
@@ -49,14 +48,6 @@ def test_shape_components_act_on_the_body_as_on_the_model(model):
     assert taller == pytest.approx(np.ptp(rest(model, betas)[0][:, 1]) - np.ptp(rest(model, -betas)[0][:, 1]), rel=0.3)
 
 
-def test_the_same_draws_give_the_same_symmetric_body(model):
-    one, two = (other_body(model, np.random.default_rng(5)) for _ in range(2))
-    assert torch.equal(one.skin.template, two.skin.template)
-    _, joints = rest(one, np.zeros(model.num_betas))
-    for left, right in ((1, 2), (4, 5), (16, 17), (20, 21)):
-        assert joints[left] * [-1, 1, 1] == pytest.approx(joints[right], abs=2e-3)
-
-
 def test_the_truth_is_that_of_the_other_body(world, model):
     base = build_world("stand", 0)
     assert world.name == "stand" + OTHER_BODIES
@@ -77,8 +68,3 @@ def test_the_truth_is_that_of_the_other_body(world, model):
     names = SKELETONS["coco17"].names
     row = names.index("left_knee")
     assert world.keypoints["coco17"][0, row] == pytest.approx(project(world.joints[0, 4], world.intrinsics), abs=6)
-
-
-def test_a_wrong_name_is_refused():
-    with pytest.raises(InputError, match="There is no world named 'stand\\+others'"):
-        build_world("stand+others")

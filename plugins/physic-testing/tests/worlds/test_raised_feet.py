@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 
 from physic_core.body import load_body
-from physic_testing.worlds import CONTACT_WORLDS, RAISED_FEET_WORLDS, WORLDS, build_world
-from physic_testing.worlds.action_scenes import RAISED_FEET_ACTIONS
+from physic_testing.worlds import RAISED_FEET_WORLDS, build_world
 
 _IN_AIR = {"jump": 2, "raise_foot": 1, "vault": 2, "hold_bar": 2, "sit_high": 2}
-
-
-def test_the_worlds_are_apart_from_the_benchmark() -> None:
-    assert tuple(RAISED_FEET_ACTIONS) == RAISED_FEET_WORLDS == tuple(_IN_AIR)
-    assert not {*RAISED_FEET_WORLDS} & {*WORLDS, *CONTACT_WORLDS}
 
 
 @pytest.mark.parametrize("name", RAISED_FEET_WORLDS)

@@ -77,21 +77,3 @@ def test_the_gradient_is_right_inside_and_outside() -> None:
             for axis in np.eye(3)
         ]
         np.testing.assert_allclose(solid.normals(points, np.full(40, which)), np.stack(wanted, axis=1), atol=1e-8)
-
-
-def test_many_points_are_taken_in_any_shape() -> None:
-    points = _points(24).reshape(2, 3, 4, 3)
-    found = signed_distance(points, _BLOCKS, LEVEL_GROUND)
-    assert found.shape == (2, 3, 4)
-    assert found.reshape(-1) == pytest.approx(signed_distance(points.reshape(-1, 3), _BLOCKS, LEVEL_GROUND))
-
-
-def test_a_block_with_a_positive_pitch_tips_its_top_towards_its_front() -> None:
-    upright, tipped = Block((0, 0, 0), (0.1, 1, 0.1)), Block((0, 0, 0), (0.1, 1, 0.1), pitch=0.2)
-    assert tipped.corners()[2:4, 2].mean() > upright.corners()[2:4, 2].mean() + 0.15
-
-
-def test_a_slope_has_the_height_of_its_plane() -> None:
-    ground = Ground((0.0, 0.8, 0.6))
-    assert ground.height_at(3.0, 1.0) == pytest.approx(-0.75)
-    assert signed_distance(np.array([3.0, -0.75, 1.0]), (), ground) == pytest.approx(0)

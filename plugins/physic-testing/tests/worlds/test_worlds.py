@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import fields
-
 import numpy as np
 import pytest
 import torch
@@ -16,13 +13,9 @@ from physic_testing.worlds import (
     RAISED_FEET_WORLDS,
     WORLDS,
     World,
-    benchmark_worlds,
     build_world,
-    disk_cache,
-    labels,
 )
 from physic_testing.worlds import world as worlds
-from physic_testing.worlds.action_scenes import ACTIONS
 from physic_testing.worlds.cameras import CameraShot, in_frame
 from physic_testing.worlds.rendering import pixel_rays
 
@@ -156,12 +149,6 @@ def test_visible_keypoints_lie_on_their_person(world):
     np.testing.assert_allclose(coco[:, [9, 10, 13, 14]], blazepose[:, [15, 16, 25, 26]])
 
 
-def test_what_hides_a_joint(model):
-    sitter = build_world("sit_on_stool", 0, SIZE)
-    trunk = [model.joint_names.index(name) for name in ("spine2", "spine3")]
-    assert sitter.joints_visible[:, trunk].all()  # covered by their own skin only
-
-
 def test_a_counter_hides_legs(model):
     world = build_world("stand_behind_counter", 0, SIZE)
     feet = [model.joint_names.index(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "foot")]
@@ -199,20 +186,6 @@ def test_the_camera_stands_in_the_air_at_a_photographers_height(world):
     assert world.floor.offset == pytest.approx(world.camera.position @ np.array(world.room.ground.normal))
 
 
-def test_portraits_show_people_too():
-    world = build_world("stand", 0, (96, 144))
-    assert world.image.shape == (144, 96, 3)
-    field = 2 * np.degrees(np.arctan(144 / 2 / world.intrinsics.fy))
-    assert field <= 80 + 1e-6
-    assert world.masks.sum() > 0.02 * 96 * 144
-
-
-def test_the_size_of_the_photo_changes_no_person():
-    one, two = build_world("stand", 0, SIZE), build_world("stand", 0, (96, 144))
-    np.testing.assert_array_equal(one.parameters.body_pose, two.parameters.body_pose)
-    np.testing.assert_array_equal(one.parameters.betas, two.parameters.betas)
-
-
 def test_the_photo_shows_people_and_their_shadows(world):
     people = world.masks.any(axis=0)
     difference = np.abs(world.image.astype(int) - world.empty_image).max(axis=2)
@@ -222,53 +195,8 @@ def test_the_photo_shows_people_and_their_shadows(world):
     assert 90 < world.image.mean() < 170
 
 
-def test_photos_carry_their_label(world):
-    assert labels.read_label(world.image) == labels.read_label(world.empty_image) == (world.name, world.seed)
-
-
-def test_the_same_seed_builds_the_same_world_bit_for_bit(monkeypatch):
-    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, "off")
-    one, two = (worlds._build("stand", 0, (64, 48)) for _ in range(2))
-    for field in fields(one):
-        a, b = getattr(one, field.name), getattr(two, field.name)
-        if isinstance(a, np.ndarray):
-            np.testing.assert_array_equal(a, b, err_msg=field.name)
-    assert one.room == two.room
-    other = build_world("stand", 1, (64, 48))
-    assert (other.image != one.image).any()
-
-
-def test_worlds_are_shared_and_read_only():
-    world = build_world("stand", 0, SIZE)
-    assert world is build_world("stand", 0, SIZE)
-    for array in (world.image, world.keypoints["coco17"], world.parameters.transl, world.floor.normal):
-        with pytest.raises(ValueError, match="read-only"):
-            array[...] = 0
-
-
-def test_benchmark_worlds_take_the_names_in_turn():
-    chosen = benchmark_worlds(200, 7)
-    assert chosen == benchmark_worlds(200, 7)
-    counts = Counter(name for name, _ in chosen)
-    assert set(counts) == set(WORLDS)
-    assert max(counts.values()) - min(counts.values()) <= 1
-    assert len({seed for _, seed in chosen}) == 200
-    assert not {seed for _, seed in chosen} & {seed for _, seed in benchmark_worlds(200, 8)}
-    assert benchmark_worlds(12, 7) == chosen[:12]
-
-
-def test_the_worlds_are_what_is_performed():
-    assert tuple(ACTIONS) == WORLDS
-
-
 def test_an_unknown_world_is_refused():
     with pytest.raises(InputError) as caught:
         build_world("flying")
     known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS))
     assert str(caught.value) == f"There is no world named 'flying': choose one of {known}."
-
-
-def test_a_photo_without_room_for_a_label_is_refused():
-    with pytest.raises(InputError) as caught:
-        build_world("stand", 0, (64, 20))
-    assert str(caught.value) == "A world needs a photo of at least 24 x 24 px, got 64 x 20 px."
