@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -71,14 +70,6 @@ def test_a_package_without_init_is_found_before_installed_ones_of_its_name(tmp_p
         sys.path.remove(str(tmp_path / "site"))
 
 
-def test_modules_are_kept_between_uses(tmp_path: Path) -> None:
-    side = checkout(tmp_path, {"core/net.py": "class Net: pass"})
-    assert side.attribute("Net") is side.attribute("Net")
-    first = side.attribute("Net")
-    side.close()
-    assert side.attribute("Net") is not first
-
-
 def test_code_inside_may_import_more_of_it(tmp_path: Path) -> None:
     side = checkout(tmp_path, {"core/net.py": "A = []", "core/more.py": "from core.net import A", "extra.py": "B = 2"})
     net = side.load()
@@ -105,12 +96,6 @@ def test_a_missing_package_is_named_with_its_pip_name(tmp_path: Path) -> None:
         side.load()
     needs = checkout(tmp_path, {}, needs=("json", "absent_a", "absent_b")).missing()
     assert needs == ("Thing needs the packages absent_a, absent_b of the environment: pip install absent_a absent_b",)
-
-
-def test_a_hole_in_the_checkout_is_not_blamed_on_the_environment(tmp_path: Path) -> None:
-    side = checkout(tmp_path, {"core/net.py": "import core.gone"})
-    with pytest.raises(WeightsMissingError, match=r"lacks its own module core.gone: get a whole checkout"):
-        side.load()
 
 
 def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> None:
@@ -152,9 +137,3 @@ def test_the_fingerprint_follows_the_code_and_not_the_place(tmp_path: Path) -> N
     (tmp_path / "b" / "core" / "net.py").write_text("A = 1000")
     assert one.fingerprint() != two.fingerprint()
     assert Checkout(str(tmp_path / "no"), name="T", package="core.net", homepage="h").fingerprint() == ""
-
-
-def test_the_adapter_is_light_to_import() -> None:
-    code = "import sys, physic_core.adapters.checkouts; print({'numpy', 'torch', 'cv2'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"

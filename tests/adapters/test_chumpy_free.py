@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -60,13 +57,6 @@ def test_smpl_is_copied_from_either_form(tmp_path: Path, cache: Path) -> None:
             require_same(unpickled(copy), smpl_arrays())
 
 
-def test_a_plain_file_is_copied_as_any_other(tmp_path: Path, cache: Path) -> None:
-    path = tmp_path / "MANO_RIGHT.pkl"
-    path.write_bytes(pickle.dumps(mano_arrays(), protocol=2))
-    with chumpy_free_copy(path, "mano") as copy:
-        require_same(unpickled(copy), mano_arrays())
-
-
 class Runs:
     def __reduce__(self) -> tuple[Any, ...]:
         return pytest.fail, ("the pickle was run",)
@@ -89,15 +79,6 @@ def test_a_copy_is_made_once(mano: Path, cache: Path, monkeypatch: pytest.Monkey
     assert [path.name for path in cache.iterdir()] == [first.name]
 
 
-def test_another_file_has_another_copy(mano: Path, cache: Path) -> None:
-    with chumpy_free_copy(mano, "mano") as first:
-        pass
-    write_published(mano, {**mano_arrays(), "hands_mean": np.ones(45)})
-    with chumpy_free_copy(mano, "mano") as second:
-        assert second != first
-        np.testing.assert_array_equal(unpickled(second)["hands_mean"], np.ones(45))
-
-
 @pytest.mark.parametrize("damage", ["a bit", "cut", "empty", "another"])
 def test_a_damaged_copy_is_made_anew(damage: str, mano: Path, cache: Path) -> None:
     with chumpy_free_copy(mano, "mano") as copy:
@@ -116,20 +97,6 @@ def test_a_damaged_copy_is_made_anew(damage: str, mano: Path, cache: Path) -> No
         assert again.read_bytes() == whole
 
 
-@pytest.mark.parametrize("why", ["off", "a file"])
-def test_where_nothing_can_be_kept_the_copy_lives_for_the_block(
-    why: str, mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    place = tmp_path / "kept"
-    monkeypatch.setenv("PHYSIC_CACHE", "off" if why == "off" else str(place))
-    if why == "a file":
-        place.write_text("mine")
-    with chumpy_free_copy(mano, "mano") as copy:
-        require_same(unpickled(copy), mano_arrays())
-        assert copy.name.startswith("MANO_RIGHT-")
-    assert not copy.exists()
-
-
 def test_a_relative_cache_is_found_from_anywhere(mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Some published code is run from the root of its checkout."""
     monkeypatch.chdir(tmp_path)
@@ -146,31 +113,4 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert str(caught.value) == (
         f"the body model file {path} cannot be read (No such file or directory): "
         "give the path of an official MANO file, MANO_RIGHT.pkl"
-    )
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
-@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_a_path_that_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
-    """In a process of its own: opening a pipe waits for ever, and /dev/zero never ends."""
-    path = Path("/dev/zero") if kind == "device" else tmp_path / "MANO_RIGHT.pkl"
-    if kind == "pipe":
-        os.mkfifo(path)
-    elif kind == "folder":
-        path.mkdir()
-    code = """
-import sys
-from physic_core.adapters.chumpy_free import chumpy_free_copy
-from physic_core.errors import BodyModelError
-try:
-    with chumpy_free_copy(sys.argv[1], "mano"):
-        pass
-except BodyModelError as error:
-    print(error)
-"""
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=60)
-    assert (done.stdout.strip(), done.stderr) == (
-        f"the body model file {path} cannot be read (it is not a regular file): "
-        "give the path of an official MANO file, MANO_RIGHT.pkl",
-        "",
     )

@@ -8,13 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.adapters.detections import (
-    Detections,
     box_iou,
     clip_boxes,
     nms,
     xyxy_from_cxcywh,
 )
-from physic_core.types import Keypoints
 
 
 def test_a_centred_box_has_its_corners_half_its_size_away():
@@ -43,11 +41,3 @@ def test_boxes_are_cut_at_the_photo_and_vanish_outside():
     inside, stay = clip_boxes(boxes, 60, 100)
     assert inside[:2].tolist() == [[0, 0, 30, 10], [90, 10, 100, 60]]
     assert stay.tolist() == [True, True, False, False]
-
-
-def test_picking_people_picks_their_joints():
-    joints = Keypoints(np.arange(12.0).reshape(3, 2, 2), np.ones((3, 2)), "two")
-    seen = Detections(np.arange(12.0).reshape(3, 4), np.array([0.9, 0.8, 0.7]), joints)[np.array([True, False, True])]
-    assert len(seen) == 2
-    assert seen.keypoints is not None
-    assert seen.keypoints.points[:, 0, 0].tolist() == [0, 8]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from physic_core.adapters.crops import crop_around_box
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.types import Keypoints, Skeleton
 
@@ -23,16 +22,6 @@ def test_the_21_points_of_a_hand_give_its_box() -> None:
     np.testing.assert_allclose(found.confidence, [0.8])
     assert found.right.tolist() == [False]
     assert not len(hand_boxes(given, least_confidence=0.9))
-
-
-def test_a_crop_is_that_of_wilors_own_code() -> None:
-    """About the middle of least and greatest coordinates, 2.5 times their difference wide."""
-    given = keypoints("coco_wholebody133", 133)
-    given.points[0, 112:133] = np.linspace([50, 80], [90, 140], 21)
-    given.confidence[0, 112:133] = 1.0
-    crop = crop_around_box(hand_boxes(given).boxes[0], 256, 256, padding=2.5, grid="halves")
-    np.testing.assert_allclose(crop.to_photo(np.array([128.0, 128.0])), [70, 110])  # not half a pixel beside
-    np.testing.assert_allclose(256 * np.array(crop.step), 2.5 * 60)
 
 
 def test_all_confidences_of_a_hand_count_in_its_mean() -> None:
@@ -69,11 +58,3 @@ def test_a_forearm_towards_the_camera_does_not_make_a_small_hand() -> None:
     given.confidence[0, [5, 7, 9]] = 1.0
     box = hand_boxes(given).boxes[0]
     np.testing.assert_allclose(box[2] - box[0], 0.75 * 90)
-
-
-def test_small_hands_and_skeletons_without_arms_give_none() -> None:
-    given = keypoints("coco17", 17)
-    given.points[0, [5, 7, 9]] = [[0, 0], [0, 10], [0, 20]]
-    given.confidence[0] = 1.0
-    assert not len(hand_boxes(given))
-    assert hand_boxes(keypoints(Skeleton("own", tuple("abcde")), 5)).boxes.shape == (0, 4)

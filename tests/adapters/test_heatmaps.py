@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from physic_core.adapters.heatmaps import heatmap_peaks, scores_to_confidence, simcc_peaks, subpixel_peaks
+from physic_core.adapters.heatmaps import heatmap_peaks, simcc_peaks, subpixel_peaks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,17 +56,6 @@ def test_refining_equals_transformers() -> None:
     assert np.allclose(value, scores[..., 0])
 
 
-def test_the_peak_of_a_flat_map_is_its_first_cell() -> None:
-    found, value = subpixel_peaks(np.zeros((1, 1, 8, 6)))
-    assert found.tolist() == [[[0.0, 0.0]]]
-    assert value.tolist() == [[0.0]]
-
-
-def test_no_people_have_no_peaks() -> None:
-    assert subpixel_peaks(np.zeros((0, 17, 64, 48)))[0].shape == (0, 17, 2)
-    assert simcc_peaks(np.zeros((0, 17, 384)), np.zeros((0, 17, 512)))[0].shape == (0, 17, 2)
-
-
 def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
     along_x, along_y = np.zeros((1, 2, 384), np.float32), np.zeros((1, 2, 512), np.float32)
     along_x[0, 0, 101], along_y[0, 0, 300] = 0.8, 0.6
@@ -74,8 +63,3 @@ def test_simcc_bins_are_half_pixels_and_the_lower_maximum_counts() -> None:
     points, value = simcc_peaks(along_x, along_y)
     assert points.tolist() == [[[50.5, 150.0], [191.5, 0.0]]]
     assert np.allclose(value, [[0.6, 0.3]])
-
-
-def test_scores_become_shares() -> None:
-    assert scores_to_confidence(np.array([-0.2, 0.3, 4.0, np.nan]), 1.0).tolist() == [0.0, 0.3, 1.0, 0.0]
-    assert scores_to_confidence(np.array([3.0]), 6.0).tolist() == [0.5]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.inpainting import dilate_mask, inpaint_masked
+from physic_core.adapters.inpainting import inpaint_masked
 from physic_core.errors import BackendError
 
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
@@ -45,9 +45,3 @@ def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
 def test_a_mask_that_cannot_be_filled_is_refused(mask, words):
     with pytest.raises(BackendError, match=words):
         inpaint_masked(IMAGE, mask, 0.0, lambda image, hole: image)
-
-
-def test_a_rim_that_would_leave_nothing_is_left_out():
-    mask = np.ones((60, 80), bool)
-    mask[0, 0] = False
-    assert (dilate_mask(mask, 0.1) == mask).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.mano import empty_hands, hands_from_mano
+from physic_core.adapters.mano import hands_from_mano
 from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.interfaces import HandEstimator
 from physic_testing import violations
@@ -23,12 +23,6 @@ def test_left_comes_first_and_is_mirrored_back() -> None:
     np.testing.assert_allclose(hands.wrists[1], [mirror_rotvecs(WRISTS[0, 0]), WRISTS[1, 0]], atol=1e-6)
     np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
     assert violations(HandEstimator, hands, people=2) == []
-
-
-def test_what_was_mirrored_back_already_is_left_alone() -> None:
-    hands = hands_from_mano(2, fingers=FINGERS, left_in_mirror=False, **BOTH)
-    np.testing.assert_allclose(hands.rotvecs[1], FINGERS, atol=1e-6)
-    assert hands.wrists is None
 
 
 def test_matrices_do_as_well_as_vectors() -> None:
@@ -55,10 +49,3 @@ def test_a_hand_that_is_not_a_number_was_not_found() -> None:
     hands = hands_from_mano(2, fingers=broken, **BOTH)
     np.testing.assert_allclose(hands.confidence[1], [0.8, 0.0], atol=1e-6)
     assert np.isfinite(hands.rotvecs).all()
-
-
-def test_no_people_have_no_hands() -> None:
-    assert violations(HandEstimator, empty_hands(0), people=0) == []
-    empty = hands_from_mano(3, np.zeros(0, int), np.zeros(0, bool), np.zeros((0, 15, 3)), np.zeros(0))
-    assert violations(HandEstimator, empty, people=3) == []
-    assert not empty.confidence.any()

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.adapters.observed import observed_joints
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.types import SKELETONS, Keypoints, Skeleton
+from physic_core.types import SKELETONS, Keypoints
 
 
 def seen(skeleton: str, *hidden: str, places: dict[str, tuple[float, float]] | None = None) -> set[str]:
@@ -49,22 +49,3 @@ def test_fingers_need_half_of_their_points() -> None:
     hand = list(SKELETONS["coco_wholebody133"].names[112:133])
     assert "right_index1" in seen("coco_wholebody133", *hand[:11])
     assert "right_wrist" not in seen("coco_wholebody133", *hand)
-
-
-def test_fingers_can_be_left_to_the_wrist() -> None:
-    points, confidence = np.full((1, 33, 2), 50.0), np.full((1, 33), 0.9)
-    confidence[0, 17:23] = 0.0
-    given = Keypoints(points, confidence, "blazepose33")
-    left_index1 = JOINT_INDEX["left_index1"]
-    assert [bool(observed_joints(given, 99, 99, finger_share=s)[0, left_index1]) for s in (0, 0.5)] == [True, False]
-
-
-def test_a_skeleton_of_ones_own_needs_arms_and_legs() -> None:
-    arms = [f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist") for side in ("left", "right")]
-    legs = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle") for side in ("left", "right")]
-    own = Skeleton("own", (*legs, "nose", *arms))
-    observed = observed_joints(Keypoints(np.full((1, 13, 2), 5.0), np.ones((1, 13)), own), 10, 10)
-    assert observed is not None
-    assert observed.all()
-    lacking = own.take(range(12))
-    assert observed_joints(Keypoints(np.zeros((1, 12, 2)), np.ones((1, 12)), lacking), 10, 10) is None

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from physic_core.adapters.people import boxes_from_masks, mask_nms, people_from_masks
+from physic_core.adapters.people import mask_nms, people_from_masks
 from physic_core.interfaces import Segmenter
 from physic_core.types import Keypoints
 from physic_testing import violations
@@ -64,13 +63,6 @@ def test_the_floor_gives_way_to_people():
     assert floor.all(), "the argument stays as it was"
 
 
-def test_no_people_have_masks_of_the_photos_size():
-    people = people_from_masks([], None, np.zeros(0), size=SIZE)
-    assert people.masks.shape == (0, *SIZE)
-    assert people.boxes.shape == (0, 4)
-    assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
-
-
 def test_a_mask_does_not_reach_far_out_of_its_box():
     people = people_from_masks([np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE)
     assert people.boxes.tolist() == [[0, 0, 5, 5]]
@@ -90,15 +82,3 @@ def test_any_mask_gives_a_valid_result(logits, sharp):
 def test_mask_nms_keeps_one_mask_of_each_person():
     masks = np.stack([rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0])
     assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]
-
-
-def test_the_box_of_an_empty_mask_is_empty():
-    assert boxes_from_masks(np.zeros((1, *SIZE), bool)).tolist() == [[0, 0, 0, 0]]
-
-
-def test_a_number_that_is_none_is_outside():
-    mask = rectangle(0, 2, 0, 2)
-    mask[0, 0] = np.nan
-    people = people_from_masks([mask], None, np.ones(1), size=SIZE)
-    assert people.masks[0].sum() == 3
-    assert people.scores == pytest.approx([1.0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.rotations import mirror_rotvecs, to_rotvecs
@@ -16,21 +15,10 @@ def test_matrices_and_vectors_are_the_same_rotations() -> None:
         np.testing.assert_allclose(to_rotvecs(given, 5), vectors, atol=1e-5)
 
 
-def test_three_joints_as_vectors_are_not_taken_for_a_matrix() -> None:
-    vectors = np.random.default_rng(1).normal(0, 0.6, (2, 3, 3))
-    np.testing.assert_array_equal(to_rotvecs(vectors, 3), vectors)
-
-
 def test_a_matrix_that_is_no_rotation_becomes_nan() -> None:
     matrices = np.stack([np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)])[None]
     found = to_rotvecs(matrices, 4)[0]
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
-
-
-def test_another_shape_is_refused_with_a_message() -> None:
-    said = r"rotations of 15 joints must be \(N, 15, 3\), \(N, 45\) or \(N, 15, 3, 3\), got \(2, 16, 3\)"
-    with pytest.raises(ValueError, match=said):
-        to_rotvecs(np.zeros((2, 16, 3)), 15)
 
 
 def test_mirrored_rotations_are_those_of_a_mirrored_world() -> None:

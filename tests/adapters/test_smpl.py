@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
+from physic_core.adapters.smpl import bodies_from_smpl, parameters_from_rotvecs
 from physic_core.interfaces import BodyEstimator
 from physic_testing import violations
 
@@ -48,7 +48,3 @@ def test_parameters_of_all_55_joints_land_in_their_fields() -> None:
     rows = [p.global_orient, p.body_pose, p.jaw_pose, p.leye_pose, p.reye_pose, p.left_hand_pose, p.right_hand_pose]
     np.testing.assert_allclose(np.concatenate(rows, axis=1).reshape(1, 55, 3), full, atol=1e-6)
     assert p.expression.shape == (1, 10)
-
-
-def test_no_bodies_are_a_valid_result() -> None:
-    assert violations(BodyEstimator, empty_bodies("smplx"), people=0) == []

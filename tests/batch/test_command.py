@@ -11,7 +11,6 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from physic_core.batch import table
-from physic_core.batch.journal import COLUMNS
 from physic_core.cli import main
 from physic_testing.worlds import build_world
 
@@ -100,23 +99,3 @@ def test_without_pyarrow_the_command_names_the_package_to_install(tmp_path: Path
 def test_the_table_is_a_csv_file_without_pyarrow(installed: bool, kind: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(table, "find_spec", lambda name: object() if installed else None)
     assert table.default_table_kind() == kind
-
-
-def test_the_page_lists_every_column_of_the_journal(repository: Path):
-    page = (repository / "docs" / "batch.md").read_text()
-    assert [f"| `{name}` | {text} |" in page for name, text in COLUMNS.items()] == [True] * len(COLUMNS)
-
-
-def test_shards_have_journals_and_logs_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
-    Path("photos.csv").write_text("path,id\n" + "".join(f"{i}.jpg,{i}\n" for i in range(4)))
-    options = ("photos.csv", "-o", "out", "--preset", "mock", "--save", "summary", "--no-thumbnails", "--table", "csv")
-    for part in ("1/2", "2/2"):
-        assert physic(*options, "--workers", "1", "--shard", part).exit_code == 0
-    assert sorted(path.name for path in Path("out").glob("*.jsonl")) == ["journal-1-of-2.jsonl", "journal-2-of-2.jsonl"]
-    assert {str(path) for path in Path("out").rglob("worker-0.txt")} == {
-        "out/logs/1-of-2/worker-0.txt",
-        "out/logs/2-of-2/worker-0.txt",
-    }
-    with Path("out/summary.csv").open(newline="") as file:
-        assert sorted(row["id"] for row in csv.DictReader(file)) == ["0", "1", "2", "3"]

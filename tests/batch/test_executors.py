@@ -10,8 +10,6 @@ from click.testing import CliRunner, Result
 
 from physic_core.batch.executors import ExecutorSettings, open_executor
 from physic_core.cli import main
-from physic_core.discovery.installed import find_installed
-from physic_core.discovery.records import ExecutorRecord
 from physic_core.errors import ConfigError, PluginError
 
 PLUGIN = """
@@ -69,11 +67,6 @@ def test_a_plugin_adds_an_executor(plugin: Any, photos: Path):
     done = physic(*options)
     assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "0 done, 1 failed (1 Queued)")
     assert "Queued: full at here, 3 workers" in done.stderr
-
-
-def test_executors_of_broken_plugins_are_left_out(plugin: Any):
-    plugin.install("physic-broken", "raise ValueError('broken')")
-    assert "queue" in {executor.record.name for executor in find_installed(ExecutorRecord, environment={})}
 
 
 @pytest.mark.parametrize(

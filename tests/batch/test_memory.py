@@ -5,16 +5,11 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from physic_core import Pipeline, Reconstruction
-from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.saving import Saving
-from physic_core.configuration.model import load_config
+from physic_core import Pipeline
 from physic_testing.conformance.network_and_memory import resident_megabytes
 from physic_testing.worlds import build_world
 
@@ -36,19 +31,7 @@ def growth_mb(process: Callable[[int], Any], first: int, last: int) -> float:
     return resident_megabytes() - before
 
 
-def test_saving_100_photos_needs_no_more_memory_than_10(make_result: Reconstruction, tmp_path: Path):
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
-    process = PhotoProcessor(job, lambda path, settings: make_result)
-    assert growth_mb(lambda i: process(PhotoItem(f"p{i % 20}", "/p.jpg")), 10, 100) < 28
-
-
 def test_a_loaded_pipeline_needs_no_more_memory_after_17_photos_than_after_5():
     image = build_world("stand").image
     with Pipeline("mock") as pipeline:
         assert growth_mb(lambda i: pipeline(image), 5, 17) < 60
-
-
-@pytest.fixture(scope="module")
-def make_result(few_steps: None) -> Reconstruction:
-    with Pipeline("mock") as pipeline:
-        return pipeline(build_world("stand").image)

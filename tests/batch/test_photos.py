@@ -8,11 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 from physic_core.batch.photos import (
     PhotoItem,
@@ -24,8 +22,6 @@ from physic_core.batch.photos import (
     photo_folder,
 )
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.image_file import SUFFIXES
-from physic_core.io.photo import read_photo
 
 
 @pytest.fixture
@@ -68,21 +64,6 @@ def test_a_table_gives_cameras_statures_and_ids(folder: Path):
     )
     assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6]}
     assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
-
-
-def test_depth_and_point_maps_of_a_table_are_relative_to_it(folder: Path):
-    (folder / "table.csv").write_text("path,depth,pointmap\nb.jpg,maps/b.png,\na.PNG,,/data/a.npz\n")
-    first, second = find_photos([str(folder / "table.csv")])
-    assert first.settings == {"depth": str(folder / "maps" / "b.png")}
-    assert second.settings == {"pointmap": "/data/a.npz"}
-
-
-def test_a_parquet_table_is_read_as_a_csv_is(folder: Path):
-    pa = pytest.importorskip("pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet")
-    parquet.write_table(pa.table({"path": ["b.jpg", "a.PNG"], "stature": [1.75, None]}), folder / "table.parquet")
-    first, second = find_photos([str(folder / "table.parquet")])
-    assert (first.path, first.settings, second.settings) == (str(folder / "b.jpg"), {"stature": [1.75]}, {})
 
 
 @pytest.mark.parametrize(
@@ -132,21 +113,6 @@ def test_the_folder_of_the_photos_cannot_be_the_output_folder(tmp_path: Path):
     with pytest.raises(InputError) as error:
         find_photos([str(tmp_path)], tmp_path)
     assert str(error.value) == f"no photos in {tmp_path}: skipped 1 file: 1 in the output folder"
-
-
-def test_every_format_that_is_read_is_listed(tmp_path: Path):
-    Image.init()
-    known = {suffix for suffixes in SUFFIXES.values() for suffix in suffixes}
-    pillows = {suffix for suffix, kind in Image.registered_extensions().items() if kind in SUFFIXES}
-    assert pillows - known == {".pfm"}  # floating point
-    pixels = np.random.default_rng(0).integers(0, 255, (80, 80, 3), dtype=np.uint8)
-    for kind, suffixes in SUFFIXES.items():
-        for suffix in suffixes if kind != "HEIF" else ():
-            Image.fromarray(pixels).save(tmp_path / f"photo{suffix.upper()}", kind)
-    found = find_photos([str(tmp_path)])
-    assert {Path(item.path).suffix.lower() for item in found} == known - set(SUFFIXES["HEIF"])
-    for item in found:
-        assert read_photo(item.path).image.shape == (80, 80, 3)
 
 
 def test_skipped_files_are_counted_by_reason(folder: Path):

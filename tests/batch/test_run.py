@@ -25,10 +25,10 @@ from fuzzing.tiny_result import tiny_result
 from physic_core import load_reconstruction
 from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
-from physic_core.batch.photos import find_photos, photo_folder, stamped
+from physic_core.batch.photos import find_photos, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.batch.saving import Saving, save_photo
+from physic_core.batch.saving import Saving
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
@@ -170,11 +170,6 @@ def test_a_damaged_row_counts_for_nothing(tmp_path: Path):
     assert read_journals(tmp_path) == JournalRows({"a": before["a"]}, 1, frozenset(), run=1)
 
 
-def test_a_row_without_checksum_counts_for_nothing(tmp_path: Path):
-    (tmp_path / "journal.jsonl").write_text(json.dumps(row("a")) + "\n")
-    assert read_journals(tmp_path) == JournalRows({}, 1, frozenset())
-
-
 def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path):
     for number, name in enumerate("ab", start=1):
         with Journal(tmp_path / f"journal-{number}-of-2.jsonl") as journal:
@@ -201,14 +196,6 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
             journal.append(row("a", f"2026-01-0{9 - value}T00:00:00", value=value))
     assert read_rows(tmp_path)["a"]["value"] == 1
     assert [found["value"] for found in last_rows(tmp_path)] == [1]
-
-
-def test_rows_of_older_versions_have_no_number_of_a_run(tmp_path: Path):
-    (tmp_path / "journal-2-of-2.jsonl").write_text(json.dumps(with_checksum(row("a", value=0))) + "\n")
-    assert read_rows(tmp_path)["a"]["value"] == 0
-    with Journal(tmp_path / "journal-1-of-2.jsonl") as journal:
-        journal.append(row("a", value=1))
-    assert read_rows(tmp_path)["a"]["value"] == 1
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
@@ -370,17 +357,6 @@ def test_a_lost_thumbnail_does_a_photo_anew_only_where_its_result_cannot_be_load
         assert todo(job, photos) == anew
 
 
-def test_rows_of_older_versions_state_no_sizes_and_their_files_are_read(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="numbers")
-    row = run_tiny(photos, job)
-    older = {name: value for name, value in row.items() if name not in ("files", "run", "checksum")}
-    (out / "journal.jsonl").write_text(json.dumps(with_checksum(older)) + "\n")
-    assert todo(job, photos) == []
-    arrays = next(out.glob("photos/*/*/*.npz"))
-    arrays.write_bytes(arrays.read_bytes()[:-1])
-    assert todo(job, photos) == ["a"]
-
-
 def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "done", "failed"), job_for(out)
 
@@ -396,14 +372,6 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path,
     assert sorted(todo(job, photos)) == ["done", "failed"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_a_photo_that_is_replaced_while_its_worker_hangs_is_done_again(standin: ModuleType, tmp_path: Path, out: Path):
-    photos = make_photos(tmp_path / "photos", "replaced")
-    standin.run_standin(photos, out, workers=1, timeout=2.0)
-    assert states(out) == {"replaced": ("failed", "Timeout")}
-    assert todo(standin.standin_job(out), photos) == ["replaced"]
-
-
 def test_results_without_a_row_and_rows_without_a_result_are_made_again(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
     finished(job, photos)
@@ -412,29 +380,6 @@ def test_results_without_a_row_and_rows_without_a_result_are_made_again(tmp_path
     assert todo(job, photos) == []
     shutil.rmtree(out / "photos")
     assert todo(job, photos) == ["a"]
-
-
-def test_files_of_a_later_run_without_a_row_are_made_again(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out, level="people")
-    folder = out / photo_folder(find_photos([str(photos)])[0].id)
-    save_photo(tiny_result(), folder, job.saving)
-    finished(job, photos)
-    assert todo(job, photos) == []
-    save_photo(tiny_result(), folder, Saving("people", report=True))
-    assert todo(job, photos) == []  # the same arrays
-    save_photo(tiny_result(1), folder, job.saving)  # a run with other settings was killed before it wrote the row
-    assert todo(job, photos) == ["a"]
-
-
-def test_a_failed_photo_above_a_damaged_row_is_tried_again(tmp_path: Path, out: Path):
-    photos, job = make_photos(tmp_path / "photos", "a"), job_for(out)
-    finished(job, photos, state="failed", error="NoPersonError")
-    with (out / "journal.jsonl").open("ab") as file:
-        file.write(b'{"id": "a", "state": "do\n')
-    assert todo(job, photos) == ["a"]
-    assert plan_batch(find_photos([str(photos)]), job).damaged == 1
-    finished(job, photos, state="failed", error="NoPersonError")
-    assert todo(job, photos) == []
 
 
 def test_failed_photos_are_tried_again_with_retry(tmp_path: Path, out: Path):

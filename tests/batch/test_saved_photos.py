@@ -21,7 +21,7 @@ from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.saving import Saving, save_photo, thumbnail_jpeg
+from physic_core.batch.saving import Saving, save_photo
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
@@ -65,14 +65,6 @@ def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstru
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
 
 
-def test_points_off_the_rays_keep_their_place(result: Reconstruction):
-    moved = replace(result, scene=replace(result.scene, points=result.scene.points + np.float32(0.01)))
-    arrays = compact_arrays(to_arrays(moved))
-    assert "scene_depth_steps" not in arrays
-    points = expand_arrays(arrays)["scene_points"]
-    assert np.allclose(points, moved.scene.points, rtol=2e-5, atol=0)
-
-
 def test_depth_and_normals_of_earlier_versions_are_read(result: Reconstruction):
     """They were stored as they are, without differences between pixels."""
     arrays = compact_arrays(to_arrays(result))
@@ -85,19 +77,6 @@ def test_depth_and_normals_of_earlier_versions_are_read(result: Reconstruction):
     again = expand_arrays(plain)
     assert np.array_equal(again["scene_points"], expanded["scene_points"])
     assert np.allclose(again["scene_normals"], expanded["scene_normals"], atol=0.01)
-
-
-def test_the_document_describes_the_arrays_that_are_there(result: Reconstruction, tmp_path: Path):
-    save_reconstruction(result, tmp_path, preview=False, glb=False, compact=True)
-    document = json.loads((tmp_path / "reconstruction.json").read_text())
-    with np.load(tmp_path / "reconstruction.npz") as arrays:
-        names = {spec["name"] for spec in document["arrays"]["shared"]}
-        assert {name for name in arrays if not name.startswith("person_")} == names
-        assert {"scene_depth_steps", "scene_normals_steps", "scene_colors_change"} <= names
-        for spec in document["arrays"]["shared"]:
-            if spec["dtype"] not in ("text", "floating"):
-                assert arrays[spec["name"]].dtype.name == spec["dtype"]
-    assert document["files"] == ["reconstruction.json", "reconstruction.npz"]
 
 
 @pytest.mark.parametrize(
@@ -160,10 +139,6 @@ def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_p
 def test_a_save_level_without_arrays_refuses_glb(level: str, glb: bool):
     with pytest.raises(ConfigError):
         Saving(level, glb=glb)
-
-
-def test_a_scene_without_people_has_a_thumbnail_too(make: Callable[..., Reconstruction]):
-    assert thumbnail_jpeg(make(people=0)).startswith(b"\xff\xd8\xff")
 
 
 # ---- rows, table and page --------------------------------------------------------------------------------------------
@@ -272,20 +247,6 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
     assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
     assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
     assert (batch / cards[0]["link"] / "people.npz").is_file()
-
-
-def test_the_contact_sheet_names_no_folder_of_the_machine(tmp_path: Path):
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        for name in ("a.jpg", "deep/b.jpg"):
-            path = f"/home/someone/photos/{name}"
-            message = f"{path}: it ended; see {tmp_path}/logs/worker-0.txt"
-            journal.append(failed_row(job, PhotoItem(name, path), "WorkerDied", message, 0.0))
-    page = write_contact_sheet(tmp_path).read_text()
-    assert "/home/someone" not in page
-    assert str(tmp_path) not in page
-    assert '"title": "deep/b.jpg"' in page
-    assert '"message": "it ended; see logs/worker-0.txt"' in page
 
 
 @pytest.mark.parametrize("damage", ["deleted", "cut"])

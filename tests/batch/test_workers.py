@@ -12,7 +12,6 @@ from types import ModuleType
 
 import pytest
 
-from physic_core.batch.machine import default_workers, usable_cores
 from physic_core.batch.workers import Outcome, SupervisedWorker, WorkerSettings, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
@@ -34,10 +33,6 @@ def test_two_workers_share_the_tasks_and_are_opened_once(standin: ModuleType, tm
     assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
     assert all((outcome.failure, outcome.attempts) == ("", 1) for outcome in found)
     assert all(outcome.peak_mb > 5 for outcome in found)
-
-
-def test_no_tasks_start_no_worker(standin: ModuleType):
-    assert outcomes(standin, count=2) == {}
 
 
 @pytest.mark.parametrize(
@@ -87,12 +82,6 @@ def test_workers_that_cannot_start_end_the_batch_at_once(standin: ModuleType, na
     assert str(error.value) == message
 
 
-def test_a_full_disk_ends_the_batch(standin: ModuleType):
-    with pytest.raises(OutputError) as error:
-        outcomes(standin, "a", "full", "b", count=1)
-    assert str(error.value) == "cannot write results: No space left on device"
-
-
 def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: ModuleType, tmp_path: Path):
     asked: list[float] = []
 
@@ -105,17 +94,6 @@ def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin: Mo
     assert len(asked) == 1
     assert asked[0] > 5
     assert len({outcome.value.rpartition(" ")[2] for outcome in found}) == 2
-
-
-def test_default_workers(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("physic_core.batch.machine.usable_cores", lambda: 8)
-    monkeypatch.setattr("physic_core.batch.machine.available_memory_mb", lambda: 5000.0)
-    assert default_workers(1000.0) == 5  # the first, and 5000 / 1250
-    assert default_workers(100.0) == 8
-    assert default_workers(9000.0) == 1
-    assert default_workers(1000.0, "cuda") == 1
-    assert default_workers(0.0) == 1
-    assert usable_cores() >= 1
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path):

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.attach_hands import WRIST_RANGE, attach_hands, hand_weight
+from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
 from physic_core.body.bones import local_from_world, world_from_local
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
@@ -64,13 +64,6 @@ def test_a_hand_that_agrees_changes_nothing() -> None:
         np.testing.assert_allclose(getattr(after, name), value, atol=1e-5)
 
 
-def test_a_hand_of_no_confidence_changes_nothing_at_all() -> None:
-    before = body()
-    after = attach_hands(before, hands_of(before, np.full((1, 2, 3), 0.7), 0.0), MODEL, RANGE)
-    for name, value in vars(before).items():
-        np.testing.assert_array_equal(getattr(after, name), value)
-
-
 def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     before = body()
     hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
@@ -81,16 +74,6 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     assert {i + 1 for i in np.flatnonzero(changed)} <= {JOINT_INDEX["right_elbow"], JOINT_INDEX["right_wrist"]}
     assert changed.any()
     np.testing.assert_array_equal(before.left_hand_pose, after.left_hand_pose)
-
-
-def test_people_of_whom_nothing_is_known_stay_so() -> None:
-    one = body()
-    two = BodyParameters(**{name: np.concatenate([np.full_like(v, np.nan), v]) for name, v in vars(one).items()})
-    hands = Hands(np.zeros((2, 2, 15, 3)), np.full((2, 2), 0.9), np.zeros((2, 2, 3)))
-    after = attach_hands(two, hands, MODEL, RANGE)
-    assert np.isnan(after.body_pose[0]).all()
-    alone = attach_hands(one, Hands(hands.rotvecs[:1], hands.confidence[:1], np.zeros((1, 2, 3))), MODEL, RANGE)
-    np.testing.assert_allclose(after.body_pose[1:], alone.body_pose, atol=1e-6)
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
@@ -189,14 +172,6 @@ def test_left_and_right_are_mirror_images(wrists: np.ndarray, seed: int) -> None
             rotvec_to_rotmat(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float)) for side in ("left", "right")
         )
         np.testing.assert_allclose(rotvec_to_rotmat(mirrored(rotmat_to_rotvec(left))), other, atol=3e-5)
-
-
-def test_trust_rises_smoothly_from_nothing_to_everything() -> None:
-    told = hand_weight(np.linspace(0, 1, 101))
-    assert told[0] == 0
-    assert (told[50:] == 1).all()
-    assert (np.diff(told) >= 0).all()
-    assert np.diff(told).max() < 0.04
 
 
 def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:

@@ -32,19 +32,6 @@ def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in SIZES}
 
 
-def test_skeletons_have_their_sizes() -> None:
-    assert {name: len(points) for name, points in SKELETONS.items()} == SIZES | {
-        "coco_wholebody133": 133,
-        "halpe26": 26,
-    }
-
-
-def test_coco23_begins_with_coco17() -> None:
-    assert SKELETONS["coco23"].names[:17] == SKELETONS["coco17"].names
-    assert SKELETONS["coco17"].names[5:7] == ("left_shoulder", "right_shoulder")
-    assert SKELETONS["coco23"].names[17:20] == ("left_big_toe", "left_small_toe", "left_heel")
-
-
 def test_blazepose_order() -> None:
     points = SKELETONS["blazepose33"].names
     known = {0: "nose", 2: "left_eye_surface", 5: "right_eye_surface", 8: "right_ear_surface", 11: "left_shoulder"}
@@ -196,14 +183,6 @@ def test_hands_run_from_wrist_to_tips(at_rest: dict[str, dict[str, Tensor]]) -> 
         assert depth == sorted(depth, reverse=True)  # index in front, little finger behind
 
 
-def test_joints_among_landmarks_are_joints(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
-    output = embedded(**random_pose)
-    points = embedded.landmarks(output, "coco17")
-    for row, name in enumerate(SKELETONS["coco17"].names):
-        if name in JOINT_INDEX:
-            assert torch.allclose(points[:, row], output.joints[:, JOINT_INDEX[name]], atol=1e-6)
-
-
 def test_the_small_model_equals_the_whole(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
     extra = torch.tensor([13000, 4, 4])
     small = embedded.landmarks_only(("blazepose33", "openpose_hand21_right"), extra)
@@ -214,12 +193,6 @@ def test_the_small_model_equals_the_whole(embedded: BodyModel, random_pose: dict
         assert torch.allclose(points[skeleton], embedded.landmarks(output, skeleton), atol=1e-6)
     assert torch.allclose(points["vertices"], output.vertices[:, extra], atol=1e-6)
     assert torch.equal(points["joints"], output.joints)
-
-
-def test_a_small_model_without_surface_points(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
-    points = embedded.landmarks_only(())(**random_pose)
-    assert points["joints"].shape == (3, 55, 3)
-    assert points["vertices"].shape == (3, 0, 3)
 
 
 def test_landmarks_are_differentiable(embedded64: BodyModel) -> None:
@@ -237,10 +210,3 @@ def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
         " openpose_hand21_right, wholebody69, coco_wholebody133, halpe26,"
         " or give a physic_core.types.Skeleton of your own"
     )
-
-
-def test_refuses_an_output_without_vertices(embedded: BodyModel) -> None:
-    output = embedded(*embedded.zero_pose(), joints_only=True)
-    with pytest.raises(BodyModelError) as caught:
-        embedded.landmarks(output, "coco17")
-    assert str(caught.value) == "landmarks need all 13348 vertices, got 0: pose the whole body, or use landmarks_only"

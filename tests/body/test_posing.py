@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.body import load_body
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.posing import JointTree, pose_vertices
 from physic_core.body.skinning import Skin
@@ -71,18 +70,3 @@ def test_slope_against_differences(correctives):
         return pose_vertices(kinematics, tree, skin, rotvec_to_rotmat(turns), shape, transl)
 
     assert torch.autograd.gradcheck(posed, inputs)
-
-
-def test_no_vertices_still_pose_joints():
-    model = load_body("embedded")
-    rotations, betas, transl = model.zero_pose(2)
-    joints = model.landmarks_only(())(rotations, betas, transl.requires_grad_())["joints"]
-    (slope,) = torch.autograd.grad(joints.sum(), transl)
-    assert slope.tolist() == [[55.0] * 3] * 2
-
-
-def test_the_family_of_the_root_is_everybody():
-    kinematics, _ = small_body(bind=False, correctives=False)
-    family = JointTree(kinematics).family
-    assert (family[0] == 1).all()
-    assert family[3].nonzero().flatten().tolist() == [3, 5, 6, 7]

@@ -16,7 +16,6 @@ from physic_core.body.rotations import (
     rotation_between,
     rotmat_to_rotvec,
     rotvec_to_rotmat,
-    slerp,
     swing_twist,
     unit,
 )
@@ -41,13 +40,6 @@ def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> No
     assert abs(Rotation.from_matrix(turn).magnitude() - np.arccos(np.clip(cosine, -1, 1))) < 1e-6
 
 
-@given(VECTOR)
-def test_swing_to_the_opposite_is_half_a_turn(vector: np.ndarray) -> None:
-    turn = rotation_between(vector, -vector)
-    assert is_rotation(turn)
-    np.testing.assert_allclose(turn @ vector, -vector, atol=1e-9)
-
-
 @given(TURN, TURN)
 def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
     both = np.stack([first, second])
@@ -57,26 +49,11 @@ def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
     )
 
 
-@given(TURN, TURN, st.floats(0, 1))
-def test_between_goes_a_share_of_the_way(first: np.ndarray, second: np.ndarray, share: float) -> None:
-    a, b = rotvec_to_rotmat(first), rotvec_to_rotmat(second)
-    whole = np.linalg.norm(rotmat_to_rotvec(a.T @ b))
-    np.testing.assert_allclose(np.linalg.norm(rotmat_to_rotvec(a.T @ slerp(a, b, share))), share * whole, atol=1e-7)
-
-
 @given(TURN, VECTOR)
 def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
     rotation = rotvec_to_rotmat(rotvec)
     tilt, angle = swing_twist(rotation, axis)
     np.testing.assert_allclose(tilt @ rotvec_to_rotmat(angle * unit(axis)), rotation, atol=1e-8)
-
-
-def test_twist_alone_is_all_twist() -> None:
-    axis = np.array([0.0, 0.6, 0.8])
-    for angle in np.linspace(-3.1, 3.1, 15):
-        tilt, found = swing_twist(rotvec_to_rotmat(angle * axis), axis)
-        assert abs(found - angle) < 1e-12
-        np.testing.assert_allclose(tilt, np.eye(3), atol=1e-12)
 
 
 @given(TURN, st.integers(0, 100))

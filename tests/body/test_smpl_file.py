@@ -114,14 +114,6 @@ def test_agrees_with_smplfitter(npz: Path, arrays: dict[str, Any]) -> None:
     np.testing.assert_allclose(own.smpl_joints(rotations, betas, transl), theirs["joints"], atol=2e-6)
 
 
-def test_zero_is_the_template(npz: Path, arrays: dict[str, Any]) -> None:
-    own, flat = load_smpl(npz), np.broadcast_to(np.eye(3), (1, 24, 3, 3))
-    np.testing.assert_allclose(own.vertices(flat, np.zeros((1, 10)))[0], arrays["v_template"], atol=1e-6)
-    joints = arrays["J_regressor"] @ arrays["v_template"]
-    np.testing.assert_allclose(own.smpl_joints(flat, np.zeros((1, 10)))[0], joints, atol=1e-12)
-    assert own.rest.topology == "smpl"
-
-
 class Harm:
     """Runs a command when it is unpickled by anybody careless."""
 
@@ -164,12 +156,6 @@ def test_an_npz_runs_nothing(light: dict[str, Any], tmp_path: Path) -> None:
     assert str(caught.value) == f"{path} holds a pickled object where numbers belong: {ADVICE}"
 
 
-def test_refuses_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(tmp_path / "none.pkl")
-    assert str(caught.value) == f"there is no body model file {tmp_path / 'none.pkl'}: {ADVICE}"
-
-
 @pytest.mark.parametrize("content", [b"", b"not a pickle", b"\x80\x02}q\x00"])
 def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "SMPL.pkl"
@@ -198,13 +184,6 @@ def test_refuses_other_files(change: dict[str, Any], words: str, light: dict[str
     with pytest.raises(BodyModelError) as caught:
         read_smpl(path)
     assert str(caught.value) == f"{path}{words}: {ADVICE}"
-
-
-def test_refuses_a_list(tmp_path: Path) -> None:
-    path = pickled(tmp_path / "SMPL.pkl", [1, 2])
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(path)
-    assert str(caught.value) == f"{path} holds a list, not the arrays of a body: {ADVICE}"
 
 
 def test_indices_outside_of_the_regressor_end_in_words_and_not_in_a_crash(

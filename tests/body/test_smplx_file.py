@@ -71,20 +71,6 @@ def test_asks_for_more_components(smplx_v11: Path) -> None:
     assert model(*model.zero_pose()).vertices.shape == (1, 10475, 3)
 
 
-def test_zero_pose_is_the_template(smplx_v10: Path, smplx_arrays: dict[str, Any]) -> None:
-    model = load_body(smplx_v10)
-    vertices = model(*model.zero_pose()).vertices[0].numpy()
-    np.testing.assert_allclose(vertices, smplx_arrays["v_template"], atol=1e-6)
-
-
-def test_a_vertex_subset_equals_the_whole(smplx_v10: Path, pose: dict[str, torch.Tensor]) -> None:
-    model = load_body(smplx_v10)
-    ids = torch.tensor([5, 9999, 17])
-    arguments = (roma.rotvec_to_rotmat(pose["rotvecs"]), pose["betas"], pose["transl"], pose["expression"])
-    few = model(*arguments, vertex_ids=ids).vertices
-    assert torch.allclose(few, model(*arguments).vertices[:, ids], atol=1e-6)
-
-
 def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
     model = load_body(smplx_v10)
     output = model(*model.zero_pose())
@@ -114,24 +100,6 @@ def test_never_unpickles(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BodyModelError) as caught:
         load_body(path)
     assert str(caught.value) == (f"{path} holds a pickled object where numbers belong: {ADVICE}")
-
-
-def test_refuses_a_missing_file(tmp_path: Path) -> None:
-    path = tmp_path / "none.npz"
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"there is no body model file {path}: {ADVICE}"
-
-
-def test_refuses_a_pickle(tmp_path: Path) -> None:
-    path = tmp_path / "SMPLX_NEUTRAL.pkl"
-    path.write_bytes(b"\x80\x02}q\x00.")
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == (
-        f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of SMPL-X are never opened, they can run "
-        f"code): {ADVICE}"
-    )
 
 
 @pytest.mark.parametrize(("vertices", "whose"), [(6890, "a SMPL"), (778, "a MANO"), (5023, "a FLAME")])
@@ -211,17 +179,6 @@ def test_refuses_an_archive_whose_list_is_damaged(tmp_path: Path) -> None:
     np.savez(path, v_template=np.zeros(3))
     data = bytearray(path.read_bytes())
     data[data.rindex(b"PK\x01\x02")] = 0
-    path.write_bytes(data)
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"{path} cannot be read, the file is damaged: copy or download it again"
-
-
-def test_refuses_a_damaged_file(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
-    path = tmp_path / "model.npz"
-    np.savez(path, **{name: smplx_arrays[name] for name in ("v_template", *smplx_arrays) if name != "joint2num"})
-    data = bytearray(path.read_bytes())
-    data[100_000:100_100] = bytes(100)  # within v_template
     path.write_bytes(data)
     with pytest.raises(BodyModelError) as caught:
         load_body(path)

@@ -56,11 +56,6 @@ def test_info_prints_the_folder_and_its_content(folder: Path):
     assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}"
 
 
-def test_info_of_a_cache_that_was_never_used(folder: Path):
-    assert physic("info").output == f"{folder}: 0 answers, 0.0 MB\n"
-    assert not folder.exists()
-
-
 def test_clear_removes_all_entries_and_lists_them(folder: Path):
     fill(folder)
     assert physic("clear").output == f"{TABLE}removed 4 answers, 1.4 MB from {folder}\n"
@@ -76,29 +71,6 @@ def test_copies_of_body_models_are_listed_and_removed_too(folder: Path):
     assert physic("info").output == f"{empty}{folder}: 1 copy of a body model, 3.0 MB\n"
     assert physic("clear").output.endswith(f"removed 1 copy of a body model, 3.0 MB from {folder}\n")
     assert [path.name for path in folder.iterdir()] == ["MANO_RIGHT.pkl"]
-
-
-def test_maps_between_bodies_are_listed_and_removed_too(folder: Path):
-    fill(folder)
-    for name in ("smpl-embedded-00", "mhr-embedded-01"):
-        (folder / f"{name}.map.npz").write_bytes(bytes(250_000))
-    (folder / ".smpl-embedded-00.map.npz.x.physic-part").touch()  # of a writer that was ended
-    assert physic("info").output == f"{folder}: 4 answers, 1.4 MB\n{TABLE}{folder}: 2 maps between bodies, 0.5 MB\n"
-    assert physic("clear").output == (
-        f"{TABLE}removed 4 answers, 1.4 MB from {folder}\nremoved 2 maps between bodies, 0.5 MB from {folder}\n"
-    )
-    assert [path.name for path in folder.iterdir()] == ["mine.npz"]
-
-
-def test_maps_have_a_folder_of_their_own_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delenv("PHYSIC_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    answers, maps = tmp_path / "physic" / "answers", tmp_path / "physic" / "maps"
-    maps.mkdir(parents=True)
-    (maps / "smpl-embedded-00.map.npz").write_bytes(bytes(250_000))
-    assert physic("info").output == f"{answers}: 0 answers, 0.0 MB\n{maps}: 1 map between bodies, 0.2 MB\n"
-    assert physic("clear").output.endswith(f"removed 1 map between bodies, 0.2 MB from {maps}\n")
-    assert [*maps.iterdir()] == []
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])

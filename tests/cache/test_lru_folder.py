@@ -39,14 +39,6 @@ def test_files_are_listed_from_the_least_recently_used(folder: Path):
     ]
 
 
-def test_a_folder_that_is_not_there_keeps_nothing(tmp_path: Path):
-    assert shelf.list_files(tmp_path / "none") == []
-    assert shelf.clear_folder(tmp_path / "none") == []
-    shelf.trim_folder(tmp_path / "none", 0)
-    shelf.mark_used(tmp_path / "none")
-    assert names(tmp_path) == []
-
-
 @pytest.mark.parametrize(("limit", "left"), [(400, 4), (399, 3), (200, 2), (0, 0)])
 def test_the_longest_unused_go_until_the_rest_fits(folder: Path, limit: int, left: int):
     shelf.trim_folder(folder, limit)
@@ -86,13 +78,3 @@ def test_the_folder_is_the_environments_the_users_or_the_systems(tmp_path: Path,
     assert found.is_absolute()
     monkeypatch.setenv("SWITCH", "mine")
     assert cache_folder("things", "SWITCH") == Path("mine")
-
-
-def test_whoever_has_no_home_has_no_cache(monkeypatch: pytest.MonkeyPatch):
-    def home() -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.delenv("SWITCH", raising=False)
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr(Path, "home", home)
-    assert cache_folder("things", "SWITCH") is None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,9 +16,8 @@ from physic_core import interfaces
 from physic_core.cache import code
 from physic_core.cache import result_cache as module
 from physic_core.cache.result_cache import ResultCache, canonicalize
-from physic_core.discovery.plugins import required_versions
-from physic_core.files.archive import read_archive, write_archive
-from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance, SurfaceLabels
+from physic_core.files.archive import read_archive
+from physic_core.types import DepthMap, Hands, Hints, Intrinsics, Keypoints, People, Provenance
 
 
 class Depth(interfaces.MetricDepth):
@@ -80,11 +78,6 @@ def test_another_run_reads_cached_results_bit_for_bit(cache: ResultCache, folder
     assert read_archive(file)[1]["backend"]["distribution"] == "my-dist"
 
 
-def test_an_image_is_an_answer_too(cache: ResultCache):
-    cache.write(ask(cache), IMAGE)
-    np.testing.assert_array_equal(cache.read(ask(cache)), IMAGE)
-
-
 @pytest.mark.parametrize(
     "other",
     [
@@ -121,14 +114,6 @@ def test_the_version_of_a_library_is_part_of_the_cache_key(
         monkeypatch.setattr(module, "required_versions", lambda name: dict(told[name]))
         names.append(ask(ResultCache(folder, 1)).name)
     assert len(set(names)) == 3
-
-
-def test_a_distribution_requires_what_its_metadata_say():
-    told = required_versions("physic-core")
-    assert {"numpy", "torch", "pydantic"} <= set(told)
-    assert told["numpy"] == np.__version__
-    assert "pytest" not in told  # of an extra
-    assert required_versions("registered by hand") == required_versions("") == {}
 
 
 def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache: ResultCache, tmp_path: Path):
@@ -198,49 +183,6 @@ def test_a_canonical_result_equals_what_the_cache_returns():
     assert canonicalize(wide).flags.c_contiguous
 
 
-def test_the_names_of_surfaces_are_kept(cache: ResultCache):
-    surfaces = SurfaceLabels(np.array([[0, 1]], np.uint8), ("wall", "floor"))
-    people = People(np.zeros((0, 1, 2), bool), np.zeros((0, 4)), np.zeros(0), surfaces=surfaces)
-    cache.write(ask(cache), people)
-    found = cache.read(ask(cache))
-    assert isinstance(found, People)
-    assert found.surfaces is not None
-    assert found.surfaces.names == ("wall", "floor")
-    assert found.surfaces.mask("floor").tolist() == [[False, True]]
-
-
-def damages() -> list[Callable[[Path], object]]:
-    def half(path: Path) -> None:
-        path.write_bytes(path.read_bytes()[:-40])
-
-    def other_class(path: Path) -> None:
-        write_archive(path, {}, {"answer": {"class": "Path", "fields": {}}})
-
-    def other_fields(path: Path) -> None:
-        write_archive(path, {}, {"answer": {"class": "Hands", "fields": {"a": 1}}})
-
-    def no_answer(path: Path) -> None:
-        write_archive(path, {}, {})
-
-    def text(path: Path) -> None:
-        path.write_text("a letter")
-
-    return [half, other_class, other_fields, no_answer, text]
-
-
-@pytest.mark.parametrize("damage", damages(), ids=lambda f: f.__name__)
-def test_a_damaged_file_is_dropped_with_a_note(cache: ResultCache, folder: Path, damage: Callable[[Path], object]):
-    cache.write(ask(cache), ANSWER)
-    (file,) = files(folder)
-    damage(file)
-    assert cache.read(ask(cache)) is None
-    assert files(folder) == []
-    (note,) = cache.notes
-    assert note.startswith(f"a damaged file of the cache was dropped and its answer computed again: {file} (")
-    cache.write(ask(cache), ANSWER)
-    assert cache.read(ask(cache)) is not None
-
-
 def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path: Path):
     (tmp_path / "file").write_text("")
     cache = ResultCache(tmp_path / "file", 10**6)
@@ -275,16 +217,6 @@ def test_the_run_that_wrote_makes_room(tmp_path: Path):
     assert 0 < len(left) < 9
     assert sum(path.stat().st_size for path in files(tmp_path)) <= 4000
     assert names[-1] in left
-
-
-def test_the_users_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("PHYSIC_CACHE", "off")
-    assert ResultCache.in_users_folder(5) is None
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
-    cache = ResultCache.in_users_folder(5)
-    assert cache is not None
-    cache.write(ask(cache), ANSWER)
-    assert len(files(tmp_path)) == 1
 
 
 HAMMER = """

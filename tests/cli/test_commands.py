@@ -18,13 +18,12 @@ from physic_core.cli.config import full_toml, resolved_toml
 from physic_core.cli.listing import plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
 from physic_core.cli.template import config_template
-from physic_core.cli.toml import toml_value
 from physic_core.configuration.model import load_config, preset_names
 from physic_core.configuration.resolve import load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import readiness
 from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.errors import BackendNotFoundError, InputError
+from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
 
 from .results import empty_reconstruction
@@ -125,12 +124,6 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
     assert pipeline.calls == []
 
 
-def test_a_quiet_run_prints_warnings_alone(pipeline):
-    done = physic(*run("-q"))
-    assert (done.exit_code, done.stdout, done.stderr) == (0, "", "warning: no floor was found\n")
-    assert refusal(*run("-q", "-v")).endswith("Error: --verbose prints more and --quiet less: give one of them")
-
-
 def test_json_is_one_object_on_stdout(pipeline):
     done = physic(*run("--json"))
     summary = json.loads(done.stdout)
@@ -184,20 +177,6 @@ def test_run_on_a_folder_names_the_batch_command(pipeline, photos: list[str], co
     done = physic("run", *photos, "--preset", "mock")
     assert (done.exit_code, done.stdout, pipeline.calls) == (code, "", [])
     assert done.stderr.splitlines()[-1] == f"Error: {message}"
-
-
-def test_run_hands_every_flag_to_the_config(pipeline, tmp_path):
-    Path("my.toml").write_text('extends = "mock"\n[photo]\nfocal_px = 700\n')
-    done = physic(
-        *("run", "photo.jpg", "-o", "out/deep", "--config", "my.toml", "--set", "photo.max_side=640"),
-        *("--intrinsics", "900,910,320,240", "--device", "cpu"),
-    )
-    assert done.exit_code == 0, done.output
-    _, config = pipeline.calls[0]
-    assert (config.photo.max_side, config.photo.focal_px) == (640, None)
-    assert config.photo.intrinsics == (900.0, 910.0, 320.0, 240.0)
-    assert config.source("run.device") == "--device"
-    assert Path("out/deep/reconstruction.json").is_file()
 
 
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
@@ -283,11 +262,6 @@ def test_a_lack_of_memory_is_a_message(pipeline, error):
     )
 
 
-def test_an_error_of_the_code_is_not_taken_for_a_lack_of_memory(pipeline):
-    pipeline.error = RuntimeError("no such thing")
-    assert isinstance(physic(*run()).exception, RuntimeError)
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -362,19 +336,6 @@ def test_the_listing_marks_ready_refused_slow_broken_and_ambiguous_backends():
     ]
 
 
-def test_long_licences_and_needs_are_cut_in_the_table_and_nowhere_else():
-    licence = "SAM License: commercial use with conditions, gated"
-    packages = ("accelerate", "diffusers", "peft", "torch", "transformers")
-    record = BackendRecord("segmenter", "x", "m:C", api=1, weights_license=licence, packages=packages)
-    registry = Registry([BackendOffer(record, A)], installed=False)
-    head, row = plugins_table(registry).splitlines()
-    assert row[head.index("weights") : head.index("status")] == (
-        "SAM License: commercial use with condit…  accelerate, diffusers, peft, torch, tra…  "
-    )
-    assert plugins_as_dicts(registry)["backends"][0]["weights_license"] == licence
-    assert f"  weights   {licence}\n  needs     {', '.join(packages)}\n" in details(registry, "x")
-
-
 def test_a_backend_that_needs_a_gpu_is_ready_with_one_only():
     registry = Registry(
         [BackendOffer(BackendRecord("segmenter", "big", "json:C", api=1, needs=("GPU",)), A)], installed=False
@@ -418,28 +379,6 @@ def test_the_listing_is_there_for_machines_too():
     assert printed["restriction"] is None
 
 
-def test_the_listing_may_be_of_one_interface():
-    assert [row.split()[1] for row in plugins_table(offers(), "segmenter").splitlines()] == [
-        *("backend", "big", "file", "gone", "new", "-")
-    ]
-
-
-@pytest.mark.parametrize("command", [("plugins",), ("plugins", "doctor")], ids=" ".join)
-def test_the_listing_of_an_unknown_interface_is_refused(command: tuple[str, ...]):
-    assert refusal(*command, "--interface", "inpainte").splitlines()[-1] == (
-        "Error: no interface named 'inpainte'; there are: segmenter, inpainter, metric_depth, relative_pointmap, "
-        "keypoint_detector, body_estimator, hand_estimator, contact_prior. Did you mean 'inpainter'?"
-    )
-
-
-def test_an_empty_listing_says_so():
-    assert (
-        plugins_table(Registry(installed=False))
-        == "no backend is installed: `pip install -e plugins/physic-embedded` in a checkout of PhySIC"
-    )
-    assert plugins_table(Registry(restriction="", installed=False)) == "no backend is installed (PHYSIC_PLUGINS='')"
-
-
 def test_details_show_what_a_backend_is():
     registry = Registry(installed=False)
     record = BackendRecord(
@@ -474,15 +413,6 @@ def test_details_of_a_class_that_is_broken_keep_the_rest():
     ]
 
 
-def test_details_of_an_unknown_name_say_what_is_near():
-    with pytest.raises(BackendNotFoundError) as caught:
-        details(offers(), "bog")
-    assert str(caught.value) == (
-        "no backend named 'bog'; installed: big, file, gone, new, x. Did you mean 'big'? "
-        f"Broken plugins: physic-c 0.3 (ImportError: no)\nPython: {sys.executable}"
-    )
-
-
 def test_details_describe_the_kinds_of_options(site):
     site.install(
         "physic-rich",
@@ -513,12 +443,6 @@ def test_details_describe_the_kinds_of_options(site):
     ]
 
 
-def test_the_commands_print_them():
-    rows = [line.split()[:3] for line in physic("plugins").stdout.splitlines()]
-    assert ["inpainter", "telea", "physic-opencv"] in rows
-    assert physic("plugins", "show", "telea").stdout.startswith("inpainter 'telea'\n")
-
-
 def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins")
@@ -526,21 +450,6 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     assert done.stdout.splitlines()[-1].split(None, 6) == [
         *("-", "-", "physic-bad", "0.3", "-", "-"),
         "BROKEN: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
-    ]
-
-
-def test_a_class_that_no_plugin_registers_is_shown(monkeypatch, tmp_path):
-    monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "shown_fill.py").write_text(
-        "from physic_core.interfaces import Inpainter\n"
-        "class Fill(Inpainter):\n"
-        "    def infer(self, image, mask): return image\n"
-    )
-    shown = physic("plugins", "show", "shown_fill:Fill").stdout.splitlines()
-    assert shown[:3] == [
-        "inpainter 'shown_fill:Fill'",
-        "  plugin    a class that no plugin registers",
-        "  class     shown_fill:Fill",
     ]
 
 
@@ -587,21 +496,6 @@ def test_show_all_prints_toml_that_comes_to_the_same_settings(preset: str):
     assert again.engine.settings() == config.engine.settings()
     before, after = (resolve(c, discover()).backends for c in (config, again))
     assert {k: b.provenance for k, b in after.items()} == {k: b.provenance for k, b in before.items()}
-
-
-def test_show_all_names_the_source_of_each_value():
-    shown = physic(
-        "config", "show", "--all", "--preset", "light-cpu", "--set", "engine.joint.optimiser.steps=40"
-    ).stdout
-    assert "short_side = 322  # preset light-cpu\nphoto_short_side = 392  # default of physic-embedded 0.1.0\n" in shown
-    assert "\nsteps = 40  # --set\n" in shown
-    assert "# engine preset default\n" in shown
-    assert '[hand_estimator]\nbackend = "none"  # preset light-cpu\n\n[contact_prior]' in shown
-
-
-def test_show_names_the_variable_that_set_a_value(monkeypatch):
-    monkeypatch.setenv("PHYSIC__PHOTO__MAX_SIDE", "700")
-    assert "max_side = 700  # PHYSIC__PHOTO__MAX_SIDE\n" in physic("config", "show").stdout
 
 
 @pytest.mark.parametrize("preset", preset_names())
@@ -670,24 +564,8 @@ def _tables(text: str) -> dict[str, dict[str, str]]:
     return found
 
 
-def test_init_says_whose_options_it_cannot_list():
-    text = config_template("paper", Registry(installed=False))
-    assert '# [inpainter]\n## the backend; `physic plugins` lists all\n# backend = "' in text
-    assert "## The options of '" in text
-    assert '[keypoint_detector.options]\n# weights = "vitpose-h-wholebody"\n' in text
-
-
 def test_init_never_overwrites():
     Path("mine.toml").write_text("mine")
     assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
     assert Path("mine.toml").read_text() == "mine"
     assert refusal("config", "init", "no/mine.toml") == "no/mine.toml cannot be written: No such file or directory"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(True, "true"), (1, "1"), (0.5, "0.5"), (float("inf"), "inf"), ('a"b', '"a\\"b"'), ([1, "x"], '[1, "x"]')],
-)
-def test_a_value_in_toml_reads_back(value: Any, text: str):
-    assert toml_value(value) == text
-    assert tomllib.loads(f"v = {text}")["v"] == value

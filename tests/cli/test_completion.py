@@ -9,7 +9,6 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from physic_core.cli import main
 from physic_core.cli.completion import command_words, completion_script
@@ -47,15 +46,6 @@ def test_the_script_lists_every_command_and_option(scripts: dict[str, str], shel
         assert named == options, path
 
 
-@pytest.mark.parametrize("shell", SHELLS)
-def test_a_shell_accepts_its_script(scripts: dict[str, str], shell: str, tmp_path: Path):
-    if shutil.which(shell) is None:
-        pytest.skip(f"no {shell} here")
-    (tmp_path / "script").write_text(scripts[shell])
-    done = subprocess.run([shell, "-n", tmp_path / "script"], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
 @pytest.mark.parametrize(
     ("typed", "offered"),
@@ -80,8 +70,3 @@ def test_bash_completes_without_a_program(
     call = 'source "$0"; PATH=; COMP_WORDS=(physic "$@"); COMP_CWORD=$#; _physic; echo "${COMPREPLY[*]}"'
     done = subprocess.run(["bash", "-c", call, tmp_path / "script", *typed], capture_output=True, text=True, check=True)
     assert (done.stdout.strip(), done.stderr) == (offered, "")
-
-
-def test_the_command_prints_the_script(scripts: dict[str, str]):
-    done = CliRunner().invoke(main, ["completion", "fish"], prog_name="physic")
-    assert (done.exit_code, done.stdout) == (0, scripts["fish"])

@@ -7,14 +7,11 @@ import subprocess
 import sys
 from typing import Any
 
-import click
 import pytest
 from click.testing import CliRunner, Result
 
 from physic_core.cli import main
 from physic_core.discovery.catalog import COMMANDS, how_to_install
-from physic_core.discovery.installed import find_installed
-from physic_core.discovery.records import CommandRecord
 
 PLUGIN = """
 from physic_core import CommandRecord, hookimpl
@@ -59,11 +56,6 @@ def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
     assert (done.exit_code, done.output) == (0, "hello world\n")
     summary = "Greet the plugins." if group else "Greet."
     assert re.search(rf"^  hello +{summary}$", physic(*group, "--help").output, re.M)
-
-
-def test_own_commands_win(plugin: Any):
-    assert "Not this one." not in physic("--help").output
-    assert "Reconstruct people" in physic("run", "--help").output
 
 
 @pytest.mark.parametrize(
@@ -140,16 +132,3 @@ def test_a_known_command_that_is_not_installed_names_its_distribution(name: str,
         f"PHYSIC_PLUGINS='physic-mock': {how_to_install(COMMANDS[name])}"
     )
     assert how_to_install("physic-testing") == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
-
-
-def test_the_catalog_lists_the_commands_of_our_distributions():
-    assert {c.record.name: c.origin.distribution for c in find_installed(CommandRecord, environment={})} == COMMANDS
-
-
-def test_every_own_command_can_be_imported_under_its_name():
-    for group in (main, main.get_command(click.Context(main), "plugins")):
-        assert isinstance(group, click.Group)
-        for name in group.own:  # type: ignore[attr-defined]
-            command = group.get_command(click.Context(group), name)
-            assert command is not None
-            assert command.name == name

@@ -67,13 +67,6 @@ def test_photos_of_one_name_get_folders_of_their_own_and_find_them_again():
     assert [photo_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
 
 
-def test_run_notes_that_a_folder_name_is_taken():
-    run(photo("x/a.jpg"))
-    assert run(photo("y/a.jpg")).stderr == "a-physic/ is taken: results go to a.jpg-physic/\n"
-    Path("b-physic").mkdir()  # perhaps of a run that has not ended
-    assert run(photo("b")).stderr == "b-physic/ is taken: results go to b-physic-2/\n"
-
-
 def test_overwrite_takes_the_first_folder_with_a_result():
     run(photo("x/a.jpg"))
     assert folder_of(run(photo("y/a.jpg"), "--overwrite")) == "a-physic"
@@ -118,9 +111,3 @@ def test_the_result_of_the_photos_pixels_is_the_photos_own(asked: list[Path]):
     Image.fromarray(pixels).save("a.png")
     empty_reconstruction(photo=image_digest(pixels)).save("out", preview=False)
     assert folder_of(run("a.png", "-o", "out")) == "out"
-
-
-def test_the_help_says_where_results_go_by_default():
-    text = "".join(CliRunner().invoke(main, ["run", "--help"]).stdout.split())  # lines break after hyphens, too
-    expected = "[default: photo-physic for photo.jpg; photo.jpg-physic, photo.jpg-physic-2, ... if taken]"
-    assert expected.replace(" ", "") in text

@@ -108,14 +108,6 @@ def test_closed_streams_cost_nothing_but_their_lines(closed: str):
     }
 
 
-def test_a_batch_runs_with_closed_streams():
-    Path("photos").mkdir()
-    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photos/a.png")
-    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--table", "csv", "--workers", "1")
-    done = process("batch", *options, shell="2>&-")
-    assert (done.returncode, done.stdout.splitlines()[0]) == (0, "1 done, 0 failed")
-
-
 def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: Path):
     """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in buffers are written."""
     start = (
@@ -146,8 +138,3 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: 
     assert run("run", "missing.jpg", "--preset", "mock") == (3, "at exit\n")
     assert run("run") == (2, "at exit\n")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_run_that_is_read_in_part_ends_quietly():
-    done = process("--help", shell="| head -1")
-    assert (done.stdout.count("\n"), done.stderr) == (1, "")

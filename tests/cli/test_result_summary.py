@@ -74,19 +74,6 @@ def test_a_person_is_a_row(document: dict[str, Any]):
     ]
 
 
-def test_the_last_column_is_wrapped_to_the_terminal(document: dict[str, Any]):
-    lines = summary_text(document, Path("out"), width=80).splitlines()
-    assert all(len(line) <= 80 for line in lines)
-    assert [line[:41] for line in lines[3:6]] == [
-        f"{'':<41}",
-        "1       doubtful  12.5 m    0 %          ",
-        f"{'':<41}",
-    ]
-    assert " ".join(line[41:] for line in lines[4:6]) == (
-        "Limbs off their keypoints: 4.5 % (limit 3.5 %); Lean angle: 50 % (limit 3.5 %)"
-    )
-
-
 def test_the_summary_for_programs_has_names_and_numbers(document: dict[str, Any]):
     summary = summary_record(document, Path("out"))
     assert [one["distance_m"] for one in summary["people"]] == [pytest.approx(3.0), pytest.approx(12.5), None]

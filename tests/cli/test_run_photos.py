@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -83,17 +82,6 @@ def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], ob
     done = run("a.jpg")
     assert (done.exit_code, done.stdout, done.stderr) == (3, "", f"Error: {message}\n")
     assert sorted(Path().iterdir()) == before
-
-
-def test_a_camera_in_the_wrong_unit_is_one_message_and_leaves_nothing(world: World):
-    Image.fromarray(world.image).save("a.png")
-    done = run("a.png", "--focal-px", "13")
-    assert (done.exit_code, done.stdout) == (3, "")
-    assert done.stderr == (
-        "Error: a.png: the focal length is 0.081 times the long side of the photo, and a camera's is 0.1 to 100 times: "
-        "give it in px of the photo file\n"
-    )
-    assert [path.name for path in Path().iterdir()] == ["a.png"]
 
 
 def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_warned_of(world: World):
@@ -179,16 +167,6 @@ def test_the_default_files_hold_what_all_files_hold(world: World):
     np.testing.assert_allclose(compact.people[0].vertices, full.people[0].vertices, atol=4e-5)
     np.testing.assert_array_equal(compact.image, full.image)
     assert compact.summary().keys() == full.summary().keys()
-
-
-def test_the_page_is_opened_with_the_option(world: World, monkeypatch: pytest.MonkeyPatch):
-    Image.fromarray(world.image).save("a.png")
-    monkeypatch.setenv("BROWSER", f"{sys.executable} -c \"open('opened', 'w').write('%s')\"")
-    assert run("a.png", "--open").exit_code == 0
-    assert Path("opened").read_text() == (Path.cwd() / "new/out/report.html").as_uri()
-    done = run("a.png", "--open", "--no-report")
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert "--open opens the page, which --no-report leaves out: give one of them" in done.stderr
 
 
 def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
@@ -277,18 +255,6 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World, at_start: str, se
         "asleep",
         "sleeper.py",
     ]
-
-
-def test_a_run_in_a_thread_leaves_the_signals_alone():
-    with ThreadPoolExecutor(1) as pool:
-        done = pool.submit(run, "missing.png").result()
-    assert done.stderr == "Error: cannot read the photo missing.png: there is no such file; check the path\n"
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-
-
-def test_a_run_gives_the_signals_back():
-    assert run("missing.png").exit_code == 3
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_one_line_says_what_runs_the_networks(world: World, monkeypatch: pytest.MonkeyPatch):

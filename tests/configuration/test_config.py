@@ -47,10 +47,6 @@ def test_the_default_names_the_embedded_backend_everywhere():
     assert config.run.device == "cpu"
 
 
-def test_the_presets_are_those_of_the_package():
-    assert preset_names() == ("best", "embedded", "light-cpu", "mock", "open", "paper")
-
-
 @pytest.mark.parametrize("name", preset_names())
 def test_every_preset_holds(name: str):
     assert isinstance(load_config(preset=name), Config)
@@ -77,13 +73,6 @@ def test_every_preset_names_the_distribution_of_each_backend(name: str):
 def test_options_stay_with_a_backend_whichever_way_it_is_named(backend: str, options: dict[str, int]):
     config = load_config(preset="light-cpu", overrides=[f"relative_pointmap.backend={backend}"])
     assert config.relative_pointmap.options == options
-
-
-def test_the_light_preset_differs_from_the_default_in_what_costs_most():
-    light, default = load_config(preset="light-cpu"), load_config()
-    differing = {i for i in INTERFACES if light.choice(i) != default.choice(i)}
-    assert differing == {"inpainter", "relative_pointmap", "hand_estimator"}
-    assert light.source("segmenter.backend") == "preset embedded"
 
 
 def test_a_file_builds_on_the_default_preset_without_saying_so(write):
@@ -166,11 +155,6 @@ def test_engine_overrides_reach_the_settings():
     assert strict.engine.settings().placement.robust_m == float("inf")
 
 
-def test_the_plain_tables_build_the_same_config():
-    config = load_config(preset="mock", overrides=["photo.focal_px=900", "engine.joint.contact.weight=0.5"])
-    assert load_config(preset="mock", flags={"again": config.as_dict()}).as_dict() == config.as_dict()
-
-
 def test_python_callers_may_pass_a_config_a_preset_a_file_tables_or_nothing(write):
     config = load_config(preset="mock")
     assert as_config(config) is config
@@ -242,17 +226,6 @@ def test_a_result_stands_for_the_configuration_that_made_it(write):
     assert load_config(write('extends = "reconstruction.json"\n')).photo.focal_px == 700
 
 
-def test_a_result_needs_nothing_of_any_preset(write):
-    file = written(load_config(preset="mock", overrides=["hand_estimator.backend=none"]))
-    assert load_config(file).hand_estimator.backend == "none"
-    assert load_config(file).inpainter.options == {}
-
-
-def test_a_path_in_a_result_holds_from_anywhere(write, tmp_path):
-    config = load_config(write('[body_model]\npath = "SMPLX_NEUTRAL.npz"\n', "sub/config.toml"))
-    assert config.as_dict()["body_model"] == {"path": str(tmp_path / "sub" / "SMPLX_NEUTRAL.npz")}
-
-
 def test_the_configuration_of_a_damaged_result_is_refused(write):
     file = Path(written(load_config(preset="mock", overrides=["photo.focal_px=700"])))
     file.write_text(file.read_text().replace("700", "701"))
@@ -262,14 +235,6 @@ def test_the_configuration_of_a_damaged_result_is_refused(write):
     )
     file.write_text(re.sub('"checksum": "sha256:.*"', '"checksum": "edited"', file.read_text()))
     assert load_config(str(file)).photo.focal_px == 701
-
-
-def test_a_json_that_is_no_result_is_refused(write):
-    assert refusal(write("{}", "a.json")) == (
-        "a.json holds no configuration: name the reconstruction.json of a run, or a TOML file"
-    )
-    assert refusal(write("{", "a.json")).startswith("a.json is not valid JSON: Expecting property name")
-    assert refusal("no.json") == "no config file at no.json: check the path"
 
 
 # ---- what is refused -------------------------------------------------------------------------------------------------

@@ -12,16 +12,13 @@ from click.testing import CliRunner, Result
 
 from physic_core import interfaces, load_config, reconstruct
 from physic_core.cli import main
-from physic_core.configuration.resolve import missing_files, missing_gpu, require_available, resolve
-from physic_core.discovery.plugins import discover
+from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.readiness import missing_requirements
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import INTERFACES
-from physic_core.pipeline.run import reconstruct_photo
 from physic_testing import check_backend
 from physic_testing.commands.doctor import try_backend
-from physic_testing.conformance.compare import compare
 
 PLUGIN = """
 from pathlib import Path
@@ -63,11 +60,6 @@ def physic_backends():
 def physic_weights():
     return MANIFEST
 """
-PLUGIN_WITH_SEED = (
-    PLUGIN.replace("physic_heavy", "physic_slow")
-    .replace('"heavy', '"slow')
-    .replace("class Shared", "    noise_seed: int = Field(default=0, description='draws errors')\n\nclass Shared")
-)
 MANIFEST = """
 [net]
 summary = "A network"
@@ -135,29 +127,6 @@ def test_run_lists_missing_files_and_leaves_no_folder(heavy: Path, repository: P
     assert not (tmp_path / "out").exists()
 
 
-def test_it_is_said_before_the_photo_is_read(heavy: Path):
-    with pytest.raises(WeightsMissingError, match="2 things are missing"):
-        reconstruct_photo("no-such-photo.png", load_config("my.toml"))
-    done = physic("run", "no-such-photo.png", "--config", "my.toml")
-    assert done.stderr.startswith("Error: 2 things are missing, and nothing was computed:\n")
-    bring(heavy)
-    done = physic("run", "no-such-photo.png", "--config", "my.toml", "--set", "hand_estimator.backend=none")
-    assert "no-such-photo.png" in done.stderr
-
-
-def test_the_benchmark_lists_missing_files_before_it_builds_a_world(site, heavy: Path, tmp_path: Path):
-    choice = "metric_depth={backend='slow', options={noise_seed=0}}"
-    site.install("physic-slow", PLUGIN_WITH_SEED)
-    (site.folder / "physic_slow.toml").write_text(MANIFEST)
-    done = physic("bench", "accuracy", "--worlds", "1", "--set", choice, "--no-cache", "-o", "bench")
-    assert (done.exit_code, done.stdout, done.stderr) == (
-        4,
-        "",
-        f"Error: 1 thing is missing, and nothing was computed:\n  metric_depth 'slow' (physic-slow 1.0): {NET}\n",
-    )
-    assert not (tmp_path / "bench").exists()
-
-
 def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
     done = physic("config", "check", "my.toml")
     assert (done.exit_code, done.stdout) == (
@@ -168,14 +137,6 @@ def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
         f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
         "remark: 1 of 1 weight files are published without a SHA-256 or a revision\n",
     )
-
-
-def test_config_check_lists_nothing_if_nothing_is_missing(heavy: Path):
-    bring(heavy)
-    with (heavy / "model.onnx").open("r+b") as file:
-        file.truncate(140852051)
-    done = physic("config", "check", "my.toml", "--set", "hand_estimator.backend=none")
-    assert (done.exit_code, done.stdout) == (0, "my.toml: no errors\n")
 
 
 def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
@@ -190,13 +151,6 @@ def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
         "remark: weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051: "
         "`physic weights verify net`\n",
     )
-
-
-def test_resolving_alone_needs_no_file(heavy: Path):
-    plan = resolve(load_config("my.toml"), discover())
-    assert len((*missing_files(plan), *missing_gpu(plan))) == 2
-    with pytest.raises(WeightsMissingError):
-        require_available(plan)
 
 
 def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):
@@ -252,28 +206,6 @@ def test_the_listing_looks_for_the_weights_that_a_record_names(heavy: Path, site
     assert statuses()["metric_depth"] == "ready"
 
 
-@pytest.mark.parametrize(
-    ("record", "list_of_sets"), [('weights=("nut",)', MANIFEST), ('weights=("net",)', "no TOML")], ids=["name", "list"]
-)
-def test_the_listing_is_unsure_of_weights_that_no_list_has(heavy: Path, site, record: str, list_of_sets: str):
-    (site.folder / "physic_heavy.py").write_text(NAMED.replace('weights=("net",)', record))
-    (site.folder / "physic_heavy.toml").write_text(list_of_sets)
-    assert statuses()["metric_depth"] == "unsure: needs weights; `physic plugins doctor heavy` checks it"
-
-
-def test_the_kit_runs_no_check_of_a_backend_that_is_not_ready(heavy: Path):
-    report = check_backend("heavy", "metric_depth", size=(96, 72))
-    assert report.failures == ()
-    assert report.not_run_reason == f"not ready: {NET}"
-    done = physic("plugins", "check", "heavy", "--interface", "metric_depth", "--json")
-    assert (done.exit_code, json.loads(done.stdout)[0]["not_asked"]) == (4, f"not ready: {NET}")
-
-
-def test_a_comparison_states_why_a_backend_has_no_result(heavy: Path):
-    found = compare("metric_depth", ["heavy"], worlds=[("stand", 0)], size=(96, 72))
-    assert found.rows[0].problem == f"not ready: {NET}"
-
-
 # ---- backends that cannot say what they lack -------------------------------------------------------------------------
 
 
@@ -302,16 +234,6 @@ def test_an_invalid_result_of_missing_is_a_backend_error(answer: object, says: s
         missing_requirements(saying(answer)())
     line = saying.__code__.co_firstlineno + 3
     assert str(caught.value) == says.replace("{}", str(line))
-
-
-def test_a_weights_missing_error_counts_as_a_missing_file():
-    assert missing_requirements(saying(WeightsMissingError("no file x: get it"))()) == ("no file x: get it",)
-
-
-def test_a_backend_without_the_method_missing_is_complete():
-    assert (
-        missing_requirements(type("Own", (interfaces.MetricDepth,), {"infer": lambda self, image, hints: None})()) == ()
-    )
 
 
 def test_a_wrong_missing_method_is_named_by_every_command():

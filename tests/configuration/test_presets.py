@@ -22,14 +22,10 @@ from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction, load_config
 from physic_core.adapters import checkouts
-from physic_core.body import load_body
 from physic_core.cli import main
-from physic_core.configuration.resolve import resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.readiness import has_gpu
 from physic_core.engine.joint.state import GROUPS
-from physic_core.pipeline.estimate import run_backends
-from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.worlds import World, build_world
 
 from .standins.checkouts import write_checkouts, write_checkpoints
@@ -165,28 +161,6 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
     for line in lines:
         assert re.fullmatch(r"[\w -]+ needs the packages? [\w, ]+ of the environment: pip install [\w +:/.@-]+", line)
         assert line.partition(" needs ")[0] in wanted.checkouts
-
-
-@pytest.mark.parametrize("preset", LACKING)
-def test_a_run_refuses_at_once_with_the_same_list(
-    preset: str, bare: dict[str, str], tmp_path: Path, repository: Path
-) -> None:
-    photo = str(repository / "examples" / "couple.jpg")
-    checked = physic(bare, tmp_path, "config", "check", "--preset", preset)
-    done = physic(bare, tmp_path, "run", photo, "--preset", preset, "-o", "out")
-    assert (done.returncode, done.stdout) == (4, "")
-    head, _, lines = done.stderr.partition("\n")
-    assert re.fullmatch(r"Error: \d+ things are missing, and nothing was computed:", head)
-    assert lines.splitlines() == [line for line in checked.stdout.splitlines()[2:] if line.startswith("  ")]
-    assert list(tmp_path.iterdir()) == [], "nothing is computed, kept or made"
-
-
-def test_without_omnieraser_the_paper_names_the_package_to_install(bare: dict[str, str], tmp_path: Path) -> None:
-    only = bare | {"PHYSIC_PLUGINS": "physic-transformers,physic-human,physic-onnx"}
-    done = physic(only, tmp_path, "config", "check", "--preset", "paper")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "inpainter.backend" in done.stderr
-    assert "'omnieraser' comes with physic-omnieraser" in done.stderr
 
 
 # ---- the whole pipeline over stand-ins -------------------------------------------------------------------------------
@@ -379,41 +353,6 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     assert max(score.fingers) < 3
     assert score.contact > 0.7
     assert score.depth < 0.06
-
-
-def test_the_papers_estimators_lose_nothing_on_the_way_to_the_engine(
-    place: Place, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Perfect estimators, stage 3 held still: what is lost are the carrying over of bodies, and pixels."""
-    save_flux(tmp_path / "flux", monkeypatch)
-    tell(monkeypatch, world)
-    write_papers_config(place, tmp_path / "flux")
-    run("--config", "my.toml", "--set", HELD)
-    require_nothing_lost(judged(Reconstruction.load("out"), world))
-
-
-def test_the_papers_metres_are_those_of_its_published_code(
-    place: Place, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """DepthPro keeps the focal length that it sees; CameraHMR's stand-in wants FLNet's, and FLNet's blue first."""
-    save_flux(tmp_path / "flux", monkeypatch)
-    tell(monkeypatch, world, own_focal=1.1)
-    write_papers_config(place, tmp_path / "flux")
-    plan = resolve(load_config(Path("my.toml")), discover())
-    seen = run_backends(world.image, None, plan, load_body("embedded"), StageRunner("cpu", 8))
-    known = np.isfinite(seen.depth.depth) & np.isfinite(world.empty_depth)
-    ratio = seen.depth.depth[known] / world.empty_depth[known]
-    assert float(np.median(ratio)) == pytest.approx(1.1, abs=1e-3)  # scaled to MoGe's focal length it would be 1
-    assert seen.intrinsics.source == "MoGe"
-    assert plan.config.choice("hand_estimator").options["least_confidence"] == 0.7
-
-
-def test_the_best_preset_asks_for_the_most_that_its_networks_were_trained_on() -> None:
-    config = load_config(preset="best")
-    assert config.choice("relative_pointmap").options == config.choice("metric_depth").options
-    assert config.choice("metric_depth").options["tokens"] == 3600
-    segmenter = resolve(config, discover()).backends["segmenter"].backend
-    assert segmenter.options.floor_words == "ground, floor, carpet."  # type: ignore[attr-defined]
 
 
 @pytest.fixture

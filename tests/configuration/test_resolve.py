@@ -12,7 +12,7 @@ from physic_core.configuration.model import Config, load_config
 from physic_core.configuration.resolve import check_backends, load_checked_config, resolve
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
-from physic_core.errors import BackendError, ConfigError, InputError, PhysicError
+from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES
 
 OWNER = Origin("mine", "physic-mine", "0.2")
@@ -69,18 +69,6 @@ def test_every_interface_gets_its_backend_with_options_and_provenance():
     assert who.options == {"resolution_level": 3, "mode": "fast"}
 
 
-def test_the_rest_of_the_config_is_handed_on():
-    pipeline = resolve(config(photo={"max_side": 640}, engine={"scene": {"far_m": 9}}), registry())
-    assert pipeline.photo.max_side == 640
-    assert pipeline.engine.scene.far_m == 9.0
-    assert (pipeline.body_model, pipeline.device) == ("embedded", "cpu")
-
-
-def test_an_optional_interface_may_be_left_out():
-    pipeline = resolve(config(hand_estimator={"backend": "none"}), registry())
-    assert set(INTERFACES) - set(pipeline.backends) == {"hand_estimator"}
-
-
 def test_wrong_names_and_options_are_reported_together_with_their_paths():
     depth = {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}}
     chosen = config(metric_depth=depth, inpainter={"backend": "onw"}, body_model={"path": "/no/SMPLX.npz"})
@@ -125,11 +113,6 @@ def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch
     )
 
 
-def test_a_config_that_holds_is_loaded_and_checked_at_once():
-    flags = {"config": {name: {"backend": "own"} for name in INTERFACES}}
-    assert load_checked_config(registry(), flags=flags).as_dict() == config().as_dict()
-
-
 def test_a_fault_names_the_flag_that_it_comes_from():
     assert refusal(config({"metric_depth": {"options": {"mode": 3}}}), registry()) == (
         "--flag: 1 error\nmetric_depth.options.mode   should be a text (got 3)"
@@ -145,24 +128,6 @@ def test_a_missing_backend_beside_a_broken_plugin_keeps_the_cause():
         check_backends(config(segmenter={"backend": "other"}), own)
     assert caught.value.__cause__ is cause
     assert "Broken plugins: physic-c 1.0 (ImportError: no such thing)" in str(caught.value)
-
-
-def test_a_backend_whose_module_is_broken_is_one_of_the_faults(site):
-    (site.folder / "physic_halfway.py").write_text("import no_such_engine\n")
-    assert refusal(config(segmenter={"backend": "physic_halfway:S"}), registry(), BackendError) == (
-        "config: 1 error\n"
-        "segmenter.backend   segmenter 'physic_halfway:S' (named in the config) cannot be imported from "
-        "physic_halfway:S: ModuleNotFoundError: No module named 'no_such_engine' (physic_halfway.py:1)"
-    )
-
-
-def test_a_class_of_another_interface_is_one_of_the_faults():
-    kind = backend("segmenter")
-    assert refusal(config(), registry(inpainter=kind), BackendError) == (
-        "config: 1 error\n"
-        f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} "
-        "is no subclass of physic_core.interfaces.Inpainter"
-    )
 
 
 def test_two_claims_to_the_chosen_name_are_one_of_the_faults():
@@ -194,15 +159,6 @@ def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site
         f"write '{names[0]}' or '{names[1]}' to choose"
     )
     assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]), both)
-
-
-def test_options_that_are_no_pydantic_model_are_refused():
-    kind = backend("inpainter", options=dict)  # type: ignore[arg-type]
-    assert refusal(config(), registry(inpainter=kind), BackendError) == (
-        "config: 1 error\n"
-        "inpainter.backend   inpainter 'own' (physic-mine 0.2): its Options is no subclass of "
-        "physic_core.interfaces.Options"
-    )
 
 
 def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
@@ -240,15 +196,6 @@ def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
     with pytest.raises(BackendError) as caught:
         resolve(config(), registry(inpainter=kind))
     assert str(caught.value) == f"inpainter 'own' (physic-mine 0.2) cannot be constructed: {said} ({place})"
-
-
-def test_a_constructor_that_explains_itself_is_left_to_speak():
-    def fail(self: Any, options: Any) -> None:
-        raise InputError("no checkpoint at /x")
-
-    kind = type("Own", (backend("inpainter"),), {"__init__": fail})
-    with pytest.raises(InputError, match=r"^no checkpoint at /x$"):
-        resolve(config(), registry(inpainter=kind))
 
 
 def test_a_class_that_lacks_a_method_is_one_of_the_faults():

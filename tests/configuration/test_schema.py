@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from typing import Any
 
 import jsonschema
 import pytest
-from click.testing import CliRunner
 
-from physic_core.cli import main
 from physic_core.configuration.model import load_config, preset_names
 from physic_core.configuration.schema import config_schema
 from physic_core.discovery.plugins import discover
@@ -25,10 +22,6 @@ def schema() -> dict[str, Any]:
 def faults(schema: dict[str, Any], text: str) -> list[str]:
     found = jsonschema.Draft202012Validator(schema).iter_errors(tomllib.loads(text))
     return sorted(".".join(map(str, fault.absolute_path)) for fault in found)
-
-
-def test_it_is_a_schema(schema):
-    jsonschema.Draft202012Validator.check_schema(schema)
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -81,7 +74,3 @@ def test_a_backend_that_cannot_be_read_is_listed_without_options(site):
     schema = config_schema(own)
     assert faults(schema, '[inpainter]\nbackend = "broken"\noptions = {a = 1}') == []
     assert faults(schema, '[inpainter]\nbackend = "other"') == ["inpainter.backend"]
-
-
-def test_the_command_prints_it(schema):
-    assert json.loads(CliRunner().invoke(main, ["config", "schema"]).stdout) == schema

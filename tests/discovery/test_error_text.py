@@ -119,19 +119,6 @@ def test_check_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
     assert ("traceback" in found) is debug
 
 
-def test_a_backend_that_leaves_python_fails_its_check(broken: Path):
-    (broken / "physic_broken.py").write_text(BROKEN.replace("return self.options.nothere", "raise SystemExit(3)"))
-    done = CliRunner().invoke(main, ["plugins", "check", "raises"])
-    assert "  got:      SystemExit: 3 (physic_broken.py:8)\n" in done.output
-    assert done.exit_code == 5
-
-
-def test_compare_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool):
-    done = CliRunner().invoke(main, ["plugins", "compare", "inpainter", "raises", "--world", "stand"])
-    assert f"raises: {SAID}\n" in done.output
-    assert ("return self.options.nothere" in done.output) is debug
-
-
 def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(broken: Path, debug: bool, monkeypatch):
     source = BROKEN.replace("    return [", "    1 / 0\n    return [")
     (broken / "physic_broken.py").write_text(source)
@@ -140,20 +127,6 @@ def test_doctor_and_the_list_name_the_line_and_show_the_traceback_on_demand(brok
         done = CliRunner().invoke(main, ["plugins", *command])
         assert "ZeroDivisionError: division by zero (physic_broken.py:19)\n" in done.output
         assert ("Traceback (most recent call last)" in done.output) is debug
-
-
-def test_doctor_names_the_line_of_a_backend_that_does_not_load(broken: Path, debug: bool, monkeypatch):
-    source = BROKEN.replace(
-        "class Camera", "    def load(self, device='cpu'):\n        open('/no/file')\n\nclass Camera"
-    )
-    (broken / "physic_broken.py").write_text(source)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-broken,physic-testing")
-    done = CliRunner().invoke(main, ["plugins", "doctor"])
-    assert (
-        "BROKEN   inpainter 'raises' (physic-broken 1.0): load('cpu') fails: "
-        "FileNotFoundError: [Errno 2] No such file or directory: '/no/file' (physic_broken.py:11)\n"
-    ) in done.output
-    assert ("open('/no/file')" in done.output) is debug
 
 
 @pytest.mark.parametrize("debug", [True], indirect=True)
@@ -175,28 +148,6 @@ def test_a_run_names_the_line_and_shows_the_traceback_on_demand(broken: Path, de
     assert done.returncode != 0
     assert f"inpainter 'raises' (physic-broken 1.0), stage 'inpainting': {SAID}\n" in done.stderr
     assert ("return self.options.nothere" in done.stderr) is debug
-
-
-@pytest.mark.parametrize("debug", [True], indirect=True)
-def test_pytest_names_the_line_and_shows_the_traceback_on_demand(broken: Path, debug: bool, tmp_path: Path):
-    (tmp_path / "test_mine.py").write_text(
-        "from physic_testing import parametrize_with_checks\n"
-        '@parametrize_with_checks("inpainter", "raises")\n'
-        "def test_conformance(check):\n"
-        "    check()\n"
-    )
-    only = "test_mine.py::test_conformance[returns_valid_output]"
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", only],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert SAID in done.stdout
-    assert ("return self.options.nothere" in done.stdout) is debug
 
 
 def test_a_message_without_end_is_cut_and_one_that_fails_is_named():

@@ -13,9 +13,8 @@ from click.testing import CliRunner
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import check_backends, resolve
-from physic_core.discovery.local_modules import load_module, split_folder, with_folder
+from physic_core.discovery.local_modules import load_module, split_folder
 from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError, ConfigError
 
 DEPTH = """
@@ -110,14 +109,6 @@ def test_commands_know_the_class_of_a_file_in_the_current_folder(command: tuple[
     assert "BROKEN" not in done.output
 
 
-def test_a_distribution_is_no_file(monkeypatch: pytest.MonkeyPatch):
-    """Its name may be a word that a file has, too."""
-    Path("own_depth.py").write_text("raise SystemExit('imported')")
-    (claim,) = (c for c in discover() if (c.record.interface, c.record.name) == ("metric_depth", "mock"))
-    registry = Registry([type(claim)(claim.record, type(claim.origin)("m", "own_depth"))], installed=False)
-    assert registry.get("metric_depth", with_folder("own_depth:mock", Path())).record is claim.record
-
-
 # ---- what it may be --------------------------------------------------------------------------------------------------
 
 
@@ -129,13 +120,6 @@ def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path: Path):
     (package / "inner" / "depth.py").write_text("def late():\n    from .. import second\n    return second.value\n")
     (package / "second.py").write_text("value = 7")
     assert load_module(tmp_path, "own_package.inner.depth").late() == 7
-
-
-def test_a_folder_without_init_is_a_package_too(tmp_path: Path):
-    (tmp_path / "own_package").mkdir()
-    (tmp_path / "own_package" / "depth.py").write_text("from .more import value\n")
-    (tmp_path / "own_package" / "more.py").write_text("value = 7")
-    assert load_module(tmp_path, "own_package.depth").value == 7
 
 
 def test_what_lies_beside_the_module_is_not_found(tmp_path: Path):
@@ -174,20 +158,6 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path):
     with pytest.raises(ImportError, match="another module is called own_depth "):
         load_module(tmp_path / "b", "own_depth")
     assert load_module(tmp_path / "a", "own_depth") is first
-
-
-def test_an_installed_module_is_imported_as_usual(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "own_depth.py").write_text("import own_helper\n" + DEPTH)
-    (tmp_path / "own_helper.py").write_text("")
-    with monkeypatch.context() as patch:
-        patch.syspath_prepend(tmp_path)
-        assert load_module(tmp_path, "own_depth").own_helper.__name__ == "own_helper"
-
-
-def test_a_module_that_is_not_there_is_named(tmp_path: Path):
-    claim = Registry(installed=False).get("metric_depth", f"{tmp_path}/own_depth:MyDepth")
-    with pytest.raises(BackendError, match="there is no own_depth"):
-        Registry(installed=False).load_class(claim)
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,7 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.configuration.model import as_config
 from physic_core.engine.joint.solve import optimize
-from physic_core.errors import ConfigError
 from physic_testing.bench.ablation import ABLATION, rows
 
 from .adjusted import adjusted
@@ -56,29 +54,6 @@ def test_each_row_adds_one_term_to_the_row_before():
     ours = list(rows("default").values())
     assert difference(ours[3], ours[4]) == {"joint.visibility.occlusion_aware"}
     assert difference(ours[5], ours[6]) == {"joint.contact.source"}
-
-
-def test_the_first_row_has_neither_contact_nor_depth_nor_floor():
-    for base in ("paper", "default", "release"):
-        first = rows(base)["L_reg + L_j2d"]
-        assert (first.joint.contact.weight, first.joint.penetration.weight, first.joint.depth.weight) == (0, 0, 0)
-        assert (first.placement.chamfer_weight, first.scene.floor, first.joint.visibility.occlusion_aware) == (
-            0,
-            "off",
-            False,
-        )
-        assert first.joint.reprojection.weight > 0
-
-
-def test_no_such_preset():
-    with pytest.raises(ConfigError, match="no engine preset named 'papr'; there are: default, paper, prox, release"):
-        rows("papr")
-
-
-def test_a_row_can_be_written_as_a_config():
-    for row in ABLATION:
-        config = as_config({"engine": {"preset": row.preset or "paper", **row.overrides}})
-        assert config.engine.settings() == row.settings(engine_preset("paper"))
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,8 @@ import pytest
 import torch
 
 from physic_core.engine.joint.acceptance import (
-    energy_per_person,
     revert_if_worse,
     select_lowest_energy,
-    term_totals,
-    total_energy,
 )
 from physic_core.engine.joint.optimiser import LbfgsSettings
 from physic_core.engine.joint.state import State
@@ -83,17 +80,6 @@ def test_a_person_with_nan_energy_is_held_and_the_other_converges():
     torch.testing.assert_close(places[1], GOALS[1], atol=0.01, rtol=0)
 
 
-def test_a_person_without_an_energy_does_not_change_the_acceptance_of_others():
-    """The first person's energy is no number at either state; the second one's end is worse than their start."""
-    energy = Two(wall=-1.0)
-    start = energy.state.pack()
-    with torch.no_grad():
-        energy.state.values["translation"][1] += 5.0
-    end = energy.state.pack()
-    revert_if_worse(energy, end, start)
-    torch.testing.assert_close(energy.places()[1], STARTS[1])
-
-
 @pytest.mark.parametrize("settings", [LBFGS, ADAM], ids=["lbfgs", "adam"])
 def test_where_all_end_better_the_end_stays(settings):
     energy = Two(scale=0.1)
@@ -129,13 +115,6 @@ def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
     before, after = revert_if_worse(energy, energy.state.pack(), start)
     assert before == after == {"own": 0.0, "between": 0.0}
     torch.testing.assert_close(energy.state.pack(), start)
-
-
-def test_sums_of_people_and_of_all():
-    energies = {"a": torch.tensor([1.0, 2.0]), "b": torch.tensor([3.0, 4.0]), "scale": torch.tensor([5.0])}
-    assert energy_per_person(energies).tolist() == [4.0, 6.0]
-    assert total_energy(energies).item() == 15.0
-    assert term_totals(energies) == {"a": 3.0, "b": 7.0, "scale": 5.0}
 
 
 def test_people_of_one_group_keep_their_common_end():

@@ -140,17 +140,3 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
 def test_adjacent_parts_meet_at_a_joint(part, other, adjacent):
     assert are_adjacent(part, other) == are_adjacent(other, part) == adjacent
     assert is_farther_out(part, other) != is_farther_out(other, part)
-
-
-def test_titles_of_partners():
-    titles = {
-        "floor": ContactPartner("floor", "floor"),
-        "table": ContactPartner("scene", "table", id=1),
-        "surface 3": ContactPartner("scene", id=3),
-        "left hand of person 1": ContactPartner("person", person=1, part="left_hand"),
-        "own head": ContactPartner("self", part="head"),
-        "hidden seat": ContactPartner("hidden", "seat"),
-        "hidden support": ContactPartner("hidden"),
-        "object 2": ContactPartner("object", "object", id=2),
-    }
-    assert {title: partner.title for title, partner in titles.items()} == {title: title for title in titles}

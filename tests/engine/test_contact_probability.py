@@ -31,24 +31,9 @@ def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside: 
     assert not found[1:].any()
 
 
-def test_a_feature_that_the_engine_does_not_measure_is_an_error():
-    with pytest.raises(KeyError, match="outside"):
-        LINEAR.probabilities({"scene": {"constant": torch.ones(1, 1)}})
-
-
 def test_the_probability_of_a_part_follows_from_its_surest_vertices():
     assert LINEAR.part_probability(0.5) == pytest.approx(1 / (1 + math.exp(0.5)))
     assert 0.5 < LINEAR.part_probability(1.0) < 1
-
-
-def test_the_fitted_model_has_all_kinds_and_is_less_sure_farther_away():
-    model = contact_model()
-    assert set(model.vertex) == set(KINDS)
-    for weights in model.vertex.values():
-        assert weights["nothing near"] < 0
-    assert model.vertex["scene"]["outside"] < 0
-    assert model.vertex["scene"]["foot, depth behind"] < 0
-    assert model.part["log odds"] > 0
 
 
 def test_the_gap_of_a_part_is_its_fifth_smallest_distance():

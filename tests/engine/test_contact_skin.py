@@ -38,12 +38,6 @@ def test_skin_that_looks_the_same_way_does_not_touch():
     assert torch.isinf(two_people(0.03, FRONT, FRONT).distance).all()
 
 
-def test_somebody_alone_has_no_distance_to_people():
-    points, normals = sheet(0.0, FRONT)
-    outer = torch.ones(len(points), dtype=torch.bool)
-    assert torch.isinf(people_distances(points[None], normals[None], outer, RADIUS_M).distance).all()
-
-
 def test_people_whose_vertices_are_not_finite_touch_no_other_person():
     points, normals = sheet(0.0, FRONT)
     bodies = torch.stack([points, torch.full_like(points, torch.nan)])

@@ -128,13 +128,6 @@ def test_cuda_ends_where_the_cpu_does(two):
 
 
 @needs_cuda
-def test_cuda_repeats_itself_bit_for_bit(two):
-    problem = replace(two.problem, model=two.problem.model.to("cuda")).to_model_dtype()
-    one, again = (optimize(problem, adjusted(DEFAULT, optimiser__steps=20)) for _ in range(2))
-    assert torch.equal(one.vertices, again.vertices)
-
-
-@needs_cuda
 def test_cuda_gives_the_places_and_contacts_of_the_cpu(two):
     answers = []
     for device in ("cpu", "cuda"):

@@ -19,12 +19,11 @@ from physic_core.engine.joint.visibility import SelfOcclusion, sample_mask_neigh
 from physic_core.engine.limbs import (
     is_standing,
     keypoints_of_observed_limbs,
-    limb_part_indices,
     observed_parts,
 )
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
-from physic_core.types import SKELETONS, Skeleton
+from physic_core.types import SKELETONS
 from physic_paper.terms.chamfer import HumanPoints
 
 from .adjusted import adjusted
@@ -54,13 +53,6 @@ def test_thinning_keeps_the_surface_and_what_may_touch(body):
         torch.testing.assert_close(thinned[:, rows].sum(), area[:, whole].sum(), rtol=1e-4, atol=0)
 
 
-def test_without_a_spacing_every_outer_vertex_stays(body):
-    area = vertex_areas(body(*body.zero_pose(1)).vertices, body.faces)
-    ids, same = subsample_vertices(body, torch.zeros(body.num_vertices, dtype=torch.bool), 0.0, area)
-    assert torch.equal(ids, body.outer.nonzero().flatten())
-    assert torch.equal(same, area[:, ids])
-
-
 def test_thinning_changes_the_energy_little(standing):
     problem = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.04, 0.0]))
     thin, full = (JointEnergy(problem, adjusted(SETTINGS, visibility__vertex_spacing_m=s))() for s in (0.02, 0.0))
@@ -77,10 +69,6 @@ def test_a_segment_is_observed_when_its_end_is(body):
     assert not nothing.any()
 
 
-def test_only_limbs_can_be_self_occluded(body):
-    assert {body.part_names[i] for i in limb_part_indices(body.part_names)} == set(body.part_names) - {"torso", "head"}
-
-
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23", "blazepose33"])
 def test_keypoints_go_with_their_limb(skeleton):
     observed = torch.ones(1, 55, dtype=torch.bool)
@@ -92,11 +80,6 @@ def test_keypoints_go_with_their_limb(skeleton):
     feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
     assert feet <= unseen
     assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in unseen)
-
-
-def test_points_with_names_of_their_own_count_as_seen():
-    own = Skeleton("own", tuple(f"own_{i}" for i in range(7)))
-    assert keypoints_of_observed_limbs(own, torch.zeros(2, 55, dtype=torch.bool)).all()
 
 
 def test_keypoints_outside_the_image_count_nothing(standing):
@@ -183,16 +166,6 @@ def test_a_thinned_cloud_stands_for_the_whole(standing):
     assert few == pytest.approx(all_points, rel=0.1)
 
 
-def test_a_person_without_points_has_no_chamfer(standing):
-    problem = replace(standing.problem, human_points=(torch.zeros(0, 3),))
-    cloud = HumanPoints.from_problem(problem, most=0)
-    vertices = standing.vertices.clone().requires_grad_()
-    value = cloud(vertices, torch.ones(1, vertices.shape[1], dtype=torch.bool), torch.tensor(0.0))
-    value.sum().backward()
-    assert value.tolist() == [0.0]
-    assert (vertices.grad == 0).all()
-
-
 def test_depth_is_read_where_the_photo_shows_the_person(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
     rows = energy.weights["depth"][0] > 0
@@ -212,14 +185,6 @@ def test_points_of_the_floor_are_left_to_the_plane(standing):
     assert len(without.context.surface) > len(energy.context.surface)
     assert (without.weights["floor"] == 0).all()
     assert "floor" not in without()
-
-
-def test_points_without_a_normal_are_no_surface(standing):
-    normals = standing.problem.scene_normals.clone()
-    normals[::2] = 0
-    problem = replace(standing.problem, scene_normals=normals)
-    half = JointEnergy(replace(problem, floor_normal=None), SETTINGS)
-    assert len(half.context.surface) == pytest.approx(len(normals) / 2, abs=1)
 
 
 @given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))

@@ -17,12 +17,12 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import Snapshot
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.geometry.robust import absolute, robust_loss
+from physic_core.geometry.robust import robust_loss
 from physic_paper.released.reprojection import near_mask
 from physic_paper.terms.point_contact import PointContactTerm
-from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints, offset_loss
+from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
 
-from .adjusted import adjusted, term_of, with_options
+from .adjusted import adjusted, term_of
 
 JOINT, PAPER, RELEASE, PROX = (engine_preset(name).joint for name in ("default", "paper", "release", "prox"))
 
@@ -81,16 +81,6 @@ def test_the_union_of_masks_makes_hidden_people_visible(behind):
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
 
 
-def test_all_limbs_count_as_shown_where_an_energy_takes_them_so(standing):
-    unseen = replace(standing.problem, observed=torch.zeros_like(standing.problem.observed))
-    everything = with_options(JOINT, prepare=type(PAPER).prepare)
-    ours, others = JointEnergy(unseen, JOINT), JointEnergy(unseen, everything)
-    assert not ours.visibility.eligible.any()
-    shown = JointEnergy(standing.problem, JOINT)
-    assert torch.equal(others.visibility.eligible, shown.visibility.eligible)
-    assert torch.equal(others.context.keypoints.weight, shown.context.keypoints.weight)
-
-
 def on_points(problem):
     """The problem with samples of the floor."""
     x, z = torch.meshgrid(torch.linspace(-2, 2, 161), torch.linspace(0.3, 6, 229), indexing="ij")
@@ -146,23 +136,6 @@ def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing
     robust = partial(robust_loss, "geman_mcclure", c=100.0)
     want = sum(float(robust(torch.tensor(px * 1920 / 320) ** 2)) for px in (3.0, 4.0)) * energy.context.keypoints.weight
     assert energy()["reprojection"].item() == pytest.approx(float(want.sum()), rel=1e-3)
-
-
-def test_the_loss_of_an_offset_is_by_axis_or_of_its_length():
-    offset = torch.tensor([[3.0, 4.0]], dtype=torch.float64, requires_grad=True)
-    rho = partial(robust_loss, "absolute", c=1.0)
-    assert offset_loss(offset.square(), rho, per_axis=True).item() == pytest.approx(3 + 4)
-    assert offset_loss(offset.square(), rho, per_axis=False).item() == pytest.approx(5)
-    for per_axis in (False, True):
-        assert torch.autograd.gradcheck(lambda x, by=per_axis: offset_loss(x.square(), rho, per_axis=by), offset)
-
-
-def test_the_absolute_loss_is_the_residual_with_no_slope_at_zero():
-    x = torch.tensor([-3.0, 0.0, 2.0], requires_grad=True)
-    value = absolute(x.square())
-    value.sum().backward()
-    assert value.tolist() == pytest.approx([3, 0, 2])
-    assert x.grad.tolist() == pytest.approx([-1, 0, 1])
 
 
 @pytest.mark.parametrize("preset", ["release", "prox"])

@@ -5,7 +5,6 @@ The body is an ellipsoid of a person's size: its picture and its points are know
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import fields, replace
 
@@ -113,21 +112,6 @@ def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None
     assert placed.depth_offset.tolist() == [1.0, 1.0]
 
 
-def test_keypoints_alone_bring_them_to_the_millimetre() -> None:
-    placed = Picture().place(replace(DEFAULT, chamfer_weight=0.0))
-    assert error_cm(placed).max() < 0.1
-    assert placed.diagnostics[0]["chamfer_m"] is None
-    assert placed.diagnostics[0]["problem"] is None
-
-
-def test_wrong_keypoints_hardly_matter() -> None:
-    picture = Picture()
-    picture.keypoints[:, :4] += 60.0
-    assert error_cm(picture.place()).max() < 1.5
-    plain = replace(DEFAULT, robust_px_share=math.inf, chamfer_weight=0.0)
-    assert error_cm(picture.place(plain)).min() > 5
-
-
 def test_the_papers_solver_finds_the_place_too() -> None:
     placed = Picture(160, settings=PAPER).place(PAPER)
     print(f"paper: off by {error_cm(placed).tolist()} cm")
@@ -195,16 +179,6 @@ def test_several_people_are_placed_as_each_alone() -> None:
         assert torch.equal(alone.transl[0], together.transl[i])
 
 
-def test_no_people_are_placed() -> None:
-    picture = Picture()
-    bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0])
-    none = place_bodies(
-        bodies, PeopleObservations(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0]), picture.K
-    )
-    assert none.transl.shape == (0, 3)
-    assert none.diagnostics == ()
-
-
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
 def test_a_person_that_fails_does_not_change_the_other(settings: PlacementSettings) -> None:
     picture = Picture(160, settings=settings)
@@ -270,31 +244,6 @@ def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera(
     assert (placed.transl[:, 2] > 0.1).all()
 
 
-def test_vertices_inside_the_mouth_take_no_part() -> None:
-    outer = torch.ones(len(VERTICES), dtype=torch.bool)
-    outer[::2] = False
-    picture = Picture()
-    halved = picture.place(outer=outer).diagnostics[0]["facing_vertices"]
-    assert halved == pytest.approx(picture.place().diagnostics[0]["facing_vertices"] / 2, rel=0.05)
-
-
-def test_diagnostics_of_placement_are_json() -> None:
-    told = json.loads(json.dumps(Picture().place().diagnostics[0], allow_nan=False))
-    assert told["reprojection_px"][0] > 10 > 0.1 > told["reprojection_px"][1]
-    assert told["chamfer_m"][1] < 0.02
-    assert sorted(told["losses"]) == ["chamfer", "reprojection"]
-    for term in told["losses"].values():
-        assert term["start"] > 10 * term["end"] >= 0
-    assert told["moved_m"] == pytest.approx(float((START - TRUE)[0].norm()), abs=0.01)
-
-
-def test_dtype_and_bits_are_kept() -> None:
-    picture = Picture()
-    first = picture.place(transl=START.float())
-    assert first.transl.dtype == torch.float32
-    assert torch.equal(picture.place(transl=START.float()).transl, first.transl)
-
-
 def subject() -> PlacementProblem:
     picture = Picture()
     return PlacementProblem(
@@ -329,18 +278,6 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
         for now, then in zip(term.residuals(x), term.residuals(ahead), strict=True):
             assert isinstance(now, Residuals)
             torch.testing.assert_close((then.error - now.error) / step, now.slope[..., axis], atol=1e-5, rtol=1e-5)
-
-
-def test_chamfer_pairs_are_those_of_all_distances() -> None:
-    person = subject()
-    term = (
-        replace(DEFAULT, max_points=10_000).method().chamfer_term(person, torch.ones(len(VERTICES), dtype=torch.bool))
-    )
-    x = torch.tensor([-0.1, 0.05, -0.5, -0.1], dtype=torch.float64)
-    of_vertex, of_point = term.matched(x)
-    distance = torch.cdist(person.vertices + x[:3], person.points * math.exp(-0.1))
-    assert torch.equal(of_vertex, person.points[distance.argmin(1)])
-    assert torch.equal(of_point, person.vertices[distance.argmin(0)])
 
 
 def test_closed_form_is_exact_for_exact_keypoints() -> None:
@@ -454,11 +391,6 @@ def test_no_more_points_than_the_limit_spread_over_the_person() -> None:
     torch.testing.assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)
 
 
-def test_an_empty_mask_has_no_points() -> None:
-    assert human_points(RAYS * 2.0, EVERYWHERE, torch.zeros_like(PERSON)).shape == (0, 3)
-    assert human_points(RAYS * 2.0, torch.zeros_like(PERSON), PERSON).shape == (0, 3)
-
-
 BOTH = torch.tensor([True, True])
 
 
@@ -498,12 +430,6 @@ def test_near_the_camera_less_is_well_above_the_floor(monkeypatch: pytest.Monkey
     assert Picture().place(**over_floor(0.4)).grounded.tolist() == [True, True]
 
 
-def test_without_a_reach_everybody_stands() -> None:
-    placed = Picture().place(replace(DEFAULT, stand_reach_m=0.0), **over_floor(0.6))
-    assert placed.grounded.tolist() == [True, True]
-    assert all(told["foot_height_m"] is not None for told in placed.diagnostics)
-
-
 def test_a_person_without_points_feet_or_floor_counts_as_grounded() -> None:
     picture = Picture()
     picture.points[0] = picture.points[0][:0]
@@ -512,15 +438,6 @@ def test_a_person_without_points_feet_or_floor_counts_as_grounded() -> None:
     assert error_cm(placed).max() < 1
     assert Picture().place(**over_floor(0.6) | {"feet_seen": ~BOTH}).grounded.tolist() == [True, True]
     assert Picture().place().grounded.tolist() == [True, True]
-
-
-def test_no_people_are_grounded_in_an_empty_photo() -> None:
-    picture = Picture()
-    bodies = PosedBodies(VERTICES[None][:0], NORMALS[None][:0], LANDMARKS[None][:0], START[:0], soles=SOLES)
-    evidence = PeopleObservations(picture.keypoints[:0], picture.confidence[:0], [], picture.masks[:0], BOTH[:0])
-    none = place_bodies(bodies, evidence, picture.K, (UP, 1.9))
-    assert none.grounded.shape == (0,)
-    assert none.grounded.dtype == torch.bool
 
 
 def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.optimiser import LbfgsHistory, LbfgsSettings
 from physic_core.engine.joint.state import State
 from physic_paper.adam import AdamSettings
@@ -132,29 +131,3 @@ def test_never_ends_worse_than_it_began(settings):
         assert trace.end == trace.start
     else:
         assert trace.end["bowl"] < trace.start["bowl"] == pytest.approx(100 * 0.1**2)
-
-
-def test_progress_grows_to_one():
-    told: list[float] = []
-    replace(LBFGS, tolerance=0.0).minimise(Bowl(), told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    assert len(told) >= 4
-
-
-def test_nothing_free_is_nothing_done():
-    energy = Bowl()
-    energy.state = State(
-        torch.eye(3).double().expand(1, 55, 3, 3),
-        torch.zeros(1, 2).double(),
-        torch.ones(1, 3).double(),
-        torch.ones(1, 3).double(),
-        frozen=["root", "pose", "hands", "betas", "translation", "scale", "offset"],
-    )
-    trace = LBFGS.minimise(energy)
-    assert (trace.steps, trace.evaluations) == (0, 0)
-    assert trace.start == trace.end
-
-
-def test_the_total_is_the_sum_of_all_people_and_terms():
-    assert total_energy({"a": torch.tensor([1.0, 2.0]), "b": torch.tensor(4.0)}).item() == 7.0

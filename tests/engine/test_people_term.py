@@ -104,11 +104,6 @@ def test_pairs_are_those_of_an_exhaustive_search(crossing):
     assert found.distance.min() < -0.01
 
 
-def test_probes_carry_the_area_of_all_vertices(crossing):
-    probes, vertices, _, _ = pairs_of(crossing, crossing.vertices)
-    assert probes.area.sum(1).tolist() == pytest.approx([vertices.shape[1]] * 2)
-
-
 def settings(inside: float, contact: float):
     return adjusted(DEFAULT, depth__weight=0.0, penetration__people_weight=inside, contact__people_weight=contact)
 
@@ -140,21 +135,6 @@ def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(cross
     assert parts <= {"left_hand", "right_hand"}
     assert pairs.distance.max() < 0.04
     assert not len(touching(observed=torch.zeros(2, 55, dtype=torch.bool))[0])
-
-
-def test_people_apart_cost_no_further_step(make_stage):
-    stage = beside(make_stage, 0.6, 0.0)
-    off, on = (optimize(stage.problem, settings(weight, weight)) for weight in (0.0, 1.0))
-    assert on.steps == off.steps
-    assert torch.equal(on.vertices, off.vertices)
-
-
-def test_the_term_is_added_after_the_others(crossing):
-    energy = JointEnergy(crossing.problem, settings(3.0, 0.8))
-    assert "people" not in energy()
-    assert add_people(energy) is not None
-    assert isinstance(energy.terms[-1], PeopleTerm)
-    assert energy()["people"].gt(0).all()
 
 
 def test_people_are_grouped_by_their_links():

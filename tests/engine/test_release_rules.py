@@ -11,17 +11,14 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.contact import contact_map, contact_surfaces
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS, Skeleton, skeleton_named
 from physic_paper.grid_search import GridSearch
 from physic_paper.outliers import image_outliers
 from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
-from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
+from physic_paper.released.reprojection import released_keypoint_weights
 from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals, visible_part_shares
-
-from .adjusted import adjusted
 
 RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
 
@@ -29,11 +26,6 @@ RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
 @pytest.fixture(scope="module")
 def standing(make_stage):
     return make_stage([({}, (0.0, 0.0, 3.5))])
-
-
-@pytest.fixture(scope="module")
-def pair(make_stage):
-    return make_stage([({}, (-0.5, 0.0, 3.0)), ({}, (0.5, 0.0, 3.4))])
 
 
 def released(problem, **changed):
@@ -104,34 +96,6 @@ def test_a_keypoint_pulls_alike_in_every_joint_set(standing) -> None:
     assert list(found.values()) == pytest.approx([1e4 * 10 * (16 / width + 6 / height) / (2 * 133)] * 4, rel=1e-4)
 
 
-def test_reprojection_is_a_mean_over_people() -> None:
-    error = torch.full((1, 5, 2), 3.2)
-    size, weight = torch.tensor([320.0, 240.0]), torch.full((1, 5), 2.0)
-    alone = released_reprojection(error, torch.zeros_like(error), weight, size, 1)
-    assert float(alone) == pytest.approx(5 * 2 * (0.01 + 3.2 / 240) / 266)
-    both = released_reprojection(error.repeat(2, 1, 1), torch.zeros(2, 5, 2), weight.repeat(2, 1), size, 2)
-    assert float(both.sum()) == pytest.approx(float(alone))
-
-
-def test_two_people_share_the_mean_and_keep_their_own_points(pair) -> None:
-    problem = pair.problem
-    moved = replace(problem, transl0=problem.transl0 + torch.tensor([0.02, 0.0, 0.05]))
-    energies = JointEnergy(released(moved), RELEASE.joint)()
-    for i in (0, 1):
-        alone = JointEnergy(released(moved).select_people(torch.tensor([i])), RELEASE.joint)()
-        assert float(energies["reprojection"][i].detach()) == pytest.approx(float(alone["reprojection"].detach()) / 2)
-        assert float(energies["contact"][i].detach()) == pytest.approx(float(alone["contact"].detach()), rel=1e-4)
-    result = optimize(released(moved), adjusted(RELEASE.joint, optimiser__steps=40))
-    assert result.failures == ("", "")
-    off = [(v - pair.vertices).norm(dim=-1).mean(1) for v in (started(moved), result.vertices)]
-    assert (off[1] < off[0]).all()
-
-
-def started(problem):
-    """Vertices at the start."""
-    return problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0).vertices
-
-
 @pytest.mark.parametrize("preset", ["paper", "release"])
 def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
     problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0]))
@@ -176,14 +140,6 @@ def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None
     ]
     assert before == 0
     assert after == pytest.approx(45 * float((weight * moved.square().sum(-1)).sum()), rel=1e-4)
-
-
-def test_translation_is_held_to_the_body_estimators(standing) -> None:
-    problem = released(standing.problem)
-    away = problem.transl0 + torch.tensor([0.0, 0.0, 0.3])
-    energy = JointEnergy(replace(problem, estimated_transl=away), RELEASE.joint)
-    assert float(energy()["regularisation"].detach()) == pytest.approx(45 * 0.3**2, rel=1e-5)
-    assert float(JointEnergy(problem, RELEASE.joint)()["regularisation"].detach()) == 0
 
 
 def test_masks_and_facing_are_looked_at_once_where_the_keypoints_put_the_body(standing) -> None:

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.stature import STATURE_SIGMA
 from physic_core.engine.scene.stature import linearise_stature, stature_prior
@@ -43,11 +42,6 @@ def test_gradient(body):
     )
     expected = torch.tensor([1.7, 1.6], dtype=torch.float64)
     assert torch.autograd.gradcheck(lambda b: stature_prior(stature(b), expected, 0.04), betas)
-
-
-def test_by_hand():
-    value = stature_prior(torch.tensor([1.6 * math.exp(0.08)]), torch.tensor([1.6]), 0.04)
-    assert value.item() == pytest.approx(4.0, rel=1e-5)
 
 
 def spread_of_stature(body):
@@ -97,7 +91,3 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(standing,
     )
     assert math.log(result.scene_scale) == pytest.approx(expected, abs=0.01)
     assert grown == pytest.approx(expected + math.log(too_large), abs=0.01)
-
-
-def test_no_weight_no_term(standing):
-    assert "stature" not in JointEnergy(standing.problem, adjusted(JOINT, stature__weight=0.0))()

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
@@ -17,7 +16,6 @@ from physic_core.engine.contact.support import (
     ContactEvidence,
     PosedPerson,
     beside_hull,
-    centre_of_mass,
     find_support,
     support_record,
 )
@@ -172,13 +170,6 @@ def test_hands_above_the_centre_of_mass_carry_alone(posed):
     assert low.state != SupportState.HANGING
 
 
-def test_the_centre_of_mass_of_a_box_moves_with_it():
-    box = trimesh.creation.box((0.2, 1.7, 0.4))
-    offset = torch.tensor([0.3, -0.2, 4.0])
-    centre = centre_of_mass(torch.tensor(np.array(box.vertices)).float() + offset, torch.tensor(np.array(box.faces)))
-    assert torch.allclose(centre, offset, atol=1e-5)
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(3, 30))
 def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
@@ -198,10 +189,6 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
         nearest = corners + np.clip(share, 0, 1)[:, None] * (ends - corners)
         distance = float(np.linalg.norm(centre[[0, 2]] - nearest, axis=1).min())
         assert distance - slack <= found <= distance + 1e-9
-
-
-def test_the_hull_of_no_points_is_out_of_reach():
-    assert math.isinf(beside_hull(torch.zeros(3), torch.zeros(0, 3), UP))
 
 
 def test_the_record_has_the_large_contacts_that_carry_with_the_probability_of_the_list(posed):

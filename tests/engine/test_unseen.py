@@ -16,7 +16,7 @@ from physic_core.engine.joint.terms import reprojection
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.limbs import detected_joints, keypoints_of_observed_limbs
 from physic_core.geometry.rotations import rotvec_to_rotmat
-from physic_core.types import SKELETONS, Skeleton
+from physic_core.types import SKELETONS
 
 from .adjusted import adjusted, term_of
 
@@ -45,21 +45,11 @@ def test_a_sure_keypoint_on_the_mask_shows_its_joint():
     assert confirmed("left_knee") == {"left_knee"}
 
 
-def test_a_toe_shows_its_ankle():
-    toe = next(name for name in NAMES if name.startswith("right_") and name.endswith("foot_tip"))
-    assert confirmed(toe) == {"right_ankle"}
-
-
 @pytest.mark.parametrize(
     "doubt", [{"confidence": 0.69}, {"at": (60.0, 20.0)}, {"at": (float("nan"), 1.0)}, {"least": 1.0}]
 )
 def test_a_doubtful_keypoint_shows_nothing(doubt):
     assert confirmed("left_knee", **doubt) == set()
-
-
-def test_points_with_names_of_their_own_show_nothing():
-    own = Skeleton("own", tuple(f"own_{i}" for i in range(33)))
-    assert confirmed("left_knee", skeleton=own) == set()
 
 
 def test_usual_contact_parts_count_without_a_prior(standing):

@@ -79,12 +79,3 @@ def test_what_would_have_to_move_too_far_stays() -> None:
     everywhere = ~nowhere(far)
     assert move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.3)[1].all()
     assert not move_behind_bodies(far, ball(0.0, 0.0, 3.0)[None], FACES, everywhere, 1.2)[1].any()
-
-
-def test_no_bodies_and_no_points_give_empty_results() -> None:
-    some = points(0).float()
-    after, moved = move_behind_bodies(some, ball(0, 0, 3)[None][:0].float(), FACES, nowhere(some, 0), 1.0)
-    assert torch.equal(after, some)
-    assert not moved.any()
-    assert after.dtype == torch.float32
-    assert move_behind_bodies(some[:0], ball(0, 0, 3)[None].float(), FACES, nowhere(some[:0]), 1.0)[0].shape == (0, 3)

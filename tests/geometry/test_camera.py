@@ -7,7 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project, unproject
+from physic_core.geometry.camera import pixel_grid, pixel_rays, project, unproject
 from physic_core.types import Intrinsics
 
 K = torch.tensor([[800.0, 0.0, 319.5], [0.0, 820.0, 239.5], [0.0, 0.0, 1.0]], dtype=torch.float64)
@@ -49,20 +49,6 @@ def test_unproject_inverts_project(x: float, y: float, z: float) -> None:
     point = torch.tensor([x, y, z], dtype=torch.float64)
     again = unproject(project(point, K), point[2], K)
     torch.testing.assert_close(again, point)
-
-
-def test_leading_dimensions_and_cameras_broadcast() -> None:
-    points = torch.rand(2, 5, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) + 1
-    cameras = torch.stack((K, K * torch.tensor([[2.0], [2.0], [1.0]])))
-    both = project(points, cameras[:, None])
-    torch.testing.assert_close(both[0], project(points[0], cameras[0]))
-    torch.testing.assert_close(both[1], project(points[1], cameras[1]))
-
-
-def test_dtype_is_the_points() -> None:
-    assert project(torch.ones(3), K).dtype == torch.float32
-    assert unproject(torch.ones(2), torch.ones(()), K).dtype == torch.float32
-    assert intrinsics_matrix(1.0, 2.0, 3.0, 4.0, torch.zeros((), dtype=torch.float64)).dtype == torch.float64
 
 
 def test_gradients() -> None:

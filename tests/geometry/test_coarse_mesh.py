@@ -28,11 +28,6 @@ def test_each_cell_of_a_part_has_one_that_stands_for_it(seed: int, spacing: floa
     assert len(chosen) == len(plain)
 
 
-def test_no_points_make_no_cells() -> None:
-    group, chosen = cluster_points(torch.zeros(0, 3), torch.zeros(0, dtype=torch.int64), 0.1)
-    assert (len(group), len(chosen)) == (0, 0)
-
-
 def test_a_sphere_keeps_its_surface_and_its_outside() -> None:
     ball = trimesh.creation.icosphere(5, 1.0)
     vertices, faces = torch.from_numpy(ball.vertices.copy()), torch.from_numpy(ball.faces.copy())
@@ -61,12 +56,3 @@ def test_it_hides_the_limbs_that_the_whole_mesh_hides() -> None:
     assert len(model.coarse.ids) < 0.3 * model.num_vertices
     assert flags < 0.03
     assert parts < 0.03
-
-
-def test_rounding_does_not_choose_between_two_points_of_a_cell() -> None:
-    points = torch.rand(200, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    pairs = torch.cat([torch.tensor([k + 0.1, 0.1, 0.1]) + 0.8 * points[[k, k + 100]] for k in range(100)]).double()
-    parts = torch.zeros(len(pairs), dtype=torch.int64)
-    for noise in (0.0, 1e-12, -1e-12):
-        _, chosen = cluster_points(pairs + noise * (torch.arange(len(pairs)) % 3)[:, None], parts, 1.0)
-        assert chosen.tolist() == list(range(0, 200, 2))

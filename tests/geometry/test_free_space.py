@@ -44,7 +44,3 @@ def test_nothing_is_known_outside_the_picture_and_behind_the_camera() -> None:
     points = torch.tensor([[0.0, 0.0, 2.0], [5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
     assert in_free_space(points, wall, K).tolist() == [False, True, True, True]
     assert in_free_space(points, front_depth(torch.full((24, 32), torch.nan)), K).all()
-
-
-def test_an_empty_shape_stays_empty() -> None:
-    assert in_free_space(torch.zeros(2, 0, 3), front_depth(torch.ones(24, 32)), K).shape == (2, 0)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ import torch
 import trimesh
 
 from physic_core.geometry.mesh import faces_of_vertices, vertex_areas, vertex_normals
-from physic_core.metrics import physics
 
 
 @pytest.fixture(params=[np.asarray, torch.tensor], ids=["numpy", "torch"])
@@ -87,13 +84,3 @@ def test_the_faces_around_a_vertex_give_the_same_normals():
     torch.testing.assert_close(vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5])
     lonely = torch.cat([vertices, vertices[:1]])
     assert vertex_normals(lonely, faces, faces_of_vertices(faces, len(lonely)))[-1].tolist() == [0.0, 0.0, 0.0]
-
-
-def test_metrics_offers_the_same_functions():
-    assert physics.vertex_areas is vertex_areas
-    assert physics.vertex_normals is vertex_normals
-
-
-def test_arrays_need_no_torch():
-    code = "import sys, physic_core.geometry.mesh as m, numpy as n; m.vertex_areas(n.eye(3), n.arange(3)[None])"
-    subprocess.run([sys.executable, "-c", f"{code}; assert 'torch' not in sys.modules"], check=True)

@@ -73,14 +73,6 @@ def test_pixels_round_to_their_centres():
     assert inside_mask(uv, mask).tolist() == [True, False, True, False, False, False]
 
 
-def test_masks_are_per_person():
-    masks = torch.zeros(2, 4, 4, dtype=torch.bool)
-    masks[0, :, :2] = True
-    masks[1, :, 2:] = True
-    uv = torch.tensor([[1.0, 1.0], [3.0, 1.0], [9.0, 1.0]]).expand(2, 3, 2)
-    assert inside_mask(uv, masks).tolist() == [[True, False, False], [False, True, False]]
-
-
 @pytest.mark.parametrize("offset", [0.0, 0.25, 0.55])
 def test_rays_equal_a_plain_ray_caster(offset):
     vertices, faces, _ = two_spheres([0.013, 0.021, 2.0], [offset, 0.05, 3.0])
@@ -89,16 +81,6 @@ def test_rays_equal_a_plain_ray_caster(offset):
     # On the silhouette itself rounding decides.
     assert (hidden != want).double().mean() < 0.005
     assert ((face >= 0) == hidden).all()
-
-
-def test_people_are_cast_one_by_one():
-    vertices, faces, part = two_spheres([0.013, 0.021, 2.0], [0.25, 0.05, 3.0])
-    batch = torch.stack([vertices, vertices + torch.tensor([0.4, 0.0, 1.0])])
-    together = self_occlusion(batch, faces, part, parts=[0, 1])
-    for i, body in enumerate(batch):
-        alone = self_occlusion(body, faces, part, parts=[0, 1])
-        for name in ("hidden", "by_other_part", "parts", "vertices"):
-            assert torch.equal(getattr(together, name)[i], getattr(alone, name)), name
 
 
 def test_a_part_behind_another_is_occluded_from_thirty_percent_on():

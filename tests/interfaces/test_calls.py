@@ -56,9 +56,3 @@ def test_an_upload_that_is_no_photo_reaches_no_backend(image: Any, got: str):
     assert str(caught.value) == WANTED + got
     assert backend.events == []
     assert stages.records == []
-
-
-def test_a_photo_comes_as_it_is():
-    backend = Counting()
-    assert call(backend, InpainterRequest(PHOTO, MASK)) is PHOTO
-    assert backend.events == ["infer"]

@@ -44,19 +44,6 @@ def test_a_file_that_holds_no_masks_is_refused(tmp_path: Path, pixels: np.ndarra
         read_masks(tmp_path / "m.png")
 
 
-def test_a_file_that_is_missing_or_no_image_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as error:
-        read_masks(tmp_path / "m.png")
-    assert str(error.value) == f"cannot read the masks {tmp_path}/m.png: there is no such file; check the path"
-    (tmp_path / "m.png").write_text("people")
-    with pytest.raises(InputError) as error:
-        read_masks(tmp_path / "m.png")
-    assert str(error.value) == (
-        f"cannot read the masks {tmp_path}/m.png: it is not an image, or of an unknown kind; "
-        "give an indexed or grey PNG"
-    )
-
-
 @pytest.mark.parametrize(
     ("prompt", "message"),
     [
@@ -101,11 +88,6 @@ def test_a_choice_that_cannot_be_meant_is_refused(prompt: PeoplePrompt, message:
     with pytest.raises(InputError) as error:
         check_prompt(prompt, 40, 30)
     assert str(error.value) == message
-
-
-def test_lists_become_tuples() -> None:
-    prompt = check_prompt(PeoplePrompt(points=[[3, 4]], boxes=np.array([[1, 2, 8, 9]])), 40, 30)  # type: ignore[arg-type]
-    assert (prompt.points, prompt.boxes, len(prompt)) == (((3.0, 4.0),), ((1.0, 2.0, 8.0, 9.0),), 2)
 
 
 def test_prompts_follow_the_size_of_the_image() -> None:

@@ -7,7 +7,6 @@ import math
 import os
 import struct
 import sys
-import types
 import zlib
 
 import numpy as np
@@ -59,16 +58,6 @@ def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), **tags):
 def test_a_file_that_is_not_there(tmp_path):
     path = tmp_path / "missing.jpg"
     assert message_of(path) == f"cannot read the photo {path}: there is no such file; check the path"
-
-
-def test_a_folder_in_place_of_a_photo_is_an_error(tmp_path):
-    assert message_of(tmp_path) == f"cannot read the photo {tmp_path}: it is a folder; name one image file"
-
-
-def test_a_path_below_a_file_is_an_error(tmp_path):
-    (tmp_path / "a.jpg").write_bytes(b"x")
-    path = tmp_path / "a.jpg" / "b.jpg"
-    assert message_of(path) == f"cannot read the photo {path}: Not a directory; check the path"
 
 
 def test_something_that_is_not_a_file():
@@ -127,17 +116,6 @@ def test_a_jpeg_without_its_end_marker_is_read_with_a_note(tmp_path, options, mi
     assert expected.notes == ()
 
 
-def test_a_large_jpeg_without_its_end_marker_is_reduced(tmp_path, monkeypatch):
-    monkeypatch.setattr("physic_core.io.photo._KEEP_PIXELS", 10_000)
-    path = tmp_path / "photo.jpg"
-    whole = jpeg(path)
-    expected = read_photo(path)
-    path.write_bytes(whole[:-2])
-    photo = read_photo(path)
-    np.testing.assert_array_equal(photo.image, expected.image)
-    assert photo.file_size == expected.file_size == (200, 120)
-
-
 @pytest.mark.parametrize("options", JPEG_KINDS, ids=str)
 def test_a_jpeg_with_missing_pixels_is_refused(tmp_path, options):
     path = tmp_path / "photo.jpg"
@@ -161,17 +139,6 @@ def test_heic_without_its_package(tmp_path, monkeypatch):
     )
 
 
-def test_heic_with_its_package_is_given_to_it(tmp_path, monkeypatch):
-    calls = []
-    module = types.ModuleType("pi_heif")
-    module.register_heif_opener = lambda: calls.append(True)
-    monkeypatch.setitem(sys.modules, "pi_heif", module)
-    path = tmp_path / "IMG_0001.HEIC"
-    path.write_bytes(HEIC)
-    assert message_of(path).endswith(DAMAGED)
-    assert calls == [True]
-
-
 def test_eight_pixels(tmp_path):
     path = tmp_path / "tiny.png"
     Image.new("RGB", (8, 8)).save(path)
@@ -189,14 +156,6 @@ def test_more_pixels_than_can_be_held(tmp_path, side):
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0))
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b""))
     assert message_of(path) == (f"cannot use the photo {path}: it has more than 150 megapixels; give a smaller version")
-
-
-def test_floating_point_pixels(tmp_path):
-    path = tmp_path / "depth.tiff"
-    Image.fromarray(np.ones((HEIGHT, WIDTH), np.float32)).save(path)
-    assert message_of(path) == (
-        f"cannot use the photo {path}: its pixels are floating point; save it with 8 bits a channel"
-    )
 
 
 def test_thirty_two_bits(tmp_path):
@@ -228,11 +187,6 @@ def test_a_plain_photo_comes_as_it_is_without_notes(tmp_path, suffix):
     assert photo.image.flags.writeable
     assert photo.image.flags.c_contiguous
     assert (photo.intrinsics, photo.notes) == (None, ())
-
-
-def test_a_path_may_be_text(tmp_path):
-    Image.fromarray(corners()).save(tmp_path / "photo.png")
-    assert read_photo(str(tmp_path / "photo.png")).image.shape == (HEIGHT, WIDTH, 3)
 
 
 def test_cmyk(tmp_path):
@@ -323,34 +277,6 @@ def test_palette(tmp_path):
     assert photo.notes == ()
 
 
-def test_palette_with_transparency(tmp_path):
-    path = tmp_path / "palette.png"
-    image = Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4)
-    image.save(path, transparency=image.getpixel((0, 0)))
-    photo = read_photo(path)
-    assert (photo.image[:36, :48] == 128).all()
-    np.testing.assert_array_equal(photo.image[36:], corners()[36:])
-    assert photo.notes == ("transparent parts were laid over mid-grey",)
-
-
-def test_only_the_first_frame_of_an_animation_is_used(tmp_path):
-    path = tmp_path / "wave.gif"
-    frames = [Image.fromarray(corners()), Image.new("RGB", (WIDTH, HEIGHT), "black")]
-    frames[0].save(path, save_all=True, append_images=frames[1:])
-    photo = read_photo(path)
-    np.testing.assert_array_equal(photo.image, corners())
-    assert photo.notes == ("only the first of its frames is used",)
-
-
-def test_the_extra_picture_of_a_phone_is_no_news(tmp_path):
-    path = tmp_path / "phone.jpg"
-    frames = [Image.fromarray(corners()), Image.new("RGB", (WIDTH, HEIGHT), "black")]
-    frames[0].save(path, format="MPO", save_all=True, append_images=frames[1:])
-    photo = read_photo(path)
-    assert np.abs(photo.image.astype(int) - corners()).mean() < 8
-    assert photo.notes == ()
-
-
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_a_turned_photo_comes_upright(tmp_path, orientation):
     turn = {
@@ -384,15 +310,6 @@ def test_eighty_megapixels_are_read_at_half_size(tmp_path):
     assert np.abs(photo.image[::40, ::40].astype(int) - corners(125, 100)).mean() < 2
 
 
-def test_a_large_png_is_reduced_after_decoding(tmp_path):
-    path = tmp_path / "large.png"
-    Image.fromarray(corners(8_000, 7_000)).save(path, compress_level=1)
-    photo = read_photo(path)
-    assert photo.image.shape == (3500, 4000, 3)
-    assert photo.notes == ("56 megapixels were read at 4000 x 3500 px",)
-    np.testing.assert_array_equal(photo.image[::50, ::50], corners(80, 70))
-
-
 # --- what the file says about the camera --------------------------------------------------------------------------
 
 
@@ -403,20 +320,6 @@ def test_the_35_mm_equivalent_is_read_by_the_diagonal(tmp_path):
         focal, focal, 47.5, 35.5, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "known"
     )
     assert photo.notes == ()
-
-
-def test_a_full_frame_camera_has_the_same_focal_length_by_either_rule(tmp_path):
-    equivalent = read_photo(save_with_exif(tmp_path / "a.jpg", size=(360, 240), f35=50)).intrinsics
-    sensor = read_photo(
-        save_with_exif(tmp_path / "b.jpg", size=(360, 240), f=50.0, rx=100.0, ry=100.0, unit=3)
-    ).intrinsics
-    assert equivalent is not None
-    assert sensor is not None
-    assert sensor.fx == pytest.approx(50 / 36 * 360, rel=1e-6)
-    assert equivalent.fx == pytest.approx(sensor.fx, rel=1e-6)
-    assert sensor.source == "EXIF: 50 mm and the sensor's resolution"
-    assert equivalent.known
-    assert sensor.known
 
 
 def test_the_sensor_s_resolution_counts_the_pixels_that_the_camera_wrote(tmp_path):
@@ -445,10 +348,6 @@ def test_a_cropped_photo_keeps_no_focal_length(tmp_path):
     )
 
 
-def test_a_resized_photo_keeps_its_focal_length(tmp_path):
-    assert read_photo(save_with_exif(tmp_path / "a.jpg", f35=26, px=4000, py=3000)).intrinsics is not None
-
-
 def test_an_impossible_focal_length_is_ignored(tmp_path):
     photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=4000))
     assert photo.intrinsics is None
@@ -472,11 +371,6 @@ def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
 
 
 # --- resizing -----------------------------------------------------------------------------------------------------
-
-
-def test_a_small_photo_is_left_alone():
-    photo = Photo(corners())
-    assert limit_size(photo, 96) is photo
 
 
 def test_resizing_averages_and_moves_the_camera_along():
@@ -560,12 +454,6 @@ def test_a_camera_that_cannot_be_the_photos_is_refused(camera, message, max_side
 
 
 # --- arrays -------------------------------------------------------------------------------------------------------
-
-
-def test_a_good_array_passes_as_it_is():
-    image = corners()
-    assert check_image(image) is image
-    assert check_image(image[:, ::-1]).flags.c_contiguous
 
 
 @pytest.mark.parametrize(

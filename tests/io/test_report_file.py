@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from physic_core.batch.saving import Saving, save_photo
 from physic_core.cli import main
-from physic_core.errors import InputError, OutputError
-from physic_core.io.report_file import add_report, save_report
+from physic_core.errors import InputError
+from physic_core.io.report_file import add_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 
 
@@ -59,22 +59,6 @@ def test_a_page_that_was_edited_is_not_removed(folder, result):
     path.write_text(path.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
     save_reconstruction(result, folder, preview=False, glb=False)
     assert path.read_text(encoding="utf-8").endswith("my remarks")
-
-
-def test_files_of_others_are_never_replaced(folder, result):
-    path = folder / "report.html"
-    path.write_text("my report")
-    message = f"cannot write {path}: the file there is not a page of PhySIC; move it away, or name another"
-    for write in (lambda: add_report(folder), lambda: save_report(result, path), lambda: result.report(str(path))):
-        with pytest.raises(OutputError) as error:
-            write()
-        assert str(error.value) == message
-    assert path.read_text() == "my report"
-
-
-def test_the_result_writes_its_page(result, tmp_path):
-    result.report(str(tmp_path / "new" / "a.html"), title="photo.jpg")
-    assert "<h1>photo.jpg</h1>" in (tmp_path / "new" / "a.html").read_text(encoding="utf-8")
 
 
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
@@ -130,13 +114,6 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     broken, _, good = cards(tmp_path)
     assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
     assert "it is not JSON" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
-
-
-def test_a_sheet_of_others_is_not_replaced(folder, tmp_path):
-    (tmp_path / "contact-sheet.html").write_text("mine")
-    done = physic("report", tmp_path)
-    assert done.exit_code == 2
-    assert "the file there is not a contact sheet of PhySIC" in done.output
 
 
 def cards(folder: Path) -> list[dict]:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from physic_core import ConfigError, InputError, save_reconstruction
+from physic_core import InputError, save_reconstruction
 from physic_core.batch.process import prepare_job
 from physic_core.batch.saving import Saving
 from physic_core.cli import main
@@ -115,12 +115,3 @@ def test_a_page_that_breaks_the_contract_is_refused(
     with pytest.raises(PluginError) as error:
         report_html(make(people=0))
     assert str(error.value).startswith(message)
-
-
-def test_two_plugins_that_make_the_page_are_named(make: Any, site: Any, monkeypatch: pytest.MonkeyPatch):
-    site.install("physic-page", PAGE.format(module="physic_page", body=PLAIN))
-    site.install("physic-sheet", PAGE.format(module="physic_sheet", body=PLAIN))
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page,physic-sheet")
-    with pytest.raises(ConfigError) as error:
-        report_html(make(people=0))
-    assert str(error.value) == "report.html is made by physic-page and physic-sheet: uninstall one of them"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,15 +10,11 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from physic_core import load_reconstruction, save_reconstruction
-from physic_core.cli import main
-from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import SCHEMA_VERSION
 from physic_core.io.schema_file import schema_file
 
-PAGE = Path(__file__).parents[2] / "docs" / "file-format.md"
 WRITTEN = Path(__file__).with_name("written")
 SCHEMA = json.loads(schema_file().read_text(encoding="utf-8"))
 
@@ -37,11 +32,6 @@ def properties(schema: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, 
         yield prefix + name, one
         for inner in (one, *one.get("anyOf", ())):
             yield from properties(inner, f"{prefix}{name}.")
-
-
-def test_it_is_a_schema_of_the_version_that_is_written():
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION
 
 
 @pytest.mark.parametrize("people", [0, 2])
@@ -103,25 +93,3 @@ def test_every_key_is_described_in_the_schema():
     for name in ("intrinsics", "check", "person", "support", "partner", "contact", "unposed", "stage", "backend"):
         nested |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
     assert [name for name, one in nested.items() if not {"description", "$ref"} & set(one)] == []
-
-
-def test_every_array_is_on_the_page():
-    rows = re.findall(r"^\| `([\w{}]+)` \| (\w+) \| ([^|]*) \| (.*?) \|$", PAGE.read_text(), re.M)
-    shared = [(s.name, s.dtype, " x ".join(map(str, s.shape)) or "one", s.meaning) for s in SHARED_ARRAYS]
-    own = [
-        (f"person_{{i}}_{s.name}", s.dtype, " x ".join(map(str, s.shape)) or "one", s.meaning) for s in PERSON_ARRAYS
-    ]
-    assert rows == shared + own
-
-
-def test_the_command_prints_where_the_schema_is():
-    assert CliRunner().invoke(main, ["schema"]).stdout == f"{schema_file()}\n"
-    assert json.loads(CliRunner().invoke(main, ["schema", "--print"]).stdout) == SCHEMA
-
-
-def test_the_wheel_contains_the_schema():
-    from hatchling.builders.wheel import WheelBuilder
-
-    root = Path(__file__).parents[2]
-    files = {file.distribution_path for file in WheelBuilder(str(root)).recurse_included_files()}
-    assert "physic_core/io/reconstruction.schema.json" in files

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import astuple
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -74,12 +71,6 @@ def test_empty_sets_score_as_in_the_published_code(predicted, truth, expected):
     s = contact_scores(flags(predicted), flags(truth))
     assert (s.precision_mean, s.recall_mean, s.f1_mean) == expected
     assert (s.precision_pooled, s.recall_pooled, s.f1_pooled) == expected
-
-
-def test_no_people_have_no_score():
-    scores = contact_scores(np.zeros((0, 9), bool), np.zeros((0, 9), bool))
-    assert scores.rows == 0
-    assert all(math.isnan(value) for value in astuple(scores)[1:])
 
 
 def test_probabilities_and_other_meshes_are_refused():

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.errors import PhysicError
 from physic_core.metrics.geodesic import distance_to_sources, geodesic_error, surface_graph
 
 
@@ -143,15 +142,6 @@ def test_unreachable_vertices_are_counted_separately():
     assert error.unreachable == 2
 
 
-def test_coinciding_vertices_are_no_distance_apart():
-    vertices, faces = strip(1)
-    vertices[1] = vertices[0]
-    for across in (False, True):
-        graph = surface_graph(vertices, faces, across=across)
-        assert distance_to_sources(graph, marks(4, 0))[1] == 0
-        assert np.isfinite(distance_to_sources(graph, marks(4, 0))).all()
-
-
 @pytest.mark.parametrize("across", [False, True])
 def test_people_in_a_batch_on_the_body(across):
     body = load_body("embedded")
@@ -169,8 +159,3 @@ def test_people_in_a_batch_on_the_body(across):
     assert same[2] == 0
     assert other[2] == pytest.approx(other[1] * 0.5, rel=0.1)
     assert not half.any()
-
-
-def test_maps_of_another_mesh_are_refused():
-    with pytest.raises(PhysicError, match=r"^The contact maps have 5 vertices and the graph 6: build the graph"):
-        geodesic_error(surface_graph(*strip(2)), marks(5), marks(5))

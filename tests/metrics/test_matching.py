@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.errors import PhysicError
 from physic_core.metrics.matching import mask_iou, match_by_masks
 
 
@@ -60,17 +59,3 @@ def test_matches_equal_the_slow_reference(seed, guesses, people, gate):
     assert (-len(found), sum(cost[i, j] for j, i in found.items())) == pytest.approx(min(options))
     assert sorted([*matching.truth, *matching.missed]) == list(range(people))
     assert sorted([*matching.predicted, *matching.false_alarms]) == list(range(guesses))
-
-
-@pytest.mark.parametrize(("guesses", "people"), [(0, 0), (0, 2), (2, 0)])
-def test_no_people_are_matched_to_no_people(guesses, people):
-    matching = match_by_masks(np.ones((guesses, 3, 3), bool), np.ones((people, 3, 3), bool))
-    assert pairs(matching) == {}
-    assert len(matching.missed) == people
-    assert len(matching.false_alarms) == guesses
-    assert matching.truth.dtype == matching.missed.dtype == matching.false_alarms.dtype == np.int64
-
-
-def test_what_does_not_fit_is_refused():
-    with pytest.raises(PhysicError, match=r"^Masks must have one size, got \(4, 20\) and \(4, 10\): resize"):
-        match_by_masks(columns((0, 4)), columns((0, 4), width=10))

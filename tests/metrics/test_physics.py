@@ -49,13 +49,6 @@ def test_depths_by_hand():
     np.testing.assert_allclose(masked.volume, [0.005, 0])
 
 
-def test_no_people_and_no_scene_penetrate_nothing():
-    for shape in ((0, 5), (2, 0)):
-        answer = penetration(np.zeros(shape), np.zeros(shape))
-        for value in (answer.max_depth, answer.mean_depth, answer.share, answer.volume):
-            np.testing.assert_array_equal(value, np.zeros(shape[0]))
-
-
 @given(st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=20), st.floats(0.1, 10))
 def test_depths_scale_with_the_scene_and_the_volume_with_the_areas(values, scale):
     distance, areas = np.array(values), np.linspace(0.1, 1, len(values))

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.errors import PhysicError
 from physic_core.metrics.scene import floor_error, scene_error
 from physic_core.types import Plane
 
@@ -69,22 +68,6 @@ def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
     assert (error.point_mean, error.depth_relative_mean) == (0, 0)
 
 
-def test_nothing_in_common_is_no_number():
-    error = scene_error(room(), room(), ~ALL, ALL)
-    assert (error.pixels, error.coverage) == (0, 0)
-    assert all(math.isnan(value) for value in astuple(error)[2:])
-    error = scene_error(room(), room(), ALL, ~ALL)
-    assert error.pixels == 0
-    assert all(math.isnan(value) for value in astuple(error)[1:])
-
-
-def test_maps_of_another_size_are_refused():
-    with pytest.raises(PhysicError, match=r"true point maps must have the same shape, got \(6, 8, 3\) and"):
-        scene_error(room(), room()[:5], ALL, ALL[:5])
-    with pytest.raises(PhysicError, match=r"^Predicted and true masks of valid pixels must have the same shape"):
-        scene_error(room(), room(), ALL, ALL[:5])
-
-
 def test_height_error_of_a_lower_floor_is_positive():
     error = floor_error(Plane(FLOOR.normal, 1.6), FLOOR)
     assert error.angle_deg == 0
@@ -101,7 +84,3 @@ def test_a_tilted_floor_is_right_below_the_camera_and_wrong_at_the_feet(degrees)
     assert error.height == 0
     feet = floor_error(tilted, FLOOR, at=np.array([0.0, 1.5, 4.0]))
     assert feet.height == pytest.approx(4 * math.sin(angle) + 1.5 * (1 - math.cos(angle)), rel=1e-6, abs=1e-12)
-
-
-def test_a_floor_that_was_not_found_has_no_error():
-    assert all(math.isnan(value) for value in astuple(floor_error(None, FLOOR)))

@@ -202,11 +202,6 @@ def test_options_of_a_backend_are_part_of_the_cache_key(
     assert counts.asked == asked
 
 
-def test_another_photo_calls_every_backend(warm: Path, counts: Counts) -> None:
-    reconstruct(build_world("stand", 1).image, "mock")
-    assert counts.asked == EVERYBODY
-
-
 def test_a_backend_that_is_not_cacheable_is_called_each_time(
     warm: Path, counts: Counts, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -228,16 +223,6 @@ def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
     assert counts.asked == EVERYBODY
     assert "the cache" not in said
     assert {path: path.stat().st_mtime_ns for path in warm.iterdir()} == before
-
-
-def test_the_environment_switches_it_off(
-    counts: Counts, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PHYSIC_CACHE", "off")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    reconstruct(read_photo(photo).image, "mock")
-    assert counts.asked == EVERYBODY
-    assert not (tmp_path / "physic" / "answers").exists()
 
 
 def test_the_summary_says_what_came_from_the_cache(warm: Path, photo: Path, tmp_path: Path) -> None:
@@ -292,9 +277,3 @@ def test_where_memory_is_short_one_backend_is_open_at_a_time(
     assert counts.open == set()
     low = Reconstruction.load(str(tmp_path / "out"))
     np.testing.assert_allclose(low.people[0].vertices, first[1].people[0].vertices, atol=4e-5)
-
-
-def test_an_interface_that_is_left_out_is_never_loaded(counts: Counts, photo: Path) -> None:
-    config = load_config(preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"])
-    reconstruct(read_photo(photo).image, config)
-    assert counts.loaded == ONCE - Counter(["hand_estimator", "contact_prior"])

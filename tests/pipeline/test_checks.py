@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -32,7 +30,7 @@ from physic_core.pipeline.checks import (
 )
 from physic_core.pipeline.checks.result import check_value
 from physic_core.pipeline.checks.specs import CheckSpec
-from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import depth_ratio, sole_height, support_gap, visible_share
 from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -231,22 +229,6 @@ def test_one_seen_ankle_is_enough_of_a_leg() -> None:
     assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
 
 
-def test_a_backend_that_does_not_say_what_is_seen_is_believed() -> None:
-    evidence, solution, settings = case(legs=False)
-    evidence.bodies.observed = None
-    assert failed_checks(run_checks(evidence, solution, settings), 0) == ()
-
-
-def test_without_floor_search_no_check_of_the_floor_fails() -> None:
-    assert failing(floor="switched_off") == []
-
-
-def test_a_point_map_that_is_not_used_need_not_agree() -> None:
-    evidence, solution, settings = case(scene_share=0.0)
-    settings = replace(settings, scene=engine_preset("prox").scene)
-    assert [d.name for d in run_checks(evidence, solution, settings) if d.failed] == []
-
-
 @pytest.mark.parametrize(
     ("changes", "warning"),
     [
@@ -434,15 +416,6 @@ def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
     assert not {"reprojection", "visible", "optimised"} & set(unknown_checks(found, 0))
 
 
-def test_the_table_of_the_documentation_lists_the_checks(repository: Path) -> None:
-    text = (repository / "docs" / "checks.md").read_text()
-    row = re.compile(r"^\| ([^|]+) \| `(\w+)` \| [^|]+ \| ([^|]+) \|$", re.M)
-    photo, person = map(row.findall, text.split("### Checks of each person"))
-    assert [(*found, "photo") for found in photo] + [(*found, "person") for found in person] == [
-        (check.label, name, bound(check), check.of) for name, check in CHECKS.items()
-    ]
-
-
 def bound(check: CheckSpec) -> str:
     """Return the bound of a check as the documentation writes it."""
     if check.unit == "1: yes":
@@ -472,11 +445,6 @@ def test_a_check_reads_as_label_value_and_bound(name: str, value: float | None, 
     )
 
 
-def test_a_check_of_an_earlier_version_reads_by_its_name() -> None:
-    check = CheckResult("legs_seen", CheckState.FAILED, 1.0, 2.0, "at least", "count", "a leg is not visible", 0)
-    assert str(check) == "Legs seen: 1 (at least 2)"
-
-
 RECORDS = (
     CheckResult("floating", CheckState.FAILED, 0.2, 0.05, "at most", "m", "the body hangs in the air", 1, "Gap", "m"),
     CheckResult("visible", CheckState.OK, 0.9, 0.4, "at least", "share", "visible", 1),
@@ -499,15 +467,6 @@ def test_checks_are_written_and_read_back() -> None:
         "share_of": "m",
     }
     assert parse_checks(records, 2) == RECORDS
-
-
-def test_unmeasured_checks_of_version_1_are_unknown() -> None:
-    records = [
-        {"name": r.name, "person": r.person, "ok": r.state != "failed", "value": r.value}
-        | {"threshold": r.threshold, "unit": r.unit, "message": r.message}
-        for r in RECORDS
-    ]
-    assert parse_checks(records, 1) == tuple(replace(r, label="", share_of="") for r in RECORDS)
 
 
 # ---- what is measured on the mesh ------------------------------------------------------------------------------------
@@ -554,16 +513,6 @@ def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:
     assert lifted.gap(lifted.free, lifted.floor) == pytest.approx(0.2, abs=1e-6)
     assert lifted.gap(lifted.free, lifted.floor - 0.3) == 0
     assert lifted.gap(lifted.free, None) == 0.15
-
-
-def test_the_clearance_counts_every_vertex() -> None:
-    body = Body(lift=0.2)
-    assert clearance(body.vertices, body.free, body.up, body.floor) == pytest.approx(0.2, abs=1e-6)
-    assert clearance(body.vertices, body.free, body.up, None) is None
-    near = body.free.clone()
-    near[load_body().contact_sets["left_hand"]] = 0.01
-    assert clearance(body.vertices, near, body.up, body.floor) == pytest.approx(0.01)
-    assert clearance(body.vertices, body.free, body.up, body.floor - 2.3) == 0
 
 
 @pytest.mark.parametrize("lift", [0.0, 0.25, -2.3])

@@ -48,16 +48,6 @@ def test_pixels_are_those_of_opencv_and_map_back(distortion: tuple[float, float,
     np.testing.assert_allclose(Lens(CAMERA, distortion).file_pixels(own, CAMERA), seen, atol=1e-3)
 
 
-def test_pixels_of_a_resized_picture_map_to_the_larger_file() -> None:
-    lens, half = Lens(CAMERA, BARREL), CAMERA.resized(160, 120)
-    at = np.array([[0.0, 0.0], [80.0, 60.0], [159.0, 119.0]])
-    np.testing.assert_allclose(lens.file_pixels(at, half), lens.file_pixels((at + 0.5) * 2 - 0.5, CAMERA), atol=1e-9)
-
-
-def test_no_distortion_changes_no_pixel() -> None:
-    np.testing.assert_array_equal(undistort_image(picture(), CAMERA, (0, 0, 0, 0, 0)), picture())
-
-
 def test_prompts_and_lengths_move_with_the_picture() -> None:
     mask = np.zeros((1, 240, 320), bool)
     mask[0, 20:60, 30:70] = True

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
-from physic_core.cli import main
 from physic_core.engine.settings import ContactSettings
 from physic_core.io.photo import read_photo
 from physic_testing.bench.consistency import consistency
@@ -66,33 +63,3 @@ def test_his_soles_touch_and_his_head_does_not(result: Reconstruction) -> None:
     assert person.contact_probability is not None
     least = ContactSettings().threshold - 1e-3  # float16
     assert (person.contact_probability[unseen & person.contact] >= least).all()
-
-
-def test_every_stage_names_its_backend(result: Reconstruction) -> None:
-    named = {s.provenance.interface for s in result.stages if s.provenance is not None}
-    assert named == {
-        "segmenter",
-        "keypoint_detector",
-        "inpainter",
-        "relative_pointmap",
-        "body_estimator",
-        "hand_estimator",
-        "contact_prior",
-        "metric_depth",
-    }
-    assert all(s.provenance.weights_license for s in result.stages if s.name in ("people", "inpainting", "hands"))
-
-
-def test_telea_takes_the_inpainters_place(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    config = str(EXAMPLES / "telea.toml")
-    done = CliRunner().invoke(main, ["run", str(EXAMPLES / "basketball.png"), "--config", config, "-o", str(out)])
-    assert done.exit_code == 0, done.output
-    document = json.loads((out / "reconstruction.json").read_text())
-    backends = {s["backend"]["interface"]: s["backend"] for s in document["stages"] if s["backend"]}
-    assert backends["inpainter"]["name"] == "telea"
-    assert backends["inpainter"]["distribution"] == "physic-opencv"
-    assert backends["segmenter"]["name"] == "embedded"
-    assert len(document["people"]) == 2
-    assert {p.name for p in out.iterdir()} >= {"preview.png", "report.html", "combined.glb"}
-    assert done.stdout.endswith(f"results: {out}/\npage: {out}/report.html\n")

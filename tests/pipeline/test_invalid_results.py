@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +17,10 @@ from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
 from physic_core.pipeline.invalid_results import (
-    discard_invalid_bodies,
     discard_invalid_hands,
     discard_invalid_keypoints,
-    expand_contact,
 )
-from physic_core.types import Bodies, ContactProbability, Hands, Keypoints, Person, Reconstruction
+from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
@@ -88,16 +86,6 @@ class LoseContact(backends.MockContactPrior):
     def infer(self, image, people, bodies):
         answer = super().infer(image, people, bodies)
         return replace(answer, probability=spoilt(answer.probability))
-
-
-class Behind(backends.MockBodyEstimator):
-    """A body that is made of numbers, and so much so that its energy is not."""
-
-    def infer(self, *arguments):
-        answer = super().infer(*arguments)
-        betas = answer.parameters.betas.copy()
-        betas[LOST] = 1e30
-        return replace(answer, parameters=replace(answer.parameters, betas=betas))
 
 
 def apart(a: Person, b: Person) -> float:
@@ -201,12 +189,6 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
-def test_an_absurd_body_does_not_change_the_other(world: World, sound: Reconstruction, alone: Person) -> None:
-    result = run(world, Behind, "body_estimator")
-    assert result.people[LOST].failed_checks
-    check_unspoilt(result.people[KEPT], sound, alone, world)
-
-
 def test_no_valid_body_at_all_is_an_error(world: World) -> None:
     class Broken(backends.MockBodyEstimator):
         def infer(self, *arguments):
@@ -244,13 +226,6 @@ def test_lost_rows_become_what_stands_for_nothing() -> None:
     assert hands.confidence.tolist() == [[0.9, 0.0], [0.0, 0.0]]
 
 
-def test_contact_of_some_is_put_among_all() -> None:
-    asked = np.array([True, False, True])
-    contact, lost = expand_contact(ContactProbability(np.array([[0.25], [np.nan]]), "t"), asked)
-    assert contact.probability.tolist() == [[0.25], [0.0], [0.0]]
-    assert lost.tolist() == [False, False, True]
-
-
 def test_all_arrays_of_a_result_have_the_same_rows(world: World) -> None:
     people = backends.MockSegmenter().infer(world.image)
     rows = np.array([False, True])
@@ -260,14 +235,3 @@ def test_all_arrays_of_a_result_have_the_same_rows(world: World) -> None:
     np.testing.assert_array_equal(some.boxes[0], people.boxes[1])
     assert some.floor is people.floor
     assert select_people(people, np.array([True, True])) is people
-
-
-def test_a_body_that_is_lost_in_one_number_is_lost() -> None:
-    from physic_core.types import BodyParameters
-
-    values = {f.name: np.zeros((2, 3), np.float32) for f in fields(BodyParameters)}
-    values["betas"][1, 2] = np.inf
-    bodies, lost = discard_invalid_bodies(Bodies(BodyParameters(**values), "embedded"))
-    assert lost.tolist() == [False, True]
-    assert np.isnan(bodies.parameters.transl[1]).all()
-    assert (bodies.parameters.transl[0] == 0).all()

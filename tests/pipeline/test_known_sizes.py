@@ -17,7 +17,6 @@ from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, loa
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
-from physic_core.configuration.model import PhotoSettings
 from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, body_point, stature_factor
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError
@@ -182,15 +181,6 @@ def test_people_in_a_scene_of_known_scale() -> None:
         check_people_in_scene(known, given, estimated, torch.tensor([0.2, math.nan, 1.0]))
 
 
-def test_a_length_outside_the_photo_is_not_used_and_reported(stand: World) -> None:
-    far = KnownLength((10.0, 100.0), (500.0, 100.0), 8.0)
-    (message,) = contradictions(run(stand, KnownSizes(lengths=(far,))))
-    assert message == (
-        "the known length of 8 m was not used: the scene has no depth at one of its pixels (10, 100) and (500, 100); "
-        "choose pixels away from edges and inside the photo"
-    )
-
-
 def test_the_config_overrides_the_argument(stand: World) -> None:
     known = KnownSizes(stature=(1.5,), camera_height=1.5)
     result = run(stand, known, "photo.stature=1.9", "photo.camera_height=1.6")
@@ -273,16 +263,6 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
 # ---- config and command line -----------------------------------------------------------------------------------------
 
 
-def test_sizes_in_a_config() -> None:
-    one = PhotoSettings.model_validate({"stature": 1.8, "camera_height": 1.5, "known_length": [1, 2, 30, 40, 2.5]})
-    assert one.known_sizes() == KnownSizes((1.8,), 1.5, (KnownLength((1, 2), (30, 40), 2.5),))
-    several = PhotoSettings.model_validate({"stature": [1.8, 0], "known_length": [[1, 2, 30, 40, 2], [0, 0, 9, 9, 1]]})
-    assert several.known_sizes().stature == (1.8, 0)
-    assert len(several.known_sizes().lengths) == 2
-    assert PhotoSettings().known_sizes() == KnownSizes()
-    assert not KnownSizes()
-
-
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -297,11 +277,6 @@ def test_impossible_sizes(setting: str, message: str) -> None:
     with pytest.raises(ConfigError) as error:
         load_config(preset="mock", overrides=[f"photo.{setting}"])
     assert message in str(error.value)
-
-
-def test_pixels_of_the_file_are_moved_to_the_resized_image() -> None:
-    known = KnownSizes(lengths=(KnownLength((-0.5, -0.5), (99.5, 49.5), 1.0),))
-    assert known.resized(0.5, 0.5) == KnownSizes(lengths=(KnownLength((-0.5, -0.5), (49.5, 24.5), 1.0),))
 
 
 def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:

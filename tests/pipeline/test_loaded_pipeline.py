@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import threading
 from collections import Counter
 from dataclasses import replace
@@ -21,7 +20,6 @@ from physic_core import (
     PhysicError,
     Pipeline,
     Reconstruction,
-    load_config,
     reconstruct,
     reconstruct_photo,
 )
@@ -93,15 +91,6 @@ def test_backends_are_loaded_once_and_closed_at_the_end(world: World, result: Re
         pipeline(world.image)
 
 
-def test_with_low_memory_no_backend_stays_loaded(world: World, events: Counter[str]):
-    config = load_config(preset="mock", overrides=["run.low_memory=true"])
-    with Pipeline(config, backends={"metric_depth": CountedDepth}) as pipeline:
-        pipeline.warm_up()
-        assert events == {"load": 1, "close": 1}
-        pipeline(world.image)
-        assert events == {"load": 2, "infer": 1, "close": 2}
-
-
 def test_a_load_that_failed_is_tried_again(world: World, events: Counter[str]):
     class Late(CountedDepth):
         def load(self, device="cpu"):
@@ -128,19 +117,6 @@ def test_every_kind_of_photo_gives_the_same_result(photo: Path, world: World, re
     found = reconstruct_photo(photo, "mock")
     assert same(found, result)
     assert found.photo == photos["path"].digest
-
-
-def test_a_pil_image_is_turned_upright_and_not_changed(world: World):
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(np.rot90(world.image))).save(buffer, "PNG", exif=exif)
-    image = Image.open(buffer)
-    size = image.size
-    found = read_source(image)
-    assert np.array_equal(found.image, world.image)
-    assert image.size == size
-    assert "rotated upright by the EXIF orientation" in found.notes
 
 
 @pytest.mark.parametrize(
@@ -179,21 +155,6 @@ def test_an_error_names_the_photo(photo: Path):
             with pytest.raises(NoPersonError) as error:
                 pipeline(one)
             assert str(error.value).startswith(f"{photo}: no person was found in the photo of 160 x 120 px by ")
-
-
-def test_a_config_may_be_a_preset_a_path_tables_or_a_config(tmp_path: Path):
-    (tmp_path / "my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
-    tables = {"extends": "mock", "photo": {"max_side": 640}}
-    on_file = {"extends": tmp_path / "my.toml", "photo": {"mask_growth": 0.02}}
-    configs = (tmp_path / "my.toml", str(tmp_path / "my.toml"), tables, load_config(tmp_path / "my.toml"))
-    assert Pipeline("mock").config.as_dict() == load_config(preset="mock").as_dict()
-    for config in configs:
-        assert Pipeline(config).config.as_dict() == load_config(tmp_path / "my.toml").as_dict()
-    assert Pipeline(on_file).config.photo.max_side == 640
-    assert Pipeline(on_file).config.photo.mask_growth == 0.02
-    with pytest.raises(ConfigError) as error:
-        Pipeline({"extends": 3})
-    assert str(error.value) == "config: 1 error\nextends   should be the name of a preset or a path (got 3)"
 
 
 def test_settings_of_one_photo(world: World):
@@ -299,12 +260,6 @@ def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstructi
     assert np.array_equal(cloud.colors[:, :3], result.scene.colors[result.scene.valid])
     with pytest.raises(InputError, match=r"^this person has no faces: take it from the people of a Reconstruction$"):
         replace(person, faces=None).mesh()
-
-
-def test_a_notebook_shows_the_preview(result: Reconstruction):
-    html = result._repr_html_()
-    assert html.startswith('<img src="data:image/png;base64,iVBORw0KGgo')
-    assert html.endswith(f'alt="{result!r}" style="max-width: 100%">')
 
 
 def test_a_summary_is_flat_and_of_numbers(result: Reconstruction):

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from physic_core import Reconstruction, load_config, reconstruct
 from physic_core.body import load_body
@@ -17,9 +16,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.pipeline import optimise as solution
-from physic_core.pipeline.run import reconstruct_photo
 from physic_core.types import Hints
-from physic_mock import NOISE_VERSION
 from physic_testing.worlds import World, build_world
 
 pytestmark = pytest.mark.kernels
@@ -173,13 +170,6 @@ def test_bodies_do_not_sink(cases, name):
         assert depth < 50
 
 
-def test_stages_name_their_backends(cases):
-    records = {r.name: r.provenance for r in cases[0].result.stages}
-    assert {p.backend for p in records.values() if p is not None} == {"mock"}
-    assert {p.distribution for p in records.values() if p is not None} == {"physic-mock"}
-    assert f"mock: true depth times 1.1 with errors of noise model {NOISE_VERSION} times 1" in cases[0].result.notes
-
-
 def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
     result = cases[1].result
     result.save(str(tmp_path / "out"), preview=False)
@@ -194,23 +184,6 @@ def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
         np.testing.assert_allclose(a.keypoints, b.keypoints, rtol=1e-6)
         for field in fields(a.parameters):
             np.testing.assert_array_equal(getattr(a.parameters, field.name), getattr(b.parameters, field.name))
-
-
-def test_the_same_photo_gives_the_same_result_from_a_file_too(cases, tmp_path):
-    world, before = cases[0].world, cases[0].result
-    Image.fromarray(world.image).save(tmp_path / "photo.png")
-    again = reconstruct_photo(tmp_path / "photo.png", load_config(preset="mock", overrides=MOCK))
-    np.testing.assert_array_equal(again.people[0].vertices, before.people[0].vertices)
-    np.testing.assert_array_equal(again.scene.points, before.scene.points)
-
-
-def test_another_inpainter_beside_the_mocks(cases):
-    world = cases[0].world
-    config = load_config(preset="mock", overrides=[*MOCK, "inpainter.backend=telea"])
-    result = reconstruct(world.image, config)
-    error = vertex_error_mm(result.people[0].vertices, world.vertices[0])
-    print(f"with telea: {error:.0f} mm")
-    assert error < 150
 
 
 def test_stage_3_computes_in_float64(cases, monkeypatch):

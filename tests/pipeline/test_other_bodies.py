@@ -21,7 +21,6 @@ from physic_core.files.archive import pack, read_archive, unpack, write_archive
 from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
-    discard_invalid_hands,
 )
 from physic_core.types import (
     Bodies,
@@ -29,12 +28,9 @@ from physic_core.types import (
     ContactProbability,
     Hands,
     Mesh,
-    People,
     Reconstruction,
     RestMesh,
-    SurfaceLabels,
 )
-from physic_core.types.per_person import select_people
 from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World, build_world
@@ -81,37 +77,6 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
     np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])  # type: ignore[index]
     assert np.isfinite(kept.mesh.vertices[1]).all()
     np.testing.assert_array_equal(kept.mesh.faces, FACES)
-
-
-def test_hands_whose_wrists_are_nan_are_not_found() -> None:
-    wrists = np.zeros((2, 2, 3))
-    wrists[0, 1] = np.nan  # of a hand that was not found: means nothing
-    assert not discard_invalid_hands(replace(hands(), wrists=wrists))[1].any()
-    wrists[0, 0] = np.nan
-    kept, lost = discard_invalid_hands(replace(hands(), wrists=wrists))
-    assert lost.tolist() == [True, False]
-    assert kept.confidence[0].tolist() == [0, 0]
-    assert kept.wrists is not None
-    assert np.isfinite(kept.wrists).all()
-
-
-def test_some_of_the_bodies_share_their_faces() -> None:
-    some = select_people(bodies(), np.array([False, True]))
-    assert some.joints is not None
-    assert some.mesh is not None
-    assert some.mesh.rest is not None
-    assert (len(some.joints), some.mesh.vertices.shape, some.mesh.rest.shape) == (1, (1, 4, 3), (4, 3))
-    np.testing.assert_array_equal(some.mesh.faces, FACES)
-
-
-def test_some_of_the_people_share_floor_and_surfaces() -> None:
-    surfaces = SurfaceLabels(np.zeros((2, 3), np.uint8))
-    people = People(
-        np.ones((2, 2, 3), bool), np.zeros((2, 4)), np.zeros(2), floor=np.zeros((2, 3), bool), surfaces=surfaces
-    )
-    some = select_people(people, np.array([False, True]))
-    assert some.surfaces is not None
-    assert (len(some), some.floor is people.floor, some.surfaces.labels is surfaces.labels) == (1, True, True)
 
 
 @pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)
@@ -179,15 +144,6 @@ class TooFew(Smpl):
         return told
 
 
-class OddMesh(Smpl):
-    """With a mesh whose T-pose is none."""
-
-    def infer(self, *arguments):
-        told = super().infer(*arguments)
-        flat = np.zeros((len(told.parameters), 4, 3), np.float32)
-        return replace(told, mesh=Mesh("odd", flat, FACES, flat[0]))
-
-
 class OtherContact(backends.MockContactPrior):
     """The mock's contact, on a mesh that has another name and another order of vertices."""
 
@@ -197,13 +153,6 @@ class OtherContact(backends.MockContactPrior):
         order = np.random.default_rng(0).permutation(len(rest.vertices))
         mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
         return ContactProbability(told.probability[:, order], "shuffled", mesh)
-
-
-class OddContact(OtherContact):
-    def infer(self, *arguments):
-        told = super().infer(*arguments)
-        assert told.rest is not None
-        return replace(told, rest=replace(told.rest, vertices=1000 * told.rest.vertices))
 
 
 class Wrists(backends.MockHandEstimator):
@@ -234,28 +183,12 @@ def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
     )
 
 
-def test_a_mesh_that_is_no_body_is_refused(world: World) -> None:
-    with pytest.raises(BodyModelError) as error:
-        run(world, OddMesh, "body_estimator")
-    assert str(error.value) == (
-        "body_estimator 'other' (registered by hand): the mesh 'odd' is 0 wide, 0 high and 0 deep, which is not a body "
-        "in a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
-    )
-
-
 def test_contact_on_another_mesh_is_carried_over(world: World) -> None:
     result = run(world, OtherContact, "contact_prior")
     plain = reconstruct(world.image, "mock")
     assert "contact carried over from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
     was, found = plain.people[0].contact, result.people[0].contact
     assert 2 * (was & found).sum() >= 0.95 * (was.sum() + found.sum())
-
-
-def test_contact_on_a_mesh_that_is_no_body_is_left_out(world: World) -> None:
-    result = run(world, OddContact, "contact_prior")
-    warning = next(w for w in result.warnings if "contact_prior" in w)
-    assert warning.startswith("contact_prior 'other' (registered by hand): the mesh 'shuffled' is 1.7")
-    assert warning.endswith("arms stretched out sideways; contact is computed from distances alone")
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world: World) -> None:

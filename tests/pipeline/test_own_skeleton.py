@@ -80,16 +80,3 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) 
 def test_the_kit_accepts_a_skeleton_of_ones_own() -> None:
     report = check_backend(MarkerDetector(KeypointOptions()), "keypoint_detector")
     assert report.ok, str(report)
-
-
-def test_the_kit_refuses_a_point_without_a_place() -> None:
-    lost = Skeleton("lost", ("nose", "elbow_patch"))
-
-    class Lost(MarkerDetector):
-        def infer(self, image: np.ndarray, people: object) -> Keypoints:
-            seen = super().infer(image, people)
-            return Keypoints(seen.points[:, :2], seen.confidence[:, :2], lost)
-
-    report = check_backend(Lost(KeypointOptions()), "keypoint_detector")
-    assert not report.ok
-    assert "elbow_patch" in str(report)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from physic_core import body, load_config, reconstruct
 from physic_core.configuration.model import PhotoSettings
@@ -16,14 +14,12 @@ from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import (
     BodyModelError,
     DeviceError,
-    InputError,
     NoPersonError,
 )
-from physic_core.io.photo import Photo, read_photo
-from physic_core.io.result_folder import file_digest
+from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
 from physic_core.pipeline.estimate import dilate, feet_pixels
-from physic_core.pipeline.run import _with_camera, reconstruct_photo
+from physic_core.pipeline.run import _with_camera
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
@@ -151,35 +147,3 @@ def test_hands_replace_fingers_where_they_were_found(world: World) -> None:
     assert isinstance(merged, Bodies)
     assert (merged.parameters.left_hand_pose == 0.25).all()
     assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()
-
-
-def test_float64_and_read_only_results_are_valid(world: World) -> None:
-    class Wide(backends.MockRelativePointmap):
-        def infer(self, image, hints):
-            answer = super().infer(image, hints)
-            points, valid = answer.points.astype(np.float64), answer.valid.copy()
-            points.flags.writeable = valid.flags.writeable = False
-            return replace(answer, points=points, valid=valid)
-
-    wide = run(world, Wide, "relative_pointmap")
-    plain = reconstruct(world.image, "mock")
-    assert np.array_equal(wide.people[0].vertices, plain.people[0].vertices)
-    assert np.array_equal(wide.scene.points, plain.scene.points)
-
-
-def test_intrinsics_of_another_type(world: World) -> None:
-    with pytest.raises(InputError) as error:
-        reconstruct(world.image, "mock", intrinsics=(1, 2, 3, 4))
-    assert str(error.value) == (
-        "intrinsics must be physic_core.types.Intrinsics, got tuple: "
-        "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
-    )
-
-
-def test_a_result_of_the_file_is_replaced_by_one_of_its_pixels(world: World, tmp_path: Path) -> None:
-    Image.fromarray(world.image).save(tmp_path / "photo.png")
-    first = reconstruct_photo(tmp_path / "photo.png", "mock")
-    first.save(str(tmp_path / "out"), preview=False)
-    again = reconstruct(read_photo(tmp_path / "photo.png").image, "mock")
-    again.save(str(tmp_path / "out"), preview=False)
-    assert first.photo == f"{file_digest(tmp_path / 'photo.png')} {again.photo}"

@@ -17,7 +17,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError, BackendOutputError, InputError, NoPersonError, PhysicError
 from physic_core.interfaces import MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_core.types import DepthMap, Hints, Intrinsics, Provenance
+from physic_core.types import DepthMap, Hints, Provenance
 
 SHAPE = (6, 8)
 PHOTO = np.zeros((*SHAPE, 3), np.uint8)
@@ -57,7 +57,6 @@ class Counting(interfaces.MetricDepth):
 
 LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstlineno + 3})"
 """The line in which a backend that fails in load, infer or close does so."""
-TELLS = f"(tests/pipeline/test_stage_runner.py:{Counting.fingerprint.__code__.co_firstlineno + 2})"
 
 
 @pytest.fixture(autouse=True)
@@ -202,19 +201,6 @@ def test_an_invalid_result_is_an_error_with_every_violation(answer: object, faul
     assert str(error.value) == f"{TITLE} returned what the interface does not allow:\n  {fault}"
 
 
-def test_a_result_that_raises_while_it_is_checked_is_invalid(monkeypatch: pytest.MonkeyPatch):
-    def check(result: DepthMap, request: MetricDepthRequest) -> list[str]:
-        raise AttributeError("'list' object has no attribute 'ndim'")
-
-    monkeypatch.setattr(interfaces.MetricDepth, "check", check)
-    with pytest.raises(BackendOutputError) as error:
-        ask(StageRunner("cpu", 1), Counting())
-    assert str(error.value) == (
-        f"{TITLE} returned what the interface does not allow:\n"
-        "  DepthMap cannot be read: AttributeError: 'list' object has no attribute 'ndim'"
-    )
-
-
 def test_a_run_continues_without_an_optional_backend():
     stages = StageRunner("cpu", 2)
     assert if_it_can(stages, Counting(fails_in="load", error=FileNotFoundError("w.pt"))) is None
@@ -253,14 +239,6 @@ def test_a_cached_output_needs_neither_call_nor_load(events: list[str], run: Cal
     ]
 
 
-def test_another_image_hint_or_option_is_not_cached(events: list[str], run: Callable[[], StageRunner]):
-    known = Hints(Intrinsics.from_focal(9.0, 8, 6))
-    for request in (REQUEST, MetricDepthRequest(PHOTO + 1, Hints()), MetricDepthRequest(PHOTO, known)):
-        ask(run(), Counting(), request)
-    ask(run(), Counting("b"))
-    assert [event for event in events if event.startswith("infer")] == ["infer a"] * 3 + ["infer b"]
-
-
 def test_failures_and_wrong_answers_are_not_kept(run: Callable[[], StageRunner]):
     wrong = Counting()
     wrong.answer = DepthMap(np.ones((8, 6)))
@@ -283,9 +261,3 @@ def test_a_cached_result_must_pass_the_check(
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
     assert stages.notes == [f"a damaged file of the cache was dropped and its answer computed again: {file} (x)"]
-
-
-def test_a_fingerprint_that_fails_names_the_backend(run: Callable[[], StageRunner]):
-    with pytest.raises(BackendError) as error:
-        ask(run(), Counting(fails_in="fingerprint", error=FileNotFoundError("weights")))
-    assert str(error.value) == f"{TITLE}: FileNotFoundError: weights {TELLS}"

@@ -55,10 +55,6 @@ def test_what_people_share_stays_although_it_has_as_many_rows():
     assert len(mesh.faces) == len(mesh.rest) == N
 
 
-def test_indices_choose_and_order_people():
-    assert select_people(keypoints(), np.array([2, 0])).confidence[:, 0].tolist() == [2, 0]
-
-
 def test_tensors_are_selected_as_arrays_are():
     @dataclass(frozen=True)
     class Problem:

@@ -1,17 +1,12 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from physic_core import types
-from physic_core.discovery.plugins import discover
-from physic_core.discovery.registry import BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.types import (
     BodyParameters,
     CheckResult,
@@ -111,24 +106,3 @@ def test_every_dataclass_of_arrays_that_plugins_meet_is_short():
         if dataclasses.is_dataclass(kind):
             hints = " ".join(str(field.type) for field in dataclasses.fields(kind))
             assert "Array" not in hints or issubclass(kind, ShortRepr), name
-
-
-def test_the_repr_of_a_registry_counts_backends():
-    registry = Registry(installed=False)
-    assert repr(registry) == "Registry(0 backends of 0 distributions)"
-    registry.register(BackendRecord("inpainter", "mine", "m:C", api=1))
-    assert repr(registry) == "Registry(1 backend of 1 distribution)"
-    lost = BrokenPlugin(Origin("c", "physic-c", "0.3"), "ImportError: no")
-    assert repr(Registry((), [lost], restriction="a,b", installed=False)) == (
-        "Registry(0 backends of 0 distributions, 1 broken, PHYSIC_PLUGINS='a,b')"
-    )
-    assert len(repr(discover())) < 80
-
-
-def test_the_package_is_the_command(tmp_path: Path):
-    (tmp_path / "click.py").write_text("raise SystemExit('the current folder was searched')")
-    done = subprocess.run(
-        [sys.executable, "-m", "physic_core", "--help"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("Usage: physic [OPTIONS] COMMAND [ARGS]...\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -69,10 +68,6 @@ def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstru
     count = len(result.people[0].vertices)
     assert file.read_text() == f"0 y {count}\n1 y {count}"
     assert result.export(str(tmp_path), "box").files == (tmp_path / "box.box",)
-
-
-def test_a_plugin_may_write_a_format_that_the_core_explains(plugin: Any, result: Reconstruction, tmp_path: Path):
-    assert result.export(str(tmp_path / "a.fbx"), person=1).files == (tmp_path / "a.fbx",)
 
 
 def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
@@ -167,12 +162,6 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
 
 
 # --- frames -----------------------------------------------------------------------------------------------------------
-
-
-def test_y_up_without_a_floor_is_the_cameras_with_a_note(result: Reconstruction, tmp_path: Path):
-    scene = replace(result.scene, floor=None, floor_points=np.zeros((0, 3), np.float32))
-    done = replace(result, scene=scene).export(str(tmp_path / "a.glb"))
-    assert done.notes == ("the result has no floor: y is the camera's up axis, and the origin is the camera",)
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])

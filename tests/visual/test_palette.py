@@ -17,8 +17,6 @@ from physic_core.visual.palette import (
     contact_colors,
     contact_legend,
     linear_from_srgb,
-    person_color,
-    person_tint,
 )
 
 # Machado, Oliveira and Fernandes 2009, severity 1, on linear sRGB.
@@ -83,9 +81,3 @@ def test_without_partners_all_contact_has_one_colour(reconstruction):
     np.testing.assert_array_equal(colors[people[0].contact], np.tile(CONTACT_RGB, (people[0].contact.sum(), 1)))
     np.testing.assert_array_equal(colors[~people[0].contact][0], [1, 2, 3])
     assert contact_legend(replace(reconstruction, people=())) == {}
-
-
-def test_colours_of_people_repeat_after_the_eighth():
-    assert len({person_color(index) for index in range(8)}) == 8
-    assert person_color(9) == person_color(1)
-    assert np.abs(np.subtract(person_tint(0), BODY_RGB)).max() < 40

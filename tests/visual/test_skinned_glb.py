@@ -128,15 +128,6 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result: Reconstr
     np.testing.assert_allclose(pixels + shift, wanted[:, :2] / wanted[:, 2:], atol=1e-3)
 
 
-def test_trimesh_opens_it(file: Path, result: Reconstruction):
-    scene = trimesh.load_scene(file)
-    assert set(scene.geometry) == {"scene", "floor", "person_0", "person_1"}
-    floor = scene.geometry["floor"]
-    assert floor.bounds[:, 1].tolist() == [0, 0]
-    np.testing.assert_allclose(floor.face_normals, np.tile([0.0, 1.0, 0.0], (len(floor.faces), 1)))
-    assert len(scene.geometry["person_0"].faces) == len(result.faces)
-
-
 def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(file: Path, result: Reconstruction):
     scene = trimesh.load_scene(file)
     floor, surface = scene.geometry["floor"], scene.geometry["scene"]
@@ -149,11 +140,6 @@ def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(
     hit = down.intersects_any(triangles + np.array([0, 1, 0]), np.tile([0.0, -1.0, 0.0], (len(triangles), 1)))
     assert len(triangles) > 500
     assert not hit.any()
-
-
-def test_without_the_scene_only_people_and_the_camera_are_left(result: Reconstruction, tmp_path: Path):
-    scene = trimesh.load_scene(result.export(str(tmp_path / "a.glb"), scene=False, person=1).files[0])
-    assert set(scene.geometry) == {"person_1"}
 
 
 def test_weights_of_many_joints_become_eight():

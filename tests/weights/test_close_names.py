@@ -31,10 +31,6 @@ def test_a_common_prefix_is_closer_than_a_common_suffix(name: str, expected: lis
     assert similar_names(name, NAMES) == expected
 
 
-def test_nothing_is_near_where_there_is_nothing():
-    assert similar_names("net", ()) == []
-
-
 def test_choices_are_joined_by_commas_and_or():
     assert [format_choice(NAMES[:n]) for n in (1, 2, 3)] == [
         "'big-lama'",

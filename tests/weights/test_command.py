@@ -133,12 +133,6 @@ def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):
     )
 
 
-def test_listing_without_weights_prints_a_note(site: Any, monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "")
-    assert physic("list").stdout == "no plugin lists weights\n"
-    assert physic("list", "--missing").stdout == "nothing is missing\n"
-
-
 def test_show_lists_a_set_that_is_missing(plugin: Any, own_cache: Path):
     assert physic("show", "gated").stdout == (
         "weights 'gated'\n"
@@ -214,11 +208,6 @@ def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_p
     assert physic("fetch", "free").stdout == f"free: already in {stick / 'free' / 'free.onnx'}\n"
 
 
-def test_an_unknown_name_suggests_a_close_one(plugin: Any):
-    done = physic("fetch", "fre")
-    assert (done.exit_code, done.stderr) == (2, "Error: no weights are named 'fre'; did you mean 'free'?\n")
-
-
 def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monkeypatch, own_cache: Path):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
     site.install("physic-more", PLUGIN.format("more.toml"))
@@ -229,15 +218,6 @@ def test_a_name_that_two_plugins_have(plugin: Any, site: Any, server: Any, monke
         "Error: several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'\n",
     )
     assert physic("fetch", "physic-nets:free").exit_code == 0
-
-
-def test_where_fails_for_missing_weights(plugin: Any, own_cache: Path):
-    done = physic("where", "free")
-    assert (done.exit_code, done.stdout) == (4, "")
-    assert done.stderr == (
-        "Error: weights 'free' (1.05 MB, MIT) are missing: `physic weights fetch free`\n"
-        f"searched: {own_cache / 'free'}, Hugging Face's cache\n"
-    )
 
 
 def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, own_cache: Path):
@@ -301,63 +281,6 @@ def test_ctrl_c_ends_with_a_message_and_keeps_the_partial_download(
     assert physic("fetch", "free").exit_code == 0
     assert server.ranges("/free.onnx") == ["", f"bytes={here}-"]
     assert (own_cache / "free" / "free.onnx").read_bytes() == CONTENT
-
-
-def test_on_a_terminal_there_is_a_bar(plugin: Any, own_cache: Path):
-    """Only whether it draws: rich decides how."""
-    pty = pytest.importorskip("pty")
-    master, slave = pty.openpty()
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-c",
-        # Whoever started us may ignore SIGINT, and every process inherits that.
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-        "from physic_core.cli import main; main()",
-        "weights",
-        "fetch",
-        "free",
-    ]
-    environment = os.environ | {"PYTHONPATH": str(plugin.folder), "TERM": "xterm", "COLUMNS": "120"}
-    done = subprocess.run(
-        command, stdout=subprocess.PIPE, stderr=slave, text=True, env=environment, timeout=60, check=False
-    )
-    os.close(slave)
-    drawn = os.read(master, 65536).decode()
-    os.close(master)
-    assert done.returncode == 0
-    assert "free: free.onnx" in drawn
-    assert "1.0/1.0 MB" in drawn
-
-
-def test_help_imports_nothing_heavy_and_no_library_that_fetches():
-    code = (
-        "import sys\n"
-        "from physic_core.cli import main\n"
-        "try: main(['weights', 'fetch', '--help'])\n"
-        "except SystemExit: pass\n"
-        "names = {'torch', 'numpy', 'requests', 'pooch', 'huggingface_hub', 'rich', 'tomllib', 'physic_core.weights'}\n"
-        "print(sorted(set(sys.modules) & names))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_listing_plugins_looks_for_weights_without_a_library():
-    code = (
-        "import sys\n"
-        "from physic_core.cli import main\n"
-        "try: main(['plugins'])\n"
-        "except SystemExit: pass\n"
-        "print(sorted(set(sys.modules) & {'huggingface_hub', 'requests', 'pooch', 'torch', 'numpy'}))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize(

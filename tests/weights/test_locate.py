@@ -60,25 +60,6 @@ def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists: Any,
     assert locate(folder, "net", "config.json") == there[0]
 
 
-def test_a_folder_of_a_snapshot_too(lists: Any, tmp_path: Path):
-    names = ("model.onnx", "model.onnx_data")
-    folder = lists.add("net", *({"path": n, "source": f"hf://owner/net/onnx/{n}"} for n in names))
-    there = [in_hub(tmp_path, f"onnx/{name}") for name in names]
-    assert locate(folder, "net") == there[0].parent
-
-
-def test_a_set_from_two_repositories_lies_in_no_one_folder_of_that_cache(lists: Any, tmp_path: Path):
-    folder = lists.add(
-        "net", {"path": "a.onnx", "source": "hf://owner/a/a.onnx"}, {"path": "b.onnx", "source": "hf://owner/b/b.onnx"}
-    )
-    one = in_hub(tmp_path, "a.onnx", repository="owner/a")
-    in_hub(tmp_path, "b.onnx", repository="owner/b")
-    assert locate(folder, "net", "a.onnx") == one
-    assert missing(folder, "net") == (
-        "weights 'net' (MIT) are in several folders, and must be in one folder: `physic weights fetch net`",
-    )
-
-
 @pytest.mark.parametrize(("size", "found"), [(7, True), (8, False)])
 def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
     lists: Any, tmp_path: Path, monkeypatch, size: int, found: bool
@@ -92,16 +73,6 @@ def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
 
 
 FETCH = "`physic weights fetch net`"
-
-
-def test_where_no_size_is_published_it_counts_if_it_is_called_after_its_set(lists: Any, tmp_path: Path, monkeypatch):
-    lists.add("deco", {"path": "deco.onnx"}, advice="export it")
-    folder = lists.add("other", {"path": "model.onnx"}, advice="export it")
-    there = write(tmp_path / "mine" / "deco.onnx")
-    write(tmp_path / "mine" / "model.onnx")
-    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
-    assert locate(folder, "deco") == there
-    assert missing(folder, "other") == ("weights 'other' (MIT) are missing: export it",)
 
 
 def test_missing_weights_have_this_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
@@ -131,16 +102,6 @@ def test_missing_weights_have_this_message(lists: Any, own_cache: Path, tmp_path
 def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE}, **keys)
     assert missing(folder, "net") == (f"weights 'net' (MIT) are missing: {way}",)
-
-
-def test_a_part_of_a_set_is_named(lists: Any, own_cache: Path):
-    folder = lists.add("net", {"path": "a.onnx", "source": SOURCE}, {"path": "b.onnx"}, advice="export b.onnx")
-    write(own_cache / "net" / "a.onnx")
-    assert missing(folder, "net") == ("weights 'net' (MIT) lack b.onnx: `physic weights fetch net`; export b.onnx",)
-    assert missing(folder, "net", "a.onnx") == ()
-    assert missing(folder, "net", "c.onnx") == (
-        "weights 'net' have no file c.onnx, only a.onnx, b.onnx: choose weights of this backend",
-    )
 
 
 def test_a_path_of_the_users_own_is_taken_as_it_is(lists: Any, tmp_path: Path):
