@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 
-import pytest
 import roma
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.distances import plane_height, root_relative, signed_distance
-from physic_core.engine.joint.terms.limits import limit_energy
-from physic_core.engine.joint.terms.reprojection import reprojection_energy
 from physic_core.engine.joint.terms.soles import sole_energy
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
 
-from .reference_energies import contact_energy, depth_energy, penetration_energy
+from .reference_energies import contact_energy, penetration_energy
 
-RHO = partial(cauchy, c=2.0)
 SEEDS = st.integers(0, 2**31 - 1)
 few = settings(max_examples=40, deadline=None)
 
@@ -28,16 +22,6 @@ few = settings(max_examples=40, deadline=None)
 def draw(seed, *shape, low=-1.0, high=1.0):
     generator = torch.Generator().manual_seed(seed)
     return low + (high - low) * torch.rand(shape, generator=generator, dtype=torch.float64)
-
-
-@few
-@given(SEEDS, st.floats(0.2, 5.0))
-def test_depth_does_not_know_how_large_the_world_is(seed, k):
-    z, seen, weight = draw(seed, 2, 7, low=1, high=6), draw(seed + 1, 2, 7), draw(seed + 2, 2, 7, low=0)
-    scale, offset = draw(seed + 3), draw(seed + 4, 2)
-    here = depth_energy(z, seen, weight, scale, offset, 0.03, RHO)
-    there = depth_energy(k * z, seen, weight, scale + math.log(k), offset, 0.03, RHO)
-    torch.testing.assert_close(here, there)
 
 
 @few
@@ -84,16 +68,6 @@ def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
 
 
 @few
-@given(SEEDS)
-def test_reprojection_is_zero_only_where_it_hits_and_never_negative(seed):
-    observed, weight = draw(seed, 2, 5, 2, low=0, high=300), draw(seed + 1, 2, 5, low=0.1)
-    unit = draw(seed + 2, 2, 1, low=1, high=9)
-    call = partial(reprojection_energy, weight=weight, unit=unit, rho=RHO)
-    assert call(observed, observed).eq(0).all()
-    assert call(observed + draw(seed + 3, 2, 5, 2), observed).gt(0).all()
-
-
-@few
 @given(SEEDS, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_only_the_lower_foot_is_pulled_from_afar(seed, left, right):
     lowest = torch.tensor([[left, right]], dtype=torch.float64, requires_grad=True)
@@ -104,16 +78,3 @@ def test_only_the_lower_foot_is_pulled_from_afar(seed, left, right):
     if abs(left - right) > 1e-6 and abs(min(left, right)) > 1e-3:
         assert abs(lowest.grad[0, lower]) > 1e3 * abs(lowest.grad[0, 1 - lower])
     assert value.item() >= 0
-
-
-@few
-@given(SEEDS, st.floats(-0.6, 3.4))
-def test_hinges_are_free_within_their_range_alone(seed, bend):
-    turns = torch.zeros(1, 55, 3, dtype=torch.float64)
-    for name, axis, sign in (("left_knee", 0, 1), ("right_knee", 0, 1), ("left_elbow", 1, -1), ("right_elbow", 1, 1)):
-        turns[0, JOINT_INDEX[name], axis] = sign * bend
-    if bend > math.pi:  # beyond half a turn a joint counts as bent the other way: it is out of range in any case
-        return
-    cost = limit_energy(roma.rotvec_to_rotmat(turns)).item()
-    beyond = max(0.0, -bend, bend - 2.7)
-    assert cost == pytest.approx(4 * (12 * beyond) ** 2, abs=1e-6)

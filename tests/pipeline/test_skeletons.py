@@ -7,10 +7,9 @@ import pytest
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
-from physic_core.engine.limbs import placement_keypoints
 from physic_core.metrics.pose import pa_mpjpe_mm
 from physic_core.pipeline.estimate import feet_pixels
-from physic_core.types import SKELETONS, Keypoints, Skeleton, skeleton_named
+from physic_core.types import SKELETONS, Keypoints, skeleton_named
 from physic_testing.bench.consistency import consistency
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import World, build_world
@@ -51,12 +50,6 @@ def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
         if skeleton != "blazepose33" and name in SKELETONS[skeleton].names:
             # Vertices of a world are kept in single precision.
             assert np.allclose(points[0, SKELETONS[skeleton].names.index(name)], coco[0, row], atol=1e-2)
-
-
-def test_joints_of_fingers_are_no_placement_keypoints() -> None:
-    assert placement_keypoints(SKELETONS["wholebody69"]) == list(range(29))
-    assert placement_keypoints(SKELETONS["blazepose33"]) == list(range(33))
-    assert placement_keypoints(Skeleton("own", tuple("abcd"))) == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])

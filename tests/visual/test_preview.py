@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,11 +21,10 @@ from physic_core.visual.panels import (
     overlay_panel,
     render_contact_views,
 )
-from physic_core.visual.preview import _layout, preview_image, preview_png, summary_line
+from physic_core.visual.preview import preview_image, preview_png, summary_line
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     View,
-    composite,
     prepare_meshes,
     render_mesh,
     render_points,
@@ -62,14 +60,6 @@ def test_a_sphere_is_a_disc_of_the_right_size():
     assert np.isinf(layer.distance[0, 0])
 
 
-def test_a_picture_of_twice_the_size_shows_the_same():
-    colors = np.full((len(SPHERE.vertices), 3), 0.8)
-    small = render_mesh(sphere_at([0.3, -0.2, 4.0]), PINHOLE, colors)
-    large = render_mesh(sphere_at([0.3, -0.2, 4.0]), View.perspective(CAMERA, 202, 162), colors)
-    assert large.alpha.sum() == pytest.approx(4 * small.alpha.sum(), rel=0.01)
-    np.testing.assert_allclose(large.alpha.reshape(81, 2, 101, 2).mean((1, 3)), small.alpha, atol=0.3)
-
-
 def test_the_nearer_hides_the_farther():
     colors = np.concatenate(
         [np.tile([1.0, 0, 0], (len(SPHERE.vertices), 1)), np.tile([0, 1.0, 0], (len(SPHERE.vertices), 1))]
@@ -79,13 +69,8 @@ def test_the_nearer_hides_the_farther():
     assert layer.color[40, 50, 0] == 0
 
 
-def test_light_falls_from_above():
-    layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
-    assert layer.color[33, 50, 0] > layer.color[47, 50, 0] + 0.05
-
-
 def test_a_surface_that_faces_the_camera_shows_five_sixths_of_its_colour():
-    layer = render_mesh(sphere_at([0, 0, 4.0]), Perspective(CAMERA, 101, 81), np.full((len(SPHERE.vertices), 3), 0.6))
+    layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.6))
     assert layer.color[40, 50] == pytest.approx(0.6 * 5 / 6, abs=0.01)
 
 
@@ -118,17 +103,6 @@ def test_a_splat_is_a_square_and_the_nearer_wins():
     np.testing.assert_array_equal(layer.color[5, 12], [0, 1, 0])
     assert layer.distance[5, 10] == 51
     np.testing.assert_array_equal(layer.color[10, 20], [0, 0, 1])
-
-
-def test_a_half_transparent_layer_mixes():
-    view = View.orthographic(FRONT, np.zeros(3), 10.0, (3, 3))
-    layer = render_points(view, np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
-    picture = composite(layer, np.full((3, 3, 3), 0.5, np.float32), 0.5)
-    np.testing.assert_allclose(picture[1, 1], [0.75, 0.25, 0.25])
-
-
-def test_no_bodies_are_no_figures():
-    assert prepare_meshes([], SPHERE.faces) is None
 
 
 # --- panels -----------------------------------------------------------------------------------------------------------
@@ -284,15 +258,6 @@ def test_the_colours_of_depth_stand_above_their_panel(reconstruction):
     starts = np.lib.stride_tricks.sliding_window_view(page, (240, 3), axis=(1, 2))[:, :, 0]
     rows, columns = np.nonzero((starts == scale).all((-2, -1)))
     assert (len(rows), np.ptp(rows), np.ptp(columns)) == (9, 8, 0)
-
-
-@pytest.mark.parametrize("aspect", [0.04, 0.23, 0.5625, 1.0, 1.06, 20.0])
-def test_panels_keep_apart_and_have_room_for_their_titles(aspect):
-    frames = _layout(aspect, 100)
-    for a, b in pairwise(frames):
-        assert b.y > a.y + a.height + 26 or b.x >= a.x + max(a.width, 280)
-    assert max(frame.x + frame.width for frame in frames) <= 1800 - 20
-    assert min(min(frame.width, frame.height) for frame in frames) > 20
 
 
 def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):

@@ -78,12 +78,6 @@ def test_a_chosen_folder_gets_the_complete_set_without_a_second_download(server:
     assert left(tmp_path / "stick") == ["net/model.onnx"]
 
 
-def test_the_modes_of_a_fetched_file_are_those_of_any_other(server: Any, own_cache: Path, tmp_path: Path):
-    fetch(one(server.add("/model.onnx", CONTENT)))
-    (tmp_path / "other").write_bytes(b"")
-    assert (own_cache / "net" / "model.onnx").stat().st_mode == (tmp_path / "other").stat().st_mode
-
-
 # ---- interruptions ---------------------------------------------------------------------------------------------------
 
 
@@ -141,21 +135,6 @@ def test_a_part_of_another_version_is_dropped(server: Any, own_cache: Path, no_p
     assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT[::-1]
 
 
-def test_without_hash_and_tag_it_begins_anew(server: Any, own_cache: Path, no_pause: None):
-    url = server.add("/model.onnx", CONTENT, cut=[262_144, 0])
-    unhashed = weights(WeightFile("model.onnx", source=url))
-    refusal(unhashed)
-    fetch(unhashed)
-    assert server.ranges("/model.onnx")[-1] == ""
-    assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT
-
-
-def test_a_part_from_another_address_is_dropped(server: Any, own_cache: Path, no_pause: None):
-    refusal(one(server.add("/old", CONTENT, cut=[262_144, 0])))
-    fetch(one(server.add("/new", CONTENT)))
-    assert server.ranges("/new") == [""]
-
-
 def test_a_complete_partial_download_needs_no_connection(server: Any, own_cache: Path):
     """The process ended between the last byte and the file's last name."""
     url = server.add("/model.onnx", CONTENT)
@@ -165,26 +144,6 @@ def test_a_complete_partial_download_needs_no_connection(server: Any, own_cache:
     fetch(one(url))
     assert server.asked == []
     assert left(own_cache) == ["net/model.onnx"]
-
-
-def test_a_complete_partial_download_of_unknown_size_is_recognised(server: Any, own_cache: Path):
-    url = server.add("/model.onnx", CONTENT)
-    (own_cache / "net").mkdir(parents=True)
-    (own_cache / "net" / "model.onnx.part").write_bytes(CONTENT)
-    (own_cache / "net" / "model.onnx.part.of").write_text(f"{url}\n\n")
-    fetch(weights(WeightFile("model.onnx", None, HASH, url)))
-    assert server.ranges("/model.onnx") == [f"bytes={len(CONTENT)}-"]
-    assert left(own_cache) == ["net/model.onnx"]
-
-
-def test_a_part_that_is_longer_than_the_file_is_dropped(server: Any, own_cache: Path):
-    url = server.add("/model.onnx", CONTENT)
-    (own_cache / "net").mkdir(parents=True)
-    (own_cache / "net" / "model.onnx.part").write_bytes(CONTENT + b"more")
-    (own_cache / "net" / "model.onnx.part.of").write_text(f"{url}\n\n")
-    fetch(weights(WeightFile("model.onnx", None, HASH, url)))
-    assert server.ranges("/model.onnx") == [f"bytes={len(CONTENT) + 4}-", ""]
-    assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT
 
 
 def test_two_fetches_do_not_write_into_one_file(server: Any, own_cache: Path):
@@ -256,11 +215,6 @@ def test_a_source_that_is_gone_names_the_homepage(server: Any):
     )
 
 
-def test_a_server_in_trouble_is_worth_another_try(server: Any):
-    url = server.add("/model.onnx", status=503)
-    assert refusal(one(url)) == f"{url} is not available now (HTTP 503 Service Unavailable): try again later"
-
-
 def test_no_network_is_said(server: Any):
     url = server.add("/model.onnx", CONTENT)
     server.close()
@@ -328,12 +282,6 @@ def test_a_folder_that_may_not_be_written_is_said(server: Any, own_cache: Path, 
     assert server.asked == []
 
 
-def test_a_file_in_the_way_of_the_folder_is_said(server: Any, own_cache: Path):
-    own_cache.mkdir(parents=True)
-    (own_cache / "net").write_text("")
-    assert refusal(one(server.add("/model.onnx", CONTENT))).startswith(f"{own_cache / 'net'} cannot be written (")
-
-
 # ---- licences --------------------------------------------------------------------------------------------------------
 
 NOT_FREE = [
@@ -360,28 +308,6 @@ def test_restricted_weights_are_fetched_only_with_accept_licence(server: Any, ke
     ]
     assert server.asked == []
     assert fetch(chosen, accept=True) == ("model.onnx",)
-
-
-def test_fetching_a_present_set_needs_no_licence_option(server: Any, own_cache: Path):
-    (own_cache / "net").mkdir(parents=True)
-    (own_cache / "net" / "model.onnx").write_bytes(CONTENT)
-    assert fetch(one(server.add("/model.onnx", CONTENT), commercial=False)) == ()
-
-
-def test_fetching_a_set_without_a_source_prints_its_advice(server: Any, own_cache: Path):
-    by_hand = weights(WeightFile("model.onnx"), advice="export it with tools/export_net.py")
-    assert refusal(by_hand) == (
-        "model.onnx of 'net' cannot be downloaded: export it with tools/export_net.py; "
-        f"then copy it into {own_cache / 'net'}"
-    )
-
-
-def test_the_rest_of_a_set_is_fetched_all_the_same(server: Any, own_cache: Path):
-    mixed = weights(WeightFile("a.onnx", source=server.add("/a", b"a")), WeightFile("b.npz"), advice="ask its makers")
-    assert refusal(mixed) == (
-        f"'net': a.onnx downloaded; b.npz cannot be: ask its makers; then copy it into {own_cache / 'net'}"
-    )
-    assert left(own_cache) == ["net/a.onnx"]
 
 
 def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, own_cache: Path):
@@ -446,36 +372,6 @@ def test_a_member_that_is_not_there_names_those_that_are(server: Any, own_cache:
     assert left(own_cache) == []
     server.add("/all.zip", zipped(a=b"a"))  # mended
     assert fetch(weights(WeightFile("a", source=f"{url}#a"))) == ("a",)
-
-
-def test_folders_inside_a_zip_may_be_left_out(server: Any, own_cache: Path):
-    url = server.add(
-        "/all.zip", zipped(**{"20230831__pose__m__end2end.onnx": b"deep", "20230831__pose__m__a.json": b""})
-    )
-    fetch(weights(WeightFile("model.onnx", 4, None, f"{url}#end2end.onnx"), WeightFile("a", source=f"{url}#m/a.json")))
-    assert (own_cache / "net" / "model.onnx").read_bytes() == b"deep"
-    assert left(own_cache) == ["net/a", "net/model.onnx"]
-
-
-def test_an_exact_name_precedes_a_suffix_match(server: Any, own_cache: Path):
-    url = server.add("/all.zip", zipped(x__a=b"deep", a=b"top"))
-    fetch(weights(WeightFile("a", source=f"{url}#a")))
-    assert (own_cache / "net" / "a").read_bytes() == b"top"
-
-
-def test_the_end_of_a_name_is_no_part_of_a_word(server: Any, own_cache: Path):
-    url = server.add("/all.zip", zipped(x__banana=b"b"))
-    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == f"{url} does not contain a, only x/banana"
-
-
-def test_the_end_of_several_names_is_refused(server: Any, own_cache: Path):
-    url = server.add("/all.zip", zipped(x__a=b"1", y__a=b"2", z=b"3"))
-    assert refusal(weights(WeightFile("a", source=f"{url}#a"))) == (
-        f"{url} contains several a; the manifest should name one: x/a, y/a"
-    )
-    assert left(own_cache) == []
-    fetch(weights(WeightFile("a", source=f"{url}#y/a")))
-    assert (own_cache / "net" / "a").read_bytes() == b"2"
 
 
 def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Path):

@@ -219,45 +219,11 @@ def test_a_gated_repository_names_the_way_to_get_access(hub: Hub, server: Any):
     assert refusal(source) == f"hf://owner/net is gated, and your login has no access to it: {access(server)}"
 
 
-def test_a_repository_that_is_not_shown_may_be_private_or_gone(hub: Hub, server: Any):
-    source = hub.refuse("model.onnx", 401, "RepoNotFound", "Repository not found")
-    assert refusal(source) == (
-        f"hf://owner/net does not exist, or you have no access (HTTP 401): if it is private or gated, {access(server)}"
-    )
-
-
-def test_http_403_without_details_is_about_the_login(hub: Hub, server: Any):
-    assert refusal(hub.refuse("model.onnx", 403)) == f"hf://owner/net refuses access (HTTP 403): {access(server)}"
-
-
 def test_a_file_that_is_gone_names_the_homepage(hub: Hub):
     source = hub.refuse("model.onnx", 404, "EntryNotFound")
     with pytest.raises(DownloadError) as caught:
         fetch(weights(WeightFile("model.onnx", source=source), homepage="https://example.org"))
     assert str(caught.value) == "hf://owner/net has no file model.onnx (HTTP 404); see https://example.org"
-
-
-def test_a_revision_that_is_gone(hub: Hub):
-    source = hub.refuse("model.onnx", 404, "RevisionNotFound")
-    assert refusal(source) == "hf://owner/net has no revision main"
-
-
-def test_a_hub_in_trouble(hub: Hub):
-    assert refusal(hub.refuse("model.onnx", 500)) == "hf://owner/net is not available now (HTTP 500): try again later"
-
-
-def test_a_server_that_is_no_hub_is_reported(hub: Hub, server: Any):
-    server.add("/owner/net/resolve/main/model.onnx", CONTENT)
-    assert refusal("hf://owner/net/model.onnx") == (
-        f"{server.address} does not respond like the hub of Hugging Face: check HF_ENDPOINT"
-    )
-
-
-def test_no_network(hub: Hub, server: Any):
-    source = hub.add("model.onnx", CONTENT)
-    server.close()
-    said = refusal(source).replace("ConnectionError", "ConnectError")  # as the library's versions call it
-    assert said == f"hf://owner/net: {server.address} cannot be reached (ConnectError): check the network connection"
 
 
 def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
@@ -270,13 +236,6 @@ def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
         "PHYSIC_WEIGHTS"
     )
     assert server.asked == []
-
-
-def test_a_cache_that_may_not_be_written(hub: Hub, tmp_path: Path):
-    (tmp_path / "hub").write_text("")
-    assert refusal(hub.add("model.onnx", CONTENT)).startswith(
-        f"{tmp_path / 'hub' / 'models--owner--net' / 'blobs'} cannot be written ("
-    )
 
 
 # ---- as the user runs it ---------------------------------------------------------------------------------------------

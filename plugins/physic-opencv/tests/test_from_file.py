@@ -127,12 +127,6 @@ def test_damaged_and_missing_files(tmp_path: Path) -> None:
     )
 
 
-def test_people_everywhere_leave_nothing_known(tmp_path: Path) -> None:
-    np.save(tmp_path / "d.npy", DEPTH)
-    with pytest.raises(InputError, match="has no depth outside the people, so that nothing is known of the scene"):
-        depth(tmp_path / "d.npy", np.ones((4, 6), bool))
-
-
 # ---- depth beside a phone's photo ------------------------------------------------------------------------------------
 
 HEIC = Path(__file__).parent / "data" / "disparity.heic"
@@ -211,12 +205,6 @@ def test_points_of_people_are_invalid_in_the_photo_without_them_alone(tmp_path: 
     hole[1:3, 2:4] = True
     np.testing.assert_array_equal(pointmap(tmp_path / "p.npy", hole).valid, ~hole)
     assert pointmap(tmp_path / "p.npy").valid.all()
-
-
-def test_an_archive_without_points(tmp_path: Path) -> None:
-    np.savez(tmp_path / "p.npz", xyz=POINTS)
-    with pytest.raises(InputError, match='it has no array "points"; it has xyz'):
-        pointmap(tmp_path / "p.npz")
 
 
 # ---- in the pipeline and in the kit ----------------------------------------------------------------------------------
