@@ -69,7 +69,3 @@ def test_extent_is_that_of_the_scene_without_its_stragglers() -> None:
     assert points.amax(0)[0] == pytest.approx(2.9, abs=0.2)
     assert points.amin(0)[0] == pytest.approx(-2.9, abs=0.2)
     assert points.amax(0)[2] == pytest.approx(8.8, abs=0.3)
-
-
-def test_no_scene_has_no_floor_points() -> None:
-    assert sample_plane(UP, 1.5, torch.zeros((0, 3))).shape == (0, 3)

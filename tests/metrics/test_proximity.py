@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.errors import PhysicError
 from physic_core.metrics import proximity
 from physic_core.metrics.proximity import SEARCH_RADIUS_M, hidden_by_depth_map, point_spacing, scene_distance
 from physic_core.types import Intrinsics, Plane
@@ -93,12 +92,6 @@ def test_a_point_without_a_normal_has_no_inside():
     points, normals, valid = wall_view(np.full((HEIGHT, WIDTH), 2.0))
     found = scene_distance(np.array([[0.0, 0.0, 2.05]]), points, 0 * normals, valid, CAMERA)
     assert found.distance == pytest.approx(0.05, abs=0.005)
-
-
-def test_points_and_normals_must_fit():
-    points, normals, valid = floor_view()
-    with pytest.raises(PhysicError, match="points and normals"):
-        scene_distance(np.zeros((1, 3)), points, normals[:5], valid, CAMERA)
 
 
 def test_spacing_is_that_of_the_farthest_neighbour_on_the_same_surface():
