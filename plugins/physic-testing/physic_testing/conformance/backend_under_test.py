@@ -17,7 +17,7 @@ from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.checks import require_image
 from physic_testing.conformance.bias import MIN_UNITS
-from physic_testing.conformance.cases import EVIDENCE, SIZE, build_case
+from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.field_comparison import changed_fields
@@ -212,12 +212,13 @@ class BackendUnderTest:
         """
         self.result()
         found = []
-        for name in EVIDENCE:
+        names = EVIDENCE_OF_HANDS if self.interface == "hand_estimator" else EVIDENCE
+        for name in names:
             attempt = self.run_case(name)
             if attempt.error is None and not attempt.violations:
                 found.append((self.case(name), attempt.result))
         if len(found) < MIN_UNITS:
-            raise CheckSkipped(f"it has a valid output for {len(found)} of {len(EVIDENCE)} photos of people")
+            raise CheckSkipped(f"it has a valid output for {len(found)} of {len(names)} photos of people")
         return found
 
     @property

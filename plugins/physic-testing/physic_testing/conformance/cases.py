@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["CASES", "EVIDENCE", "SIZE", "Case", "build_case", "case_of_world"]
+__all__ = ["CASES", "EVIDENCE", "EVIDENCE_OF_HANDS", "SIZE", "Case", "build_case", "case_of_world"]
 
 SIZE = (320, 240)
 """Default width and height of the standard photos, px."""
@@ -37,11 +37,19 @@ CASES: dict[str, str] = {
     "sitting": "two people side by side on a seat",
     "squatting": "one person who squats",
     "leaning": "one person who leans on a wall",
+    "walking, large": "one person who walks, three times as wide and high",
+    "sitting, large": "two people side by side on a seat, three times as wide and high",
+    "squatting, large": "one person who squats, three times as wide and high",
 }
 """Name of each photo -> description."""
 
 EVIDENCE = ("one person", "several people", "walking", "sitting", "squatting", "leaning")
 """Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
+
+EVIDENCE_OF_HANDS = ("close", "walking, large", "sitting, large", "squatting, large")
+"""The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
+
+_LARGE = 3
 
 _WORLDS = {
     "several people": ("group", 0),
@@ -108,6 +116,9 @@ def build_case(name: str, size: tuple[int, int] = SIZE) -> Case:
 
 @lru_cache(maxsize=32)
 def _build(name: str, size: tuple[int, int]) -> Case:
+    if name.endswith(", large"):
+        larger = (_LARGE * size[0], _LARGE * size[1])
+        return replace(_build(name.removesuffix(", large"), larger), name=name)
     width, height = size
     if name == "one person":
         return case_of_world(name, build_world("stand", 0, size))
@@ -119,7 +130,7 @@ def _build(name: str, size: tuple[int, int]) -> Case:
     if name == "portrait":
         return case_of_world(name, build_world("stand", 0, (height, width)))
     if name == "close":
-        return case_of_world(name, build_world("stand", 0, (3 * width, 3 * height)))
+        return case_of_world(name, build_world("stand", 0, (_LARGE * width, _LARGE * height)))
     person = _build("one person", size)
     if name == "nobody":
         return _without_people(person)
