@@ -38,8 +38,7 @@ from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.presets import DEFAULT
 from physic_core.metrics.matching import match_by_masks
-from physic_core.pipeline import solution
-from physic_core.pipeline.optimise import run_engine
+from physic_core.pipeline import optimise
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
 from physic_testing.worlds import RAISED_FEET_WORLDS, World, benchmark_worlds, build_world
@@ -94,12 +93,12 @@ def collect(cases: Sequence[WorldCase], out: Path) -> None:
             world = build_world(case.name, case.seed, case.size)
             evidence = estimate_evidence(case, world, plan, model, None)
             torch.manual_seed(0)
-            with patch.object(solution, "solve_contact", wraps=solution.solve_contact) as solve:
-                run_engine(evidence, DEFAULT, model, StageRunner("cpu", len(plan.backends)))
+            with patch.object(optimise, "solve_contact", wraps=optimise.solve_contact) as solve:
+                optimise.run_engine(evidence, DEFAULT, model, StageRunner("cpu", len(plan.backends)))
             found = match_by_masks(evidence.people.masks, world.masks, min_iou=0.3)
             pairs = list(zip(found.predicted.tolist(), found.truth.tolist(), strict=True))
             inputs = solve.call_args.args[0]
-            result = solution.solve_contact(*solve.call_args.args)
+            result = optimise.solve_contact(*solve.call_args.args)
             np.savez_compressed(file, **samples_of(inputs, result, world, pairs))
         print(f"[{number}/{len(cases)}] {case.title}", file=sys.stderr, flush=True)
 
@@ -108,7 +107,7 @@ def samples_of(
     given: ContactInput, result: ContactResult, world: World, pairs: Sequence[tuple[int, int]]
 ) -> dict[str, Any]:
     """Return the arrays of one world: for each person and kind of contact columns, truth and listed body parts."""
-    near = measure_distances(given, DEFAULT.contact)
+    near = measure_distances(given, DEFAULT.contact.measure)
     outer, finite = given.model.outer.numpy(), given.finite.tolist()
     arrays: dict[str, Any] = {"pairs": np.array([pair for pair in pairs if finite[pair[0]]], np.int64).reshape(-1, 2)}
     for kind, columns in feature_columns(given, near).items():

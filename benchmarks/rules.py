@@ -95,7 +95,6 @@ RULES = (
     Rule("skin contact", "self F1", ("contact.people=false",), contact_only=True),
     Rule("objects", "F1", ("contact.objects=false",), contact_only=True),
     Rule("hidden supports", "support F1", ("contact.assume_supports=false",), contact_only=True),
-    Rule("probability", "F1", ("contact.rule=distance",), contact_only=True),
 )
 """Every rule that can be removed alone."""
 

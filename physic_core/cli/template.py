@@ -9,12 +9,11 @@ import re
 import textwrap
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 from physic_core.cli.listing import describe_schema
 from physic_core.cli.toml import toml_value
 from physic_core.configuration.model import load_config, settings_model, stage_models
-from physic_core.engine.settings import EngineSettings
 from physic_core.errors import BackendError
 from physic_core.interfaces import INTERFACES
 
@@ -124,21 +123,17 @@ def _with_kind(meaning: str, kind: str) -> str:
 
 
 def texts_of_fields(kind: type) -> dict[str, str]:
-    """Return the text of each field by its name: that under it, or that of the ``Attributes:`` of the class."""
+    """Return the text under each field by the name of the field."""
     found = {}
     for base in filter(is_dataclass, reversed(kind.__mro__)):
         body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
         for field, text in itertools.pairwise(body):
             if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
                 found[ast.unparse(field.target)] = str(text.value.value)
-        section = inspect.cleandoc(base.__doc__ or "").partition("Attributes:\n")[2]
-        found |= {one[1]: one[2] for one in re.finditer(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.M)}
     texts = {field.name: found[field.name] for field in fields(kind) if field.name in found}
     return {name: _plain(" ".join(text.split())) for name, text in texts.items()}
 
 
 def _plain(text: str) -> str:
     """Remove reStructuredText markup."""
-    stages = {kind.__name__: f"[engine.{stage}]" for stage, kind in get_type_hints(EngineSettings).items()}
-    text = re.sub(r":class:`(\w+)`", lambda found: stages.get(found[1], found[1]), text)
-    return text.replace("``", "")
+    return re.sub(r":\w+:`([^`]+)`", r"\1", text).replace("``", "")

@@ -21,14 +21,16 @@ __all__ = [
 
 # Bounds are part of the field's type: config readers check values without a separate list of names. At both ends,
 # squares, quotients of two settings and their sums stay within float32.
-Positive = Annotated[float, Interval(ge=1e-6, le=1e6)]
-PositiveOrInfinite = Annotated[float, Ge(1e-6)]
+_LEAST = 1e-6
+Positive = Annotated[float, Interval(ge=_LEAST, le=1 / _LEAST)]
+PositiveOrInfinite = Annotated[float, Ge(_LEAST)]
 NotNegative = Annotated[float, Interval(ge=0, le=1e8)]
 Share = Annotated[float, Interval(ge=0, le=1)]
-Degrees = Annotated[float, Interval(ge=1e-6, le=180)]
+Degrees = Annotated[float, Interval(ge=_LEAST, le=180)]
 # Every preset has converged after 1,000 steps; the largest number takes minutes.
-Count = Annotated[int, Interval(ge=0, le=2000)]
-PositiveCount = Annotated[int, Interval(ge=1, le=2000)]
+_MOST_STEPS = 2000
+Count = Annotated[int, Interval(ge=0, le=_MOST_STEPS)]
+PositiveCount = Annotated[int, Interval(ge=1, le=_MOST_STEPS)]
 PointCount = Annotated[int, Interval(ge=50, le=100_000)]
 FrozenGroups = Annotated[
     tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)

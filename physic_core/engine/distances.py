@@ -7,7 +7,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 
-__all__ = ["hinge_angles", "lowest_height", "lowest_sole_indices", "plane_height", "root_relative", "signed_distance"]
+__all__ = ["hinge_angles", "lowest_height", "lowest_sole_indices", "root_relative", "signed_distance"]
 
 # Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
 _KNEES, _ELBOWS = (slice(left, right + 1) for left, right in (joint_pair("knee"), joint_pair("elbow")))
@@ -20,11 +20,6 @@ def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor
     Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
     """
     return (normals * (vertices - points)).sum(-1)
-
-
-def plane_height(vertices: Tensor, normal: Tensor, offset: Tensor) -> Tensor:
-    """Return the height of vertices over the floor, ``n . v + offset``: (..., 3) -> (...) metres, negative below."""
-    return vertices @ normal + offset
 
 
 def lowest_sole_indices(height: Tensor) -> Tensor:

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene.solve import SceneState
+from physic_core.engine.scene.stature import STATURE_SIGMA
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
@@ -37,7 +38,6 @@ __all__ = [
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
-_STATURE_SPREAD = 0.06  # log standard deviation of adults' statures about the estimate
 _FACTOR_SPREAD = 0.05  # log standard deviation of one size in the photo by another
 _CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
 CONTRADICTION = 3 * _FACTOR_SPREAD
@@ -135,7 +135,8 @@ def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, s
     masks, height, width = masks.cpu(), *scene.valid.shape
     area = masks.flatten(1).sum(1)
     inverse = torch.linalg.inv(scene.K.double().cpu())
-    rows: list[tuple[Tensor, Tensor, Tensor]] = []
+    nothing = torch.full((3,), torch.nan, dtype=torch.float64)
+    person, at, rays = [torch.zeros(0, 2)], [nothing.expand(0, 2, -1)], [nothing.expand(0, 2, -1)]
     used, unused = [], []
     for i, length in enumerate(known.lengths):
         pixels = torch.tensor([length.start, length.end], dtype=torch.float64)
@@ -148,17 +149,13 @@ def known_geometry(known: KnownSizes, stature: Sequence[float], masks: Tensor, s
         if any(person < 0 and point is None for person, point in zip(people, points, strict=True)):
             unused.append(i)
             continue
-        rays = torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T
-        nothing = torch.full((3,), torch.nan, dtype=torch.float64)
-        rows.append((torch.tensor(people), torch.stack([nothing if p is None else p for p in points]), rays))
+        person.append(torch.tensor([people]))
+        at.append(torch.stack([nothing if p is None else p for p in points])[None])
+        rays.append((torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T)[None])
         used.append(i)
-    shapes = ((0, 2), (0, 2, 3), (0, 2, 3))
-    person, at, rays = (
-        torch.stack(column) if column else torch.zeros(shape, dtype=torch.float64)
-        for column, shape in zip(zip(*rows, strict=True) if rows else ((), (), ()), shapes, strict=True)
-    )
     metres = torch.tensor([known.lengths[i].metres for i in used], dtype=torch.float64)
-    distances = KnownDistances(metres, person.long(), at, rays, torch.tensor(used, dtype=torch.int64))
+    index = torch.tensor(used, dtype=torch.int64)
+    distances = KnownDistances(metres, torch.cat(person).long(), torch.cat(at), torch.cat(rays), index)
     return KnownGeometry(
         torch.tensor(list(stature), dtype=torch.float64), known.camera_height, distances, tuple(unused)
     )
@@ -220,10 +217,10 @@ def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
         stature: (B,) metres, estimated.
     """
     log = torch.nan_to_num(measured, nan=1.0).log()
-    trust = _STATURE_SPREAD**2 / (_STATURE_SPREAD**2 + _FACTOR_SPREAD**2)
+    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + _FACTOR_SPREAD**2)
     share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
     least, most = (limit / stature for limit in STATURES_M)
-    return (log * share).exp().clamp(torch.minimum(least, torch.ones_like(least)), torch.maximum(most, most * 0 + 1))
+    return (log * share).exp().clamp(least.clamp(max=1.0), most.clamp(min=1.0))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import torch
 
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.contact.distance import contact_surfaces
 from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
@@ -23,7 +22,6 @@ from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry.floor import FloorEvidence
-from physic_core.geometry.free_space import front_depth, in_free_space
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.person_measures import depth_ratios
@@ -32,15 +30,15 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.engine.contact.method import ContactMethod
     from physic_core.engine.joint.problem import JointResult
     from physic_core.engine.known_sizes import KnownScene
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
 
-__all__ = ["classify_points", "contact_input", "joint_problem", "placement_input", "scene_input", "sized_scene"]
+__all__ = ["contact_input", "joint_problem", "placement_input", "scene_input", "sized_scene"]
 
 _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
@@ -169,35 +167,23 @@ def joint_problem(given: PlacementInput, placed: PlacedPeople, scale_sigma: floa
     ).to_model_dtype()
 
 
-def classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
-    """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
-    surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
-    uncarved = None if scene.uncarved is None else (scene.uncarved[0][scene.valid], scene.uncarved[1][scene.valid])
-    if surfaces is None:
-        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen, uncarved)
-    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen, uncarved)
-
-
 def contact_input(
-    problem: JointProblem, result: JointResult, settings: EngineSettings, classes: ClassifiedPoints, objects: Tensor
+    estimates: Estimates, scene: SceneState, problem: JointProblem, result: JointResult, method: ContactMethod
 ) -> ContactInput:
     """Return the input of stage 4.
 
     Args:
-        problem: of stage 3, with the final scene.
+        scene: final, before its scale is applied.
+        problem: of stage 3, with that scene.
         result: of stage 3.
-        settings: of the engine.
-        classes: of ``problem.scene_points``.
-        objects: (K, H, W) bool, visible pixels of objects in hands and on laps.
+        method: of stage 4.
     """
     s, vertices = result.scene_scale, result.vertices
+    classes = _classify_points(estimates, scene)
     points, normals = classes.uncarved or (problem.scene_points, problem.scene_normals)
     uncarved = replace(problem, scene_points=points.to(vertices), scene_normals=normals.to(vertices), floor_normal=None)
     finite = vertices[torch.isfinite(vertices).flatten(1).all(1)]
-    free = None
-    if settings.joint.energy_options.free_space and problem.scene_depth is not None:
-        free = in_free_space(vertices / s, front_depth(problem.scene_depth), problem.K)
-    lifted = problem.lifted_feet
+    lifted, objects = problem.lifted_feet, estimates.objects
     return ContactInput(
         model=problem.model,
         vertices=vertices,
@@ -206,14 +192,23 @@ def contact_input(
         prior=problem.contact_probability,
         observed=problem.observed,
         lifted_feet=torch.zeros(len(problem), 2, dtype=torch.bool) if lifted is None else lifted,
-        surfaces=contact_surfaces(problem, finite, s, settings),
-        uncarved=contact_surfaces(uncarved, finite, s, settings).scene,
+        surfaces=method.surfaces(problem, finite, s),
+        uncarved=method.surfaces(uncarved, finite, s),
         classes=classes,
         plane=None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * s),
-        free=free,
-        objects=_held_objects(problem, result, objects),
+        free=method.free_vertices(problem, vertices, s),
+        objects=None if objects is None else _held_objects(problem, result, tensor(objects)),
         foot_gap=_foot_gaps(problem),
     )
+
+
+def _classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
+    """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
+    surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
+    uncarved = None if scene.uncarved is None else (scene.uncarved[0][scene.valid], scene.uncarved[1][scene.valid])
+    if surfaces is None:
+        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen, uncarved)
+    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen, uncarved)
 
 
 def _foot_gaps(problem: JointProblem) -> Tensor | None:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.engine_input import joint_problem, placement_input, scene_input, sized_scene
+from physic_core.pipeline.engine_input import contact_input, joint_problem, placement_input, scene_input, sized_scene
 from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
 
@@ -61,7 +62,8 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         scene, problem = finalize_scene(placed.scene, problem, result, tensor(estimates.hole), settings.scene)
         warnings, measured = contradictions(estimates.known, scene, problem, result)
         stages.warn(*warnings)
-        solution = assemble_solution(estimates, scene, problem, placed, result, settings)
+        touch = solve_contact(contact_input(estimates, scene, problem, result, settings.contact), settings.contact)
+        solution = assemble_solution(estimates, scene, problem, placed, result, touch)
         return replace(solution, diagnostics={**solution.diagnostics, **measured})
 
 

@@ -11,11 +11,8 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
-from physic_core.engine.contact.probability import contact_model
-from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.engine_input import classify_points, contact_input
 from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import measure_people
 from physic_core.types import NO_PARTNER, BodyParameters, CameraTrust, Intrinsics, Plane, Scene
@@ -26,10 +23,10 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.model import BodyModel
+    from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
-    from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support
 
@@ -48,7 +45,7 @@ class Solution(ShortRepr):
         joints: (N, 55, 3) float32.
         contact: (N, V) bool.
         distance: (N, V) float32, signed, metres, negative inside; inf beyond the search radius.
-        contact_probability: (N, V) float16, of contact with anything; None if the preset's rule is the distance.
+        contact_probability: (N, V) float16, of contact with anything; None if the preset estimates none.
         contact_partner: (N, V) int16, index into ``partners``, ``NO_PARTNER`` for vertices not in contact.
         partners: everything that people touch.
         contacts: per person, contacts by body part.
@@ -81,7 +78,7 @@ def assemble_solution(
     problem: JointProblem,
     placed: PlacedPeople,
     result: JointResult,
-    settings: EngineSettings,
+    touch: ContactResult,
 ) -> Solution:
     """Convert the results of the engine to arrays and diagnostics.
 
@@ -91,11 +88,9 @@ def assemble_solution(
         problem: of stage 3, with that scene.
         placed: of stage 2.
         result: of stage 3.
-        settings: of the engine.
+        touch: of stage 4.
     """
     s = result.scene_scale
-    given = contact_input(problem, result, settings, classify_points(estimates, scene), _objects(estimates))
-    touch = solve_contact(given, contact_model(), settings.contact)
     people = tuple(
         {**{f"placement_{k}": v for k, v in start.items()}, **more, "moved_scene_m": moved}
         for start, more, moved in zip(
@@ -177,12 +172,6 @@ def _scene(scene: SceneState, scale: float, estimates: Estimates) -> Scene:
         scale=scale,
         scale_sigma=estimates.depth.scale_sigma,
     )
-
-
-def _objects(estimates: Estimates) -> Tensor:
-    """Return the visible pixels (K, H, W) bool of objects in hands and on laps."""
-    objects = estimates.objects
-    return tensor(np.zeros((0, *estimates.hole.shape), bool) if objects is None else objects)
 
 
 def _moved_scene(estimates: Estimates, scene: SceneState, scale: float) -> list[float | None]:

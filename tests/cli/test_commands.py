@@ -540,7 +540,7 @@ def test_init_lists_every_key_with_its_meaning():
         "## longer photos are reduced to this long side, px; 640-1920 (whole number >= 128, <= 10000)\n"
         "# max_side = 1280\n" in text
     )
-    assert "## distance within the bounds (number >= 0, <= 1e+08)\n# distance_m = 0.02\n" in text
+    assert "0 moves none (number >= 0, <= 1e+08)\n# carve_m = 0.5\n" in text
     assert "## focal_px, not set: focal length, px of the upright photo file (number >= 1, <= 1e+06 or unset)\n" in text
     assert max(map(len, text.splitlines())) <= 121
 

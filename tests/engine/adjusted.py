@@ -8,9 +8,8 @@ from typing import Any, TypeVar
 import torch
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.settings import with_overrides
 
 Settings = TypeVar("Settings")
@@ -42,17 +41,9 @@ def without_photo(problem: JointProblem) -> JointProblem:
     )
 
 
-def with_options(joint: JointSettings, **changes: Any) -> JointSettings:
-    """Settings of stage 3 whose energy has some other options, or other methods."""
-    options = {f.name: changes.pop(f.name) for f in fields(EnergyOptions) if f.name in changes}
-
-    class Other(type(joint)):  # type: ignore[misc]
-        @property
-        def energy_options(self) -> EnergyOptions:
-            return replace(super().energy_options, **options)
-
-    for name, value in changes.items():
-        setattr(Other, name, value)
+def with_options(joint: JointMethod, **changes: Any) -> JointMethod:
+    """Settings of stage 3 whose energy has some other methods."""
+    Other = type("Other", (type(joint),), changes)
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.distances import lowest_height, plane_height, root_relative
+from physic_core.engine.distances import lowest_height, root_relative
 from physic_core.engine.joint.term import RobustLoss
 from physic_core.engine.joint.terms.depth import MIN_DEPTH_M
-from physic_core.engine.joint.terms.regularisation import mesh_energy
-from physic_core.engine.joint.terms.surface_energies import SURFACE_ENERGIES, SurfaceInputs
+from physic_core.engine.joint.terms.surface import SURFACE_ENERGIES, SurfaceInputs
+from physic_core.geometry.plane import height_over_plane
+from physic_paper.terms.printed_regularisation import mesh_energy
 
 
 def contact_energy(squared: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
@@ -67,7 +68,7 @@ def reference_surface_energies(
     if data.normals is not None:
         signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - data.plane_distance
     if data.floor_normal is not None:
-        height = plane_height(vertices, data.floor_normal, data.floor_offset * scale) / scale
+        height = height_over_plane(vertices, data.floor_normal, data.floor_offset * scale) / scale
     if data.depth is not None:
         s = data.depth
         mean = depth_energy(vertices[..., 2], data.log_map_depth, s.weight, log_scale, offset, s.sigma, s.rho)

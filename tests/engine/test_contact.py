@@ -1,4 +1,4 @@
-"""The contact map of a sphere over a plane, past a rim, and inside."""
+"""Signed distances of a sphere over a plane, past a rim, and inside."""
 
 from __future__ import annotations
 
@@ -6,13 +6,10 @@ import pytest
 import torch
 import trimesh
 
-from physic_core import engine_preset
-from physic_core.engine.contact import contact_map, surface_distance
+from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, surface_distances
 from physic_core.geometry.neighbors import NearestPointSearch
 
-SETTINGS = engine_preset("default").contact
 RADIUS = 0.1
-NOTHING = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
 
 
 def plane(spacing=0.01, half=0.5):
@@ -29,32 +26,25 @@ def sphere(gap):
     return torch.tensor(mesh.vertices, dtype=torch.float32) + torch.tensor([0.003, 1 - RADIUS - gap, 2.004])
 
 
-def test_cavities_never_touch():
-    vertices = sphere(0.0)
-    outer = torch.zeros(len(vertices), dtype=torch.bool)
-    contact, distance = contact_map(vertices, plane(), None, outer, SETTINGS)
-    assert not contact.any()
-    assert torch.isfinite(distance).any()
+def distances(vertices, scene, floor=None):
+    row = torch.arange(len(scene.points))
+    return surface_distances(vertices, ContactSurfaces(scene, row, floor), distance_along_normal)
 
 
 def test_the_nearer_of_scene_and_floor_counts():
     vertex = torch.tensor([[0.0, 0.97, 2.0]])
-    outer = torch.ones(1, dtype=torch.bool)
     floor = (torch.tensor([0.0, -1.0, 0.0]), 0.98)  # 2 cm over the scene's plane
-    assert contact_map(vertex, plane(), floor, outer, SETTINGS)[1].item() == pytest.approx(0.01, abs=1e-5)
+    assert distances(vertex, plane(), floor).nearest.item() == pytest.approx(0.01, abs=1e-5)
 
 
 def test_a_point_without_a_normal_has_no_inside():
     scene = NearestPointSearch(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3))
-    distance = surface_distance(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene, SETTINGS)
-    assert distance.tolist() == pytest.approx([0.05, 0.05])
+    found = distances(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene)
+    assert found.scene.tolist() == pytest.approx([0.05, 0.05])
 
 
 def test_people_are_a_batch():
     vertices = torch.stack([sphere(0.0), sphere(0.05)])
-    outer = torch.ones(vertices.shape[1], dtype=torch.bool)
-    contact, distance = contact_map(vertices, plane(), None, outer, SETTINGS)
+    together = distances(vertices, plane()).scene
     for i in range(2):
-        alone = contact_map(vertices[i], plane(), None, outer, SETTINGS)
-        assert torch.equal(contact[i], alone[0])
-        assert torch.equal(distance[i], alone[1])
+        assert torch.equal(together[i], distances(vertices[i], plane()).scene)

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances, part_gaps
-from physic_core.engine.contact.probability import ContactModel, contact_model
+from physic_core.engine.contact.method import touch_by_probability
+from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
-from physic_core.engine.contact.solve import solve_contact, touch_by_probability
+from physic_core.engine.contact.solve import solve_contact
 from physic_core.geometry.neighbors import NearestPointSearch
 
 LINEAR = ContactModel({"scene": {"constant": 1.0, "outside": -2.0}}, {"constant": -0.5, "log odds": 1.0})
@@ -57,7 +58,7 @@ def alone(body, plane=None, foot_gap=None) -> ContactInput:
         observed=torch.ones(1, 55, dtype=torch.bool),
         lifted_feet=torch.zeros(1, 2, dtype=torch.bool),
         surfaces=ContactSurfaces(empty, none, plane),
-        uncarved=empty,
+        uncarved=ContactSurfaces(empty, none, None),
         classes=ClassifiedPoints(("unknown",), none, none.bool()),
         plane=plane,
         foot_gap=foot_gap,
@@ -67,10 +68,10 @@ def alone(body, plane=None, foot_gap=None) -> ContactInput:
 def test_depth_behind_a_foot_speaks_against_its_contact(body):
     given = alone(body, foot_gap=torch.tensor([[0.2, math.nan]]))
     settings = engine_preset("default").contact
-    gaps = feature_columns(given, measure_distances(given, settings))["scene"]["foot, depth behind"][0]
+    gaps = feature_columns(given, measure_distances(given, settings.measure))["scene"]["foot, depth behind"][0]
     assert gaps[given.part("left_foot")].unique().tolist() == pytest.approx([2.0])
     assert not gaps[~given.part("left_foot")].any()
-    likely = solve_contact(given, contact_model(), settings).probability[0]
+    likely = solve_contact(given, settings).probability[0]
     assert likely[given.part("left_foot")].max() < likely[given.part("right_foot")].max()
 
 
@@ -79,7 +80,7 @@ def test_skin_is_touched_only_where_it_is_likelier_than_the_scene(body, scene: f
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     given = alone(body, plane=(torch.tensor([0.0, 1.0, 0.0]), -soles))
     settings = replace(engine_preset("default").contact, threshold=0.9, skin_threshold=0.1)
-    near = measure_distances(given, settings)
+    near = measure_distances(given, settings.measure)
     near = replace(near, own=replace(near.own, distance=torch.zeros_like(near.own.distance)))
     constants = {"scene": scene, "own body": -1.5}
     model = ContactModel({name: {"constant": value} for name, value in constants.items()}, LINEAR.part)

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from physic_core.engine.contact.dents import GIVE_M, dent_depths, largest_dents
-from physic_core.engine.contact.distance import SurfaceDistances
+from physic_core.engine.contact.distance import ContactSurfaces, SurfaceDistances, distance_along_normal
 from physic_core.engine.contact.scene_parts import SceneParts
-from physic_core.engine.settings import ContactSettings
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.pipeline.measures import moved_scene
 from physic_core.pipeline.person_measures import deep_shares
@@ -40,7 +39,8 @@ def dent(height: float, give: float) -> float:
     points = torch.stack([a, torch.zeros_like(a), b + 2], -1).reshape(-1, 3)
     scene = NearestPointSearch(points, torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64).expand_as(points))
     vertex = torch.tensor([[[0.0, -height, 2.0]]], dtype=torch.float64)
-    return float(dent_depths(vertex, scene, torch.full((1, 1), give, dtype=torch.float64), ContactSettings()))
+    surfaces = ContactSurfaces(scene, torch.arange(len(points)), None)
+    return float(dent_depths(vertex, surfaces, torch.full((1, 1), give, dtype=torch.float64), distance_along_normal))
 
 
 @given(st.floats(-0.14, 0.14), st.sampled_from([0.02, 0.08]))

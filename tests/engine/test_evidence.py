@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.context import subsample_vertices
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import SelfOcclusion, sample_mask_neighbours
 from physic_core.engine.limbs import (
@@ -179,10 +179,10 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
 
 def test_points_of_the_floor_are_left_to_the_plane(standing):
     energy = JointEnergy(standing.problem, SETTINGS)
-    height = standing.problem.floor_offset - energy.context.surface[:, 1]
+    height = standing.problem.floor_offset - energy.context.problem.scene_points[:, 1]
     assert height.amin() > 0.05
     without = JointEnergy(replace(standing.problem, floor_normal=None), SETTINGS)
-    assert len(without.context.surface) > len(energy.context.surface)
+    assert len(without.context.problem.scene_points) > len(energy.context.problem.scene_points)
     assert (without.weights["floor"] == 0).all()
     assert "floor" not in without()
 

@@ -11,12 +11,7 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.scene import floor_below_people
-from physic_core.engine.scene.floor_below_people import (
-    floor_cuts_people,
-    floor_under_people,
-    plane_cuts_people,
-    wrong_floor,
-)
+from physic_core.engine.scene.floor_below_people import floor_under_people, wrong_floor
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.rotations import rotvec_to_rotmat
 
@@ -132,23 +127,24 @@ def test_surfaces_must_tell_which_way_is_up(people, monkeypatch):
 
 
 def test_a_plane_through_everybody_is_a_table_and_one_through_some_is_not(people):
-    vertices, _, soles = people
+    vertices, joints, soles = people
     floor = -float((vertices[:, soles] @ UP).min())
-    assert not plane_cuts_people(vertices, UP, floor)
-    assert not plane_cuts_people(vertices, UP, floor - 0.1)
-    assert plane_cuts_people(vertices, UP, floor - 0.8)
+    fit = PlaneFit(UP, floor, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "lower image")
+    assert wrong_floor(fit, vertices, joints, NO_NORMALS) is None
+    assert wrong_floor(replace(fit, offset=floor - 0.1), vertices, joints, NO_NORMALS) is None
+    table = replace(fit, offset=floor - 0.8)
+    assert wrong_floor(table, vertices, joints, NO_NORMALS) == "through_people"
     raised = shifted(people, 1, 1.0)[0]
-    assert not plane_cuts_people(raised, UP, floor - 0.8)
-    assert not plane_cuts_people(vertices[:0], UP, floor - 0.8)
+    assert wrong_floor(table, raised, joints, NO_NORMALS) is None
+    assert wrong_floor(table, vertices[:0], joints[:0], NO_NORMALS) is None
 
 
 def test_a_floor_of_a_mask_is_never_taken_for_furniture(people):
-    vertices, _, soles = people
+    vertices, joints, soles = people
     table = -float((vertices[:, soles] @ UP).min()) - 0.8
     fit = PlaneFit(UP, table, torch.ones(2, 2, dtype=torch.bool), 0.5, 0.0, "lower image")
-    assert floor_cuts_people(fit, vertices)
-    assert not floor_cuts_people(replace(fit, source="floor mask"), vertices)
-    assert not floor_cuts_people(None, vertices)
+    assert wrong_floor(fit, vertices, joints, NO_NORMALS) == "through_people"
+    assert wrong_floor(replace(fit, source="floor mask"), vertices, joints, NO_NORMALS) is None
 
 
 def test_a_floor_metres_below_all_people_is_refused(people):

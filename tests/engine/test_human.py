@@ -23,11 +23,10 @@ from physic_core.engine.placement.human_points import (
 from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
 from physic_core.engine.placement.terms import FloorTerm, PlacementProblem, Residuals
-from physic_core.engine.settings import PlacementSettings
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers, translation
-from physic_paper.placement import PaperPlacement, PaperPlacementMethod, ReleasePlacementMethod
+from physic_paper.placement import PaperPlacement, ReleasePlacement
 
 DEFAULT, PAPER = engine_preset("default").placement, engine_preset("paper").placement
 AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
@@ -54,7 +53,7 @@ FLOOR = {"floor": (UP, 0.45 + 0.85), "soles": SOLES}
 class Picture:
     """Two ellipsoids seen by a camera of a given width."""
 
-    def __init__(self, columns: int = 320, farther: float = 1.0, settings: PlacementSettings = DEFAULT) -> None:
+    def __init__(self, columns: int = 320, farther: float = 1.0, settings: method.PlacementMethod = DEFAULT) -> None:
         rows = columns * 3 // 4
         focal = 0.8 * columns
         self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
@@ -70,7 +69,7 @@ class Picture:
         self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
         self.confidence = torch.ones(2, 17, dtype=torch.float64)
 
-    def place(self, settings: PlacementSettings = DEFAULT, **options: object) -> Placement:
+    def place(self, settings: method.PlacementMethod = DEFAULT, **options: object) -> Placement:
         given: dict[str, object] = {
             "vertices": VERTICES + START[:, None],
             "normals": NORMALS.expand(2, -1, -1),
@@ -88,16 +87,15 @@ class Picture:
         return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
 
 
-class FreeMethod(PaperPlacementMethod):
+def depth_offsets(placed: Placement) -> list[float]:
+    return [person["depth_offset"] for person in placed.diagnostics]
+
+
+class FreePlacement(PaperPlacement):
     """As printed, without the bound of the reprojection error."""
 
     def finish(self, person: PlacementProblem, fit: method.Fit) -> Tensor:
         return fit.x
-
-
-class FreePlacement(PaperPlacement):
-    def method(self) -> FreeMethod:
-        return FreeMethod(self)
 
 
 def error_cm(placement: Placement) -> Tensor:
@@ -109,7 +107,7 @@ def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None
     placed = Picture(columns).place()
     print(f"{columns} px: off by {error_cm(placed).tolist()} cm")
     assert error_cm(placed).max() < 0.1
-    assert placed.depth_offset.tolist() == [1.0, 1.0]
+    assert depth_offsets(placed) == [1.0, 1.0]
 
 
 def test_the_papers_solver_finds_the_place_too() -> None:
@@ -147,7 +145,7 @@ def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
     picture = Picture(farther=1.15)
     stands = picture.place(**FLOOR, feet_seen=torch.tensor([True, True]))
     assert error_cm(stands).max() < 0.5
-    assert stands.depth_offset.tolist() == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
+    assert depth_offsets(stands) == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
     assert stands.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
     # Without the offset the points pull the body with them; the paper's sums all the way.
     assert error_cm(picture.place()).min() > 10
@@ -156,8 +154,8 @@ def test_standing_people_keep_their_place_if_depth_is_too_far() -> None:
 
 def test_only_those_whose_feet_are_seen_have_an_offset() -> None:
     placed = Picture(farther=1.15).place(**FLOOR, feet_seen=torch.tensor([True, False]))
-    assert placed.depth_offset[0] == pytest.approx(1 / 1.15, rel=2e-3)
-    assert placed.depth_offset[1] == 1.0
+    assert depth_offsets(placed)[0] == pytest.approx(1 / 1.15, rel=2e-3)
+    assert depth_offsets(placed)[1] == 1.0
     assert placed.diagnostics[1]["foot_height_m"] is None
 
 
@@ -180,7 +178,7 @@ def test_several_people_are_placed_as_each_alone() -> None:
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
-def test_a_person_that_fails_does_not_change_the_other(settings: PlacementSettings) -> None:
+def test_a_person_that_fails_does_not_change_the_other(settings: method.PlacementMethod) -> None:
     picture = Picture(160, settings=settings)
     good = picture.place(settings).transl[1]
     broken = VERTICES + START[:, None]
@@ -196,7 +194,7 @@ def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch:
     released = engine_preset("release").placement
     picture = Picture(160, settings=released)
     picture.confidence = 10 * picture.confidence  # as the released code weighs the body's
-    assert isinstance(released.method(), ReleasePlacementMethod)
+    assert isinstance(released, ReleasePlacement)
     near = TRUE + torch.tensor([0.05, -0.05, 0.15])
     start = {"transl": near, "vertices": VERTICES + near[:, None], "landmarks": LANDMARKS + near[:, None]}
     placed = picture.place(released, **start)
@@ -259,6 +257,7 @@ def subject() -> PlacementProblem:
         soles=(VERTICES + START[0])[SOLES],
         plane=torch.cat((UP, torch.tensor([1.3]))),
         K=picture.K,
+        people=2,
     )
 
 
@@ -266,8 +265,8 @@ def subject() -> PlacementProblem:
 def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     person = subject()
     term = {
-        "reprojection": lambda: DEFAULT.method().reprojection_term(person),
-        "chamfer": lambda: DEFAULT.method().chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
+        "reprojection": lambda: DEFAULT.reprojection_term(person),
+        "chamfer": lambda: DEFAULT.chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
         "standing": lambda: FloorTerm(person, DEFAULT),
     }[kind]()
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
@@ -290,7 +289,7 @@ def test_closed_form_is_exact_for_exact_keypoints() -> None:
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solvers, "ITERATIONS", 1)
     person = subject()
-    term = replace(DEFAULT, robust_px_share=math.inf).method().reprojection_term(person)
+    term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
 
     def energy(x: Tensor) -> float:
         return float(sum((r.weight * r.error.square().sum(-1)).sum() for r in term.residuals(x)))
@@ -335,9 +334,9 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides() -
     photo = torch.where(photo > 5, photo * 1.3, photo)  # the far wall, most of the picture, came out farther
     assert float((photo > 5).double().mean()) > 0.5
 
-    def scale(settings: PlacementSettings) -> float:
+    def scale(settings: method.PlacementMethod) -> float:
         scene_points = RAYS * scene[..., None]
-        return align(RAYS * photo[..., None], scene_points, settings=settings).scale
+        return align(RAYS * photo[..., None], scene_points, method=settings).scale
 
     assert scale(DEFAULT) == pytest.approx(1.0, abs=0.01)
     assert scale(PAPER) == pytest.approx(1 / 1.3, abs=0.01)
@@ -403,7 +402,7 @@ def test_a_person_on_a_platform_keeps_place_and_depth() -> None:
     placed = Picture().place(**over_floor(0.6))
     print(f"off by {error_cm(placed).tolist()} cm")
     assert placed.grounded.tolist() == [False, False]
-    assert placed.depth_offset.tolist() == [1.0, 1.0]
+    assert depth_offsets(placed) == [1.0, 1.0]
     assert error_cm(placed).max() < 1
     for told in placed.diagnostics:
         assert told["grounded"] is False

@@ -18,7 +18,7 @@ from physic_core.engine.joint.terms import reprojection
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_paper.paper import PaperOptimisation
-from physic_paper.unwhitened_state import UnwhitenedState
+from physic_paper.published import UnwhitenedState
 
 from .adjusted import adjusted, with_options
 from .conftest import FLOOR_Y

@@ -9,8 +9,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.distances import plane_height, root_relative, signed_distance
+from physic_core.engine.distances import root_relative, signed_distance
 from physic_core.engine.joint.terms.soles import sole_energy
+from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
 
 from .reference_energies import contact_energy, penetration_energy
@@ -51,8 +52,8 @@ def test_height_and_signed_distance_agree_on_a_plane(seed, offset):
     normal = torch.nn.functional.normalize(draw(seed, 3), dim=0)
     vertices = draw(seed + 1, 2, 6, 3)
     on_plane = draw(seed + 2, 2, 6, 3)
-    on_plane = on_plane - (plane_height(on_plane, normal, torch.tensor(offset)))[..., None] * normal
-    height = plane_height(vertices, normal, torch.tensor(offset))
+    on_plane = on_plane - (height_over_plane(on_plane, normal, torch.tensor(offset)))[..., None] * normal
+    height = height_over_plane(vertices, normal, torch.tensor(offset))
     torch.testing.assert_close(signed_distance(vertices, on_plane, normal.expand_as(vertices)), height)
 
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.contact import contact_map, contact_surfaces
+from physic_core.engine.contact.distance import surface_distances
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.geometry.camera import project
 from physic_core.geometry.neighbors import NearestPointSearch
@@ -182,11 +182,10 @@ def test_normals_are_means_of_faces_whatever_their_size_and_face_the_axis() -> N
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
     problem = released(standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3))
     over = torch.tensor([[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]])
-    outer = torch.ones(2, dtype=torch.bool)
     for preset, expected in (("release", [True, False]), ("default", [True, True])):
-        settings = engine_preset(preset)
-        around = contact_surfaces(problem, over, 1.0, settings)
-        assert contact_map(over, around.scene, around.floor, outer, settings.contact)[0][0].tolist() == expected
+        method = engine_preset(preset).contact
+        distance = surface_distances(over, method.surfaces(problem, over, 1.0), method.measure).nearest
+        assert (distance[0] < 0.02).tolist() == expected
 
 
 def test_the_grid_takes_the_point_nearest_to_the_closest_node() -> None:

@@ -13,8 +13,8 @@ from physic_core.engine.scene import cleaning
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.floor import fit_relative_floor
+from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
-from physic_core.engine.settings import SceneSettings
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.plane import height_over_plane
@@ -88,11 +88,11 @@ def build_scene(
     K_pointmap: Tensor | None = None,
     floor_mask: Tensor | None = None,
     feet_px: Tensor | None = None,
-    settings: SceneSettings | None = None,
+    settings: SceneMethod | None = None,
 ) -> SceneState:
     cameras, floor = Cameras(K, K_metric, K_pointmap), FloorEvidence(mask=floor_mask, feet_px=feet_px)
     given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
-    return solve_scene(given, settings or SceneSettings())
+    return solve_scene(given, settings or SceneMethod())
 
 
 def scene(**options: object) -> SceneState:
@@ -143,7 +143,7 @@ def test_shift_is_found_by_depth_alone_without_a_known_camera() -> None:
 
 
 def test_pixels_beyond_the_maximum_depth_are_invalid() -> None:
-    state = scene(settings=SceneSettings(far_m=5.0))
+    state = scene(settings=SceneMethod(far_m=5.0))
     assert not state.valid[DEPTH > 5].any()
     assert state.valid[DEPTH < 4.9].double().mean() > 0.98
 
@@ -156,7 +156,7 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal() -> None:
 
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:
-    without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneSettings(floor="off"))
+    without = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off"))
     monkeypatch.setattr(cleaning, "EDGE_RATIO", 1.01)
     with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physic_core.engine.joint.state import GROUPS, State, StateSigmas
-from physic_paper.unwhitened_state import UnwhitenedState
+from physic_paper.published import UnwhitenedState
 
 K = 4
 KINDS = [State, UnwhitenedState]

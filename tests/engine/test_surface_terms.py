@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from physic_core import engine_preset
+from physic_core.engine.joint.context import select_surface
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.terms.surface_energies import surface_energies
+from physic_core.engine.joint.terms.surface import SurfaceTerms, surface_energies
 
 from .adjusted import adjusted, with_options
 from .reference_energies import reference_surface_energies
@@ -19,7 +19,9 @@ DEFAULT = engine_preset("default").joint
 SETTINGS = {
     "default": DEFAULT,
     "frozen": adjusted(DEFAULT, frozen=("scale", "offset")),
-    "no plane": with_options(DEFAULT, floor_samples=True),
+    "no plane": with_options(
+        DEFAULT, prepare=lambda self, problem: select_surface(replace(problem, floor_normal=None))
+    ),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
     "contact alone": adjusted(DEFAULT, depth__weight=0.0, penetration__weight=0.0, floor__weight=0.0),
 }

@@ -10,15 +10,17 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.distances import hinge_angles, lowest_height, plane_height, root_relative, signed_distance
+from physic_core.engine.distances import hinge_angles, lowest_height, root_relative, signed_distance
 from physic_core.engine.joint.terms.balance import balance_energy
 from physic_core.engine.joint.terms.limits import limit_energy
-from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy
+from physic_core.engine.joint.terms.regularisation import parameter_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
 from physic_core.engine.joint.terms.soles import sole_energy
+from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy, geman_mcclure, pseudo_huber
 from physic_paper.terms.chamfer import chamfer_energy
 from physic_paper.terms.point_penetration import point_penetration_energy
+from physic_paper.terms.printed_regularisation import mesh_energy
 
 from .reference_energies import contact_energy, depth_energy, penetration_energy
 
@@ -69,7 +71,7 @@ def test_gradient_of_distances():
     normals = torch.nn.functional.normalize(rand(2, 5, 3, seed=2, grad=False), dim=-1)
     check(lambda v, p: signed_distance(v, p, normals), rand(2, 5, 3), rand(2, 5, 3, seed=1))
     normal = torch.tensor([0.0, -0.8, 0.6], dtype=torch.float64)
-    check(lambda v, o: plane_height(v, normal, o), rand(2, 5, 3), rand(seed=1))
+    check(lambda v, o: height_over_plane(v, normal, o), rand(2, 5, 3), rand(seed=1))
 
 
 def test_gradient_of_contact_and_penetration():

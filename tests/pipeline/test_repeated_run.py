@@ -29,7 +29,7 @@ def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     Image.fromarray(build_world().image).save("photo.png")
     Path("base.toml").write_text(
-        'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\ndistance_m = 0.03\n'
+        'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\nthreshold = 0.4\n'
     )
     Path("my.toml").write_text('extends = "base.toml"\n[inpainter]\nbackend = "telea"\noptions = {radius_px = 3.0}\n')
     monkeypatch.setenv("PHYSIC__PHOTO__MASK_GROWTH", "0.02")

@@ -11,10 +11,13 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distance import SurfaceDistances, surface_distances
+from physic_core.engine.contact.distance import (
+    ContactSurfaces,
+    DistanceMeasure,
+    SurfaceDistances,
+    surface_distances,
+)
 from physic_core.engine.contact.scene_parts import SceneParts
-from physic_core.engine.settings import ContactSettings
-from physic_core.geometry.neighbors import NearestPointSearch
 
 __all__ = ["GIVE_M", "dent_depths", "largest_dents"]
 
@@ -31,17 +34,17 @@ def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
     return torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
 
 
-def dent_depths(vertices: Tensor, scene: NearestPointSearch, give: Tensor, settings: ContactSettings) -> Tensor:
+def dent_depths(vertices: Tensor, scene: ContactSurfaces, give: Tensor, measure: DistanceMeasure) -> Tensor:
     """Return how deep vertices (N, V, 3) press into what gives way, metres: (N, V), NaN where nothing does.
 
     Args:
         vertices: metres.
         scene: undented, before inpainted points were moved out of people.
         give: (N, V) largest depth.
-        settings: how distances are measured.
+        measure: of distances.
     """
     if not bool((give > 0).any()):
         return torch.full_like(give, torch.nan)
-    distance = surface_distances(vertices, scene, None, settings).scene
+    distance = surface_distances(vertices, scene, measure).scene
     depth = torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give)
     return torch.where(give > 0, depth, torch.nan)

@@ -1,24 +1,25 @@
-"""Signed distances of body vertices to scene and floor, and the published contact rule. Camera frame, metres."""
+"""Signed distances of body vertices to scene and floor. Camera frame, metres."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.distances import plane_height
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.settings import ContactSettings, EngineSettings
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.plane import height_over_plane
 
 __all__ = [
     "SEARCH_RADIUS_M",
     "ContactSurfaces",
+    "DistanceMeasure",
     "SurfaceDistances",
-    "contact_map",
-    "contact_surfaces",
-    "surface_distance",
+    "distance_along_normal",
+    "nearby_surfaces",
     "surface_distances",
 ]
 
@@ -27,13 +28,17 @@ SEARCH_RADIUS_M = 0.15
 
 _POINT_SPACING_M = 0.02  # of scene points: a vertex between four of them is on the surface, not 1 cm from it
 
+DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]
+"""Distance (...) of vertices, metres, from their offsets (..., 3) to the nearest scene points, the normals (..., 3) of
+these points, zero where unknown, and the length (...) of the offsets."""
+
 
 @dataclass(frozen=True)
 class ContactSurfaces:
     """Surfaces that bodies may touch.
 
     Attributes:
-        scene: scaled scene points near bodies, and samples of the floor if stage 3 uses them.
+        scene: scaled scene points near bodies, and samples of the floor if the method uses them.
         row: (n,) int64, row of each of these points in ``JointProblem.scene_points``; -1 for samples of the floor.
         floor: unit normal (3,) and offset in metres; None without a plane, or if its samples are in ``scene``.
     """
@@ -68,71 +73,31 @@ class SurfaceDistances:
         return self.floor.abs() < self.scene.abs()
 
 
-def contact_map(
-    vertices: Tensor,
-    scene: NearestPointSearch,
-    floor: tuple[Tensor, float] | None,
-    outer: Tensor,
-    settings: ContactSettings,
-    free: Tensor | None = None,
-) -> tuple[Tensor, Tensor]:
-    """Compute contact by distance, as published, and signed distance of each vertex.
-
-    Args:
-        vertices: (..., V, 3) metres, camera frame.
-        scene: scaled points and normals of the scene; its radius limits the distances.
-        floor: unit normal (3,) and offset in metres; None if there is no floor.
-        outer: (V,) or (..., V) bool, vertices that may be in contact: False inside mouth and eyes.
-        settings: ``distance_m`` and ``inside_m`` bound the distance of a vertex in contact.
-        free: (..., V) bool, as in :func:`surface_distance`.
-
-    Returns:
-        contact: (..., V) bool.
-        distance: (..., V) metres, negative inside; inf if scene and floor are beyond the search radius.
-    """
-    distance = surface_distances(vertices, scene, floor, settings, free).nearest
-    contact = (distance <= settings.distance_m) & (distance >= -settings.inside_m) & outer
-    return contact, distance
-
-
-def contact_surfaces(
-    problem: JointProblem, vertices: Tensor, scale: float, settings: EngineSettings
+def nearby_surfaces(
+    problem: JointProblem, vertices: Tensor, scale: float, floor: tuple[Tensor, float] | None
 ) -> ContactSurfaces:
-    """Return the surfaces for contact: the scaled scene near bodies (B, V, 3), and the floor's plane.
-
-    If stage 3 uses samples of the floor, they are among the scene's points, and the plane is None.
-    """
+    """Return the scaled scene near bodies (B, V, 3), metres, and a floor."""
     points, normals = problem.scene_points * scale, problem.scene_normals
-    row = torch.arange(len(points), device=points.device)
-    plane = None if problem.floor_normal is None else (problem.floor_normal, problem.floor_offset * scale)
-    if plane is not None and problem.floor_points is not None and settings.joint.energy_options.floor_samples:
-        points = torch.cat([points, problem.floor_points * scale])
-        normals = torch.cat([normals, plane[0].expand_as(problem.floor_points)])
-        row = torch.cat([row, row.new_full((len(problem.floor_points),), -1)])
-        plane = None
     near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
-    return ContactSurfaces(NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M), row[near], plane)
+    scene = NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M)
+    return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
 
 
 def surface_distances(
-    vertices: Tensor,
-    scene: NearestPointSearch,
-    floor: tuple[Tensor, float] | None,
-    settings: ContactSettings,
-    free: Tensor | None = None,
+    vertices: Tensor, surfaces: ContactSurfaces, measure: DistanceMeasure, free: Tensor | None = None
 ) -> SurfaceDistances:
-    """Return the signed distances of vertices (..., V, 3) to scene and floor; arguments as in :func:`contact_map`.
+    """Return the signed distances of vertices (..., V, 3), metres, to scene and floor.
 
-    The metric "plane" measures along the normal of the nearest point, and adds the lateral distance beyond the rim of a
-    surface. The distance is positive at points without a normal, and for vertices in free space, ``free`` (..., V)
-    bool, see :mod:`physic_core.geometry.free_space`.
+    The distance is positive at points without a normal, and for vertices in free space, ``free`` (..., V) bool, see
+    :mod:`physic_core.geometry.free_space`.
     """
+    scene = surfaces.scene
     nearest = scene.query(vertices, radius=SEARCH_RADIUS_M)
     far = torch.full_like(nearest.distance, torch.inf)
     height = far
-    if floor is not None:
-        normal, offset = floor
-        height = plane_height(vertices, normal.to(vertices), vertices.new_tensor(offset))
+    if surfaces.floor is not None:
+        normal, offset = surfaces.floor
+        height = height_over_plane(vertices, normal.to(vertices), vertices.new_tensor(offset))
         height = torch.where(height.abs() < SEARCH_RADIUS_M, height, far)
     if not len(scene.points):
         return SurfaceDistances(far, height, nearest.index)
@@ -140,18 +105,14 @@ def surface_distances(
     offsets = vertices - scene.points[nearest.index]
     along = (normals * offsets).sum(-1)
     inside = along < 0 if free is None else (along < 0) & ~free
-    magnitude = nearest.distance
-    if settings.metric == "plane":
-        beside = (offsets - along[..., None] * normals).norm(dim=-1)
-        known = normals.square().sum(-1) > 0.5
-        plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
-        magnitude = torch.where(known, plane, magnitude)
+    magnitude = measure(offsets, normals, nearest.distance)
     signed = torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)
     return SurfaceDistances(signed, height, nearest.index)
 
 
-def surface_distance(
-    vertices: Tensor, scene: NearestPointSearch, settings: ContactSettings, free: Tensor | None = None
-) -> Tensor:
-    """Return the signed distance (..., V) of vertices (..., V, 3) to the scene; see :func:`surface_distances`."""
-    return surface_distances(vertices, scene, None, settings, free).scene
+def distance_along_normal(offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
+    """Measure along the normal of the nearest point, and add the lateral distance beyond the rim of a surface."""
+    along = (normals * offsets).sum(-1)
+    beside = (offsets - along[..., None] * normals).norm(dim=-1)
+    plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
+    return torch.where(normals.square().sum(-1) > 0.5, plane, distance)

@@ -19,15 +19,20 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
-from physic_core.engine.contact.distance import SEARCH_RADIUS_M, SurfaceDistances, surface_distances
+from physic_core.engine.contact.distance import (
+    SEARCH_RADIUS_M,
+    DistanceMeasure,
+    SurfaceDistances,
+    surface_distances,
+)
 from physic_core.engine.contact.objects import ObjectDistances, object_distances
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import SceneParts, scene_parts
 from physic_core.engine.contact.skin import OWN_RADIUS_M, SkinDistances, own_distances, people_distances
-from physic_core.engine.distances import plane_height
 from physic_core.engine.limbs import straight_hips
-from physic_core.engine.settings import ContactSettings
+from physic_core.engine.placement.lifted_feet import MIN_FOOT_GAP
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.plane import height_over_plane
 
 __all__ = ["KINDS", "Columns", "Distances", "feature_columns", "measure_distances"]
 
@@ -70,23 +75,22 @@ class Distances:
         return torch.stack([self.surface.nearest, self.people.distance, self.own.distance, to_object])
 
 
-def measure_distances(given: ContactInput, settings: ContactSettings) -> Distances:
-    """Measure the distances to scene, floor, other people, the own body and small objects."""
+def measure_distances(given: ContactInput, measure: DistanceMeasure, *, skin: bool = True) -> Distances:
+    """Measure the distances to scene, floor and small objects, and to ``skin`` of other people and the own body."""
     model, vertices, around = given.model, given.vertices, given.surfaces
     normals = vertex_normals(vertices, model.faces)
-    surface = surface_distances(vertices, around.scene, around.floor, settings, given.free)
+    surface = surface_distances(vertices, around, measure, given.free)
     height = None
     if given.plane is not None:
-        height = plane_height(around.scene.points, given.up, vertices.new_tensor(given.plane[1]))
+        height = height_over_plane(around.scene.points, given.up, vertices.new_tensor(given.plane[1]))
     parts = scene_parts(around.scene.points, around.scene.normals, around.row, given.classes, height)
-    if settings.people:
+    if skin:
         rest = model(*model.zero_pose()).vertices[0]
         people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
         own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest, OWN_RADIUS_M)
     else:
         people = own = SkinDistances.none(vertices)
-    use_objects = given.objects is not None and settings.rule == "probability"
-    objects = object_distances(vertices, given.objects, SEARCH_RADIUS_M) if use_objects and given.objects else None
+    objects = None if given.objects is None else object_distances(vertices, given.objects, SEARCH_RADIUS_M)
     return Distances(normals, surface, parts, people, own, objects)
 
 
@@ -174,10 +178,10 @@ def _scene_columns(given: ContactInput, near: Distances) -> dict[str, Tensor]:
 
 
 def _depth_behind_feet(given: ContactInput, like: Tensor) -> Tensor:
-    """Return the gap (N, V) of depth behind the foot of each vertex, in units of 0.1; 0 elsewhere, and if unknown."""
+    """Return the gap (N, V) of depth behind the foot of each vertex, over that of a lifted foot; 0 where unknown."""
     if given.foot_gap is None:
         return torch.zeros_like(like)
-    gap = torch.nan_to_num(given.foot_gap.to(like)).clamp(0.0, _LARGEST_FOOT_GAP) / 0.1
+    gap = torch.nan_to_num(given.foot_gap.to(like)).clamp(0.0, _LARGEST_FOOT_GAP) / MIN_FOOT_GAP
     sides = torch.stack([given.part(f"{side}_foot") for side in SIDES]).to(like)
     return gap @ sides
 

@@ -13,10 +13,13 @@ from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
-__all__ = ["HIDDEN", "HIDDEN_SEAT", "VertexContacts", "assign_partners", "body_contacts"]
+__all__ = ["DECIMALS", "HIDDEN", "HIDDEN_SEAT", "VertexContacts", "assign_partners", "body_contacts"]
 
 HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
 """What a vertex touches, beside the index into ``KINDS``: a hidden support, or a hidden seat."""
+
+DECIMALS = 4
+"""Of probabilities and lengths of listed contacts and supports."""
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
@@ -118,7 +121,7 @@ def body_contacts(
         if person.probability is not None and model is not None:
             likely = person.probability[here]
             surest = float(likely.topk(min(_TOP_SHARE, count)).values.mean())
-            sure = round(model.part_probability(surest), 4)
+            sure = round(model.part_probability(surest), DECIMALS)
         if sure is None or sure >= least:
             found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
@@ -136,4 +139,4 @@ def _is_listed(part: str, other: str, pairs: Collection[tuple[str, str]]) -> boo
 def _dent_of(depths: Tensor) -> float | None:
     """Return the depth of a dent with depths (n,) of its vertices; None if too few of them give way."""
     known = depths[torch.isfinite(depths)]
-    return round(float(known.quantile(_DENT_QUANTILE)), 4) if len(known) >= _MIN_VERTICES else None
+    return round(float(known.quantile(_DENT_QUANTILE)), DECIMALS) if len(known) >= _MIN_VERTICES else None

@@ -13,7 +13,6 @@ from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.limbs import observed_parts
-from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types.contacts import BodyContact, ContactPartner
 from physic_core.types.support import Support
 
@@ -33,7 +32,7 @@ class ContactInput:
         observed: (N, 55) bool, visible joints.
         lifted_feet: (N, 2) bool, left and right feet in the air.
         surfaces: scaled scene near the people, and the floor.
-        uncarved: the same scene before inpainted points were moved out of people.
+        uncarved: the same scene, without a floor, before inpainted points were moved out of people.
         classes: of the points of the scene.
         plane: unit normal (3,) of the floor, up, and offset in metres; None if no floor was found.
         free: (N, V) bool, vertices in space that the photo shows to be free; None if that is not used.
@@ -50,7 +49,7 @@ class ContactInput:
     observed: Tensor
     lifted_feet: Tensor
     surfaces: ContactSurfaces
-    uncarved: NearestPointSearch
+    uncarved: ContactSurfaces
     classes: ClassifiedPoints
     plane: tuple[Tensor, float] | None
     free: Tensor | None = None
@@ -90,7 +89,7 @@ class ContactResult:
 
     Attributes:
         contact: (N, V) bool.
-        probability: (N, V) of contact with anything; None if the rule is the distance.
+        probability: (N, V) of contact with anything; None if the method estimates none.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
         give: (N, V) largest depth of a dent of the nearest surface, metres; 0 where it does not give way.
         partner: (N, V) int16, index into ``partners``; -1 without contact.

@@ -5,6 +5,7 @@ Skin touches only skin that looks another way: the far side of a hand does not t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -46,73 +47,6 @@ class SkinDistances:
         return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
 
 
-@dataclass(frozen=True)
-class _Bodies:
-    """Vertices, normals and outer vertex ids of all people as arrays, and the result so far."""
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    outer: np.ndarray
-    distance: np.ndarray
-    person: np.ndarray
-    vertex: np.ndarray
-
-    @property
-    def finite(self) -> list[int]:
-        """People whose vertices are finite."""
-        return [i for i, body in enumerate(self.vertices) if np.isfinite(body).all()]
-
-    @staticmethod
-    def of(vertices: Tensor, normals: Tensor, outer: Tensor) -> _Bodies:
-        points, directions = (t.detach().cpu().double().numpy() for t in (vertices, normals))
-        count = points.shape[:2]
-        none = np.zeros(count, np.int64)
-        return _Bodies(
-            points, directions, np.flatnonzero(outer.cpu().numpy()), np.full(count, np.inf), none, none.copy()
-        )
-
-    def compare(
-        self, i: int, ids: np.ndarray, j: int, targets: np.ndarray, radius: float, rest: np.ndarray | None
-    ) -> None:
-        """Enter the distances of vertices ``ids`` of person i to ``targets`` of person j, where they are smaller."""
-        body, other, outwards = self.vertices[i], self.vertices[j], self.normals[j]
-        if not len(targets):
-            return
-        low, high = other[targets].min(0) - radius, other[targets].max(0) + radius
-        ids = ids[((body[ids] > low) & (body[ids] < high)).all(1)]
-        if not len(ids):
-            return
-        count = min(_CANDIDATES, len(targets))
-        tree = cKDTree(other[targets], balanced_tree=False, compact_nodes=False)
-        gap, index = tree.query(body[ids], k=count, distance_upper_bound=radius)
-        gap, index = gap.reshape(len(ids), count), index.reshape(len(ids), count)
-        near = np.isfinite(gap[:, 0])
-        ids, found, index = ids[near], np.isfinite(gap[near]), index[near]
-        nearest = targets[np.where(found, index, 0)]
-        offset = body[ids][:, None] - other[nearest]
-        along = (offset * outwards[nearest]).sum(-1)
-        beside = np.linalg.norm(offset - along[..., None] * outwards[nearest], axis=-1)
-        size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
-        found &= (self.normals[i, ids][:, None] * outwards[nearest]).sum(-1) < _MAX_COSINE
-        if rest is not None:
-            found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
-        size = np.where(found, size, np.inf)
-        best = size.argmin(1)
-        rows = np.arange(len(ids))
-        signed = np.copysign(size[rows, best], along[rows, best])
-        closer = np.abs(signed) < np.abs(self.distance[i, ids])
-        chosen = ids[closer]
-        self.distance[i, chosen], self.person[i, chosen] = signed[closer], j
-        self.vertex[i, chosen] = nearest[rows, best][closer]
-
-    def distances(self, like: Tensor) -> SkinDistances:
-        """Return the result as tensors."""
-        return SkinDistances(
-            torch.from_numpy(self.distance).to(like),
-            *(torch.from_numpy(index).to(like.device) for index in (self.person, self.vertex)),
-        )
-
-
 def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor, radius: float) -> SkinDistances:
     """Find the nearest skin of other people.
 
@@ -122,10 +56,9 @@ def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor, radius: f
         outer: (V,) bool, vertices that may touch and be touched.
         radius: of the search, metres.
     """
-    bodies = _Bodies.of(vertices, normals, outer)
-    for i, j in permutations(bodies.finite, 2):
-        bodies.compare(i, bodies.outer, j, bodies.outer, radius, None)
-    return bodies.distances(vertices)
+    ids = np.flatnonzero(outer.cpu().numpy())
+    searches = [(i, ids, j, ids) for i, j in permutations(_finite_people(vertices), 2)]
+    return _nearest_skin(vertices, normals, searches, radius)
 
 
 def own_distances(
@@ -144,9 +77,63 @@ def own_distances(
         rest: (V, 3) vertices in the rest pose, metres.
         radius: of the search, metres.
     """
-    bodies = _Bodies.of(vertices, normals, outer)
-    parts, at_rest = part.cpu().numpy()[bodies.outer], rest.detach().cpu().double().numpy()
-    for i in bodies.finite:
-        for p in np.unique(parts):
-            bodies.compare(i, bodies.outer[parts != p], i, bodies.outer[parts == p], radius, at_rest)
-    return bodies.distances(vertices)
+    ids = np.flatnonzero(outer.cpu().numpy())
+    parts = part.cpu().numpy()[ids]
+    searches = [(i, ids[parts != p], i, ids[parts == p]) for i in _finite_people(vertices) for p in np.unique(parts)]
+    return _nearest_skin(vertices, normals, searches, radius, rest.detach().cpu().double().numpy())
+
+
+def _finite_people(vertices: Tensor) -> list[int]:
+    """Return the people whose vertices (N, V, 3) are finite."""
+    finite: list[int] = torch.isfinite(vertices).flatten(1).all(1).nonzero()[:, 0].tolist()
+    return finite
+
+
+def _nearest_skin(
+    vertices: Tensor,
+    normals: Tensor,
+    searches: Iterable[tuple[int, np.ndarray, int, np.ndarray]],
+    radius: float,
+    rest: np.ndarray | None = None,
+) -> SkinDistances:
+    """Return the nearest skin of each vertex over all searches.
+
+    Args:
+        vertices: (N, V, 3) metres.
+        normals: (N, V, 3) unit, out of the bodies.
+        searches: person and vertices that search, person and vertices that are searched.
+        radius: of the search, metres.
+        rest: (V, 3) vertices in the rest pose, metres, where skin of the own body is searched.
+    """
+    points, outwards = (t.detach().cpu().double().numpy() for t in (vertices, normals))
+    distance = np.full(points.shape[:2], np.inf)
+    person, vertex = np.zeros(distance.shape, np.int64), np.zeros(distance.shape, np.int64)
+    for i, ids, j, targets in searches:
+        if not len(targets):
+            continue
+        low, high = points[j, targets].min(0) - radius, points[j, targets].max(0) + radius
+        ids = ids[((points[i, ids] > low) & (points[i, ids] < high)).all(1)]
+        if not len(ids):
+            continue
+        count = min(_CANDIDATES, len(targets))
+        tree = cKDTree(points[j, targets], balanced_tree=False, compact_nodes=False)
+        gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
+        gap, index = gap.reshape(len(ids), count), index.reshape(len(ids), count)
+        near = np.isfinite(gap[:, 0])
+        ids, found, index = ids[near], np.isfinite(gap[near]), index[near]
+        nearest = targets[np.where(found, index, 0)]
+        offset, outward = points[i, ids][:, None] - points[j, nearest], outwards[j, nearest]
+        along = (offset * outward).sum(-1)
+        beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
+        size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
+        found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
+        if rest is not None:
+            found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
+        size = np.where(found, size, np.inf)
+        rows, best = np.arange(len(ids)), size.argmin(1)
+        signed = np.copysign(size[rows, best], along[rows, best])
+        closer = np.abs(signed) < np.abs(distance[i, ids])
+        chosen = ids[closer]
+        distance[i, chosen], person[i, chosen], vertex[i, chosen] = signed[closer], j, nearest[rows, best][closer]
+    others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
+    return SkinDistances(torch.from_numpy(distance).to(vertices), *others)

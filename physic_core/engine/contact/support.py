@@ -17,6 +17,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, SIDES
 from physic_core.body.model import BodyModel
+from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.limbs import hands_may_hold, is_sitting
 from physic_core.types.contacts import BodyContact
 from physic_core.types.support import Support, SupportState
@@ -178,9 +179,9 @@ def support_record(carried: Carried, contacts: Sequence[BodyContact], listed: Se
     large = (one for one in contacts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
     found = [replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large]
     found.sort(key=lambda one: -(one.probability or 0.0))
-    x, y, z = carried.centre.tolist()
-    outside = round(carried.outside_m, 4) if carried.outside_m < float("inf") else None
-    return Support(carried.state, tuple(found), outside, (round(x, 4), round(y, 4), round(z, 4)))
+    x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
+    outside = round(carried.outside_m, DECIMALS) if carried.outside_m < float("inf") else None
+    return Support(carried.state, tuple(found), outside, (x, y, z))
 
 
 def centre_of_mass(vertices: Tensor, faces: Tensor) -> Tensor:

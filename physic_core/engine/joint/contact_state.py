@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.distances import plane_height, signed_distance
+from physic_core.engine.distances import signed_distance
 from physic_core.engine.joint.context import JointContext
 from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.plane import height_over_plane
 
 __all__ = ["MAX_MOTION_M", "ContactState", "nearby_scene", "update_contacts"]
 
@@ -54,9 +55,10 @@ class ContactState:
 
 def nearby_scene(context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
     """Build the search structure of the scene points near people (B, V, 3), with a margin for their motion."""
-    radius = context.options.search_radius_m
-    keep = inside_body_boxes(context.surface, vertices / scale, (radius + MAX_MOTION_M) / scale)
-    return NearestPointSearch(context.surface[keep], context.surface_normals[keep], radius)
+    radius = context.search_radius_m
+    points, normals = context.problem.scene_points, context.problem.scene_normals
+    keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
+    return NearestPointSearch(points[keep], normals[keep], radius)
 
 
 @torch.no_grad()
@@ -71,7 +73,7 @@ def update_contacts(
         vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
     """
-    problem, plane = context.problem, context.floor_normal
+    problem, plane = context.problem, context.problem.floor_normal
     nearest = scene.query(vertices, scale)
     far, zeros = torch.full_like(context.area, torch.inf), torch.zeros_like(context.area)
     no = torch.zeros_like(context.on_visible_part)
@@ -86,13 +88,13 @@ def update_contacts(
         signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
         facing_scene = -(body_normals * normals).sum(-1)
         if plane is not None:
-            raised = plane_height(scaled, plane, floor_offset) > _MIN_STEP_M
+            raised = height_over_plane(scaled, plane, floor_offset) > _MIN_STEP_M
             on_step = nearest.found & raised & ((normals @ plane) > _MIN_LEVEL_COSINE)
     return ContactState(
         found=nearest.found,
         distance=nearest.distance,
         signed=signed,
-        height=far if plane is None else plane_height(vertices, plane, floor_offset),
+        height=far if plane is None else height_over_plane(vertices, plane, floor_offset),
         facing_scene=facing_scene,
         facing_floor=zeros if plane is None else -(body_normals @ plane),
         on_step=on_step,

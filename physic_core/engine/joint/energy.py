@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.contact_state import MAX_MOTION_M, ContactState, update_contacts
-from physic_core.engine.joint.context import precompute
+from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.people_pairs import connected_groups
+from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings
 from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
@@ -20,7 +20,6 @@ from physic_core.geometry.camera import project
 
 __all__ = ["JointEnergy"]
 
-_LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
 
 
@@ -28,7 +27,7 @@ class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`state`.
 
     Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest points stay fixed
-    as well, unless ``JointSettings.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
+    as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then smooth, as a line search needs it.
 
     Args:
         problem: with finite people only.
@@ -46,12 +45,12 @@ class JointEnergy:
         PhysicError: data of a term is missing.
     """
 
-    def __init__(self, problem: JointProblem, settings: JointSettings) -> None:
+    def __init__(self, problem: JointProblem, settings: JointMethod) -> None:
         self.problem, self._settings = problem, settings
         self.evaluations = 0
         self.context = precompute(problem, settings)
         self.state = settings.initial_state(self.context)
-        self._people = _visible_sizes(problem.masks) if self.context.options.people_by_size else None
+        self._people = settings.weigh_people(problem)
         # What the user knows holds in every energy.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
@@ -66,19 +65,19 @@ class JointEnergy:
 
     @torch.no_grad()
     def add_terms(self, terms: Sequence[Term]) -> Tensor | None:
-        """Add those of the terms that are positive at this state.
+        """Add terms.
 
         Returns:
-            (B,) int64, group of each person: people who are linked by these terms; None if no term is positive.
+            (B,) int64, group of each person: people who are linked by these terms; None if no term is positive at this
+            state.
         """
         for term in terms:
             term.refresh(self._snapshot)
+        self.terms = (*self.terms, *terms)
         bodies = self._posed_bodies()
-        found = [term for term in terms if any(bool((value > 0).any()) for value in term(bodies).values())]
-        if not found:
+        if not any(bool((value > 0).any()) for term in terms for value in term(bodies).values()):
             return None
-        self.terms = (*self.terms, *found)
-        links = torch.cat([term.links for term in found])
+        links = torch.cat([term.links for term in terms])
         return connected_groups(links, len(self.problem)).to(links.device)
 
     @property
@@ -122,9 +121,7 @@ class JointEnergy:
         if self._settings.nearest_every_step:
             self._update(bodies.vertices.detach(), float(bodies.estimate.log_scale.detach().exp()))
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
-        if self._people is not None:
-            energies = {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
-        return energies
+        return {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
 
     def _posed_bodies(self) -> PosedBodies:
         """Return bodies and scene parameters at the present state, differentiable."""
@@ -132,9 +129,3 @@ class JointEnergy:
         posed = self.context.pose(estimate.rotations, estimate.betas, estimate.transl, problem.expression0)
         people, scale = self.state.deviation()
         return PosedBodies(posed["vertices"], posed["joints"], posed[problem.skeleton], estimate, people, scale)
-
-
-def _visible_sizes(masks: Tensor) -> Tensor:
-    """Return the side of the area of each mask (B, H, W), relative to the largest: (B,) in [0.1, 1]."""
-    sides = masks.flatten(1).sum(1).sqrt()
-    return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)

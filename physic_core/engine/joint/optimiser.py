@@ -9,7 +9,7 @@ minimum.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -19,9 +19,11 @@ from torch import Tensor
 
 from physic_core.engine.bounds import Count, NotNegative, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, revert_if_worse, term_totals, total_energy
-from physic_core.engine.joint.settings import OptimiserSettings, Progress
 
-__all__ = ["Block", "BlockOptimiser", "LbfgsSettings", "MinimisationResult", "join_results"]
+__all__ = ["Block", "LbfgsSettings", "MinimisationResult", "OptimiserSettings", "Progress", "join_results"]
+
+Progress = Callable[[float], None]
+"""Called with the completed share of the work, 0-1."""
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
 _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
@@ -89,8 +91,13 @@ def join_results(
 
 
 @dataclass(frozen=True)
-class BlockOptimiser(OptimiserSettings):
-    """Minimiser that updates visibility after every block of steps."""
+class OptimiserSettings(ABC):
+    """Settings of a minimiser that updates visibility after every block of steps."""
+
+    steps: Count
+    """At most."""
+    refresh_steps: PositiveCount
+    """Steps between two updates of visibility and nearest points."""
 
     @abstractmethod
     def start(self, energy: Energy) -> Callable[[int], Block]:
@@ -99,7 +106,13 @@ class BlockOptimiser(OptimiserSettings):
     def minimise(
         self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
-        """Take all steps, then revert the people whose energy has increased."""
+        """Minimise an energy by changing its state in place, then revert the people whose energy has increased.
+
+        Args:
+            energy: refreshed, and finite at its present state.
+            progress: called with the completed share of the steps.
+            groups: (B,) int64 of people who touch each other; the end is kept or reverted for all people of a group.
+        """
         state = energy.state
         origin, take_steps = state.pack(), self.start(energy)
         done, blocks = 0, list[Block]()
@@ -122,7 +135,7 @@ class BlockOptimiser(OptimiserSettings):
 
 
 @dataclass(frozen=True)
-class LbfgsSettings(BlockOptimiser):
+class LbfgsSettings(OptimiserSettings):
     """Settings of L-BFGS with a backtracking (Armijo) line search."""
 
     steps: Count = 80

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from itertools import permutations
 
 import torch
 from torch import Tensor
@@ -86,14 +87,8 @@ def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, r
         normals: (B, n, 3) unit, out of the bodies.
         reach: largest distance of a pair, metres.
     """
-    people = range(len(vertices))
-    found = [near for i in people for j in people if i != j for near in _nearest(i, j, probes, vertices, reach)]
-    if not found:
-        none = probes.rows.new_zeros(0)
-        return PeoplePairs(none, none, none, none, none, vertices.new_zeros(0, 3), vertices.new_zeros(0))
-    person = torch.cat([torch.full_like(near.probe, near.person) for near in found])
-    other = torch.cat([torch.full_like(near.probe, near.other) for near in found])
-    probe, other_row = torch.cat([near.probe for near in found]), torch.cat([near.other_row for near in found])
+    pairs = [_nearest(i, j, probes, vertices, reach) for i, j in permutations(range(len(vertices)), 2)]
+    person, probe, other, other_row = torch.cat([probes.rows.new_zeros(4, 0), *pairs], 1)
     row = probes.rows[probe]
     normal = normals[other, other_row]
     offset = vertices[person, row] - vertices[other, other_row]
@@ -113,25 +108,14 @@ def connected_groups(links: Tensor, people: int) -> Tensor:
     return torch.tensor(group)
 
 
-@dataclass(frozen=True)
-class _Near:
-    """Probes (p,) of a person and the nearest rows (p,) of another."""
-
-    person: int
-    probe: Tensor
-    other: int
-    other_row: Tensor
-
-
-def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> list[_Near]:
-    """Return the nearest rows of person j to the probes of person i; [] if none is near."""
+def _nearest(i: int, j: int, probes: PeopleProbes, vertices: Tensor, reach: float) -> Tensor:
+    """Return person i, probes of this person, person j, and their nearest rows of person j: (4, p) int64."""
     points, body = vertices[i, probes.rows], vertices[j]
     rows = inside_body_boxes(body, points[None], reach).nonzero(as_tuple=True)[0]
     if not len(rows):
-        return []
+        return rows.new_zeros(4, 0)
     skin = body[rows]
     chosen = inside_body_boxes(points, skin[None], reach).nonzero(as_tuple=True)[0]
     nearest = NearestPointSearch(skin, torch.zeros_like(skin), reach).query(points[chosen])
-    if not bool(nearest.found.any()):
-        return []
-    return [_Near(i, chosen[nearest.found], j, rows[nearest.index[nearest.found]])]
+    probe, other_row = chosen[nearest.found], rows[nearest.index[nearest.found]]
+    return torch.stack([torch.full_like(probe, i), probe, torch.full_like(probe, j), other_row])

@@ -8,12 +8,12 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.distances import plane_height
 from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.optimiser import MinimisationResult
+from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
-from physic_core.engine.joint.settings import JointSettings
+from physic_core.geometry.plane import height_over_plane
 
 __all__ = ["DEEP_M", "JointProblem", "JointResult", "optimize"]
 
@@ -25,7 +25,7 @@ _INVALID_ENERGY = "the energy of the start is not finite"
 
 
 def optimize(
-    problem: JointProblem, settings: JointSettings, progress: Callable[[float], None] | None = None
+    problem: JointProblem, settings: JointMethod, progress: Callable[[float], None] | None = None
 ) -> JointResult:
     """Minimise the joint energy over people and the scale of the scene.
 
@@ -58,7 +58,12 @@ def optimize(
         energy = None
     if energy is None:
         return _start_result(problem, tuple(failures))
-    minimised = settings.minimise(energy, progress)
+    origin = energy.state.pack()
+    minimised = settings.optimiser.minimise(energy, progress)
+    late, optimiser = settings.late_terms(energy.context)
+    groups = energy.add_terms(late)
+    if groups is not None:
+        minimised = join_results(energy, origin, minimised, optimiser.minimise(energy, groups=groups))
     return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 
@@ -136,11 +141,11 @@ def _merged_result(
 
 def _visible_depths(energy: JointEnergy, tracked: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     """Return the depth inside scene or floor of tracked vertices (B, n, 3), and their share of the visible surface."""
-    context, visibility, floor = energy.context, energy.visibility, energy.context.problem.floor_normal
+    context, visibility, floor = energy.context, energy.visibility, energy.problem.floor_normal
     distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed
     depth = torch.where(energy.weights["penetration"] > 0, torch.relu(-distance), 0.0)
     if floor is not None:
-        height = plane_height(tracked, floor, tracked.new_tensor(context.problem.floor_offset * scale))
+        height = height_over_plane(tracked, floor, tracked.new_tensor(context.problem.floor_offset * scale))
         depth = torch.where(visibility.eligible, torch.maximum(depth, torch.relu(-height)), depth)
     seen = context.area * visibility.eligible
     return depth, seen / seen.sum(1, keepdim=True).clamp(min=torch.finfo(seen.dtype).tiny)

@@ -17,7 +17,7 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["BODY", "FACE", "GROUPS", "HANDS", "Estimate", "State", "StateSigmas"]
+__all__ = ["BODY", "DEPTH_SCALE_SIGMA", "FACE", "GROUPS", "HANDS", "Estimate", "State", "StateSigmas"]
 
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
@@ -30,23 +30,24 @@ FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
 HANDS = slice(JOINT_NAMES.index("left_index1"), len(JOINT_NAMES))
 """Body joints 1-21, jaw and eyes, and the joints of both hands, among the 55 joints."""
 
-_POSE_SIGMAS: dict[str, tuple[float, float, float]] = {
+_POSE_SIGMAS: dict[str, float | tuple[float, float, float]] = {
     # joint: expected correction of a fitted pose, radians about the joint's own x, y, z; 0.4 of the standard deviation
     # of people's poses, within 0.05 and 0.3. Knees bend about x, elbows about y; the other axes of a hinge hardly move.
     "hip": (0.3, 0.2, 0.2),
     "knee": (0.3, 0.05, 0.05),
-    "ankle": (0.14, 0.14, 0.14),
-    "foot": (0.05, 0.05, 0.05),
-    "spine1": (0.1, 0.08, 0.06),
-    "spine2": (0.1, 0.08, 0.06),
-    "spine3": (0.1, 0.08, 0.06),
-    "neck": (0.1, 0.1, 0.1),
-    "head": (0.1, 0.1, 0.1),
-    "collar": (0.06, 0.06, 0.06),
-    "shoulder": (0.3, 0.3, 0.3),
+    "ankle": 0.14,
+    "foot": 0.05,
+    "spine": (0.1, 0.08, 0.06),
+    "neck": 0.1,
+    "head": 0.1,
+    "collar": 0.06,
+    "shoulder": 0.3,
     "elbow": (0.12, 0.3, 0.06),
-    "wrist": (0.14, 0.14, 0.14),
+    "wrist": 0.14,
 }
+DEPTH_SCALE_SIGMA = 0.1
+"""Expected error of log(scale), used if the metric depth has no error estimate."""
+
 _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
 _BETA_SIGMA = 0.5
@@ -79,10 +80,10 @@ class StateSigmas:
 
     Attributes:
         scale: of log(scale).
-        offset: of the depth offsets; (B,) differs per person.
+        offset: of the depth offsets; (B,) differs per person. 0 fixes the offset.
     """
 
-    scale: float = 0.1
+    scale: float = DEPTH_SCALE_SIGMA
     offset: float | Tensor = 0.2
 
 
@@ -101,7 +102,6 @@ class State:
         pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its ray.
         frozen: groups of :data:`GROUPS` that are kept constant.
         sigmas: expected sizes of scale and depth offset.
-        offset_free: (B,) bool, people with a free depth offset; None is all people.
 
     Raises:
         PhysicError: unknown parameter group.
@@ -116,7 +116,6 @@ class State:
         *,
         frozen: Sequence[str] = (),
         sigmas: StateSigmas = _DEFAULT_SIGMAS,
-        offset_free: Tensor | None = None,
     ) -> None:
         unknown = sorted(set(frozen) - set(GROUPS))
         if unknown:
@@ -130,18 +129,19 @@ class State:
             rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
-        pose_sigmas = [_POSE_SIGMAS[name.rpartition("_")[2]] for name in JOINT_NAMES[BODY]]
+        pose_sigmas = torch.empty(len(JOINT_NAMES[BODY]), 3, device=device, dtype=dtype)
+        for row, name in zip(pose_sigmas, JOINT_NAMES[BODY], strict=True):
+            row[:] = row.new_tensor(_POSE_SIGMAS[name.rpartition("_")[2].rstrip("123")])
         self._sigmas: dict[str, Tensor | float] = {
             "root": _ROOT_SIGMA,
-            "pose": torch.tensor(pose_sigmas, device=device, dtype=dtype),
+            "pose": pose_sigmas,
             "hands": _HAND_SIGMA,
             "betas": _BETA_SIGMA,
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
             "scale": sigmas.scale,
             "offset": sigmas.offset,
         }
-        self.offset_free = torch.ones(people, device=device, dtype=torch.bool) if offset_free is None else offset_free
-        self._offset_mask = self.offset_free.to(dtype)
+        self.offset_free = (transl.new_zeros(people) + sigmas.offset) > 0
         self.values: dict[str, Tensor] = self._initial_values()
         self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
         for group in self.free:
@@ -152,15 +152,15 @@ class State:
 
     def _initial_values(self) -> dict[str, Tensor]:
         """Return the free parameters at the start, by group."""
-        people, zeros = len(self.start.transl), self.start.transl.new_zeros
+        start, rotvecs = self.start, torch.zeros_like(self.start.rotations[..., 0])
         return {
-            "root": zeros(people, 3),
-            "pose": zeros(people, 21, 3),
-            "hands": zeros(people, 30, 3),
-            "betas": zeros(self.start.betas.shape),
-            "translation": zeros(people, 3),
-            "scale": zeros(()),
-            "offset": zeros(people),
+            "root": torch.zeros_like(start.transl),
+            "pose": rotvecs[:, BODY].clone(),
+            "hands": rotvecs[:, HANDS].clone(),
+            "betas": torch.zeros_like(start.betas),
+            "translation": torch.zeros_like(start.transl),
+            "scale": torch.zeros_like(start.log_scale),
+            "offset": torch.zeros_like(start.offset),
         }
 
     def unpack(self) -> Estimate:
@@ -190,7 +190,7 @@ class State:
             start.betas + values["betas"] * sigmas["betas"],
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],
-            values["offset"] * sigmas["offset"] * self._offset_mask,
+            values["offset"] * sigmas["offset"],
         )
 
     def deviation(self) -> tuple[Tensor, Tensor]:

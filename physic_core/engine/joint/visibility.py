@@ -66,7 +66,7 @@ class SelfOcclusion:
             part_of_vertex=model.part_of_vertex,
             parts=limb_part_indices(model.part_names),
             share=HIDDEN_LIMB_SHARE,
-            coarse=model.coarse if context.options.coarse_self_occlusion else None,
+            coarse=model.coarse if context.visibility.vertex_spacing_m else None,
         )
         self._seen: Tensor | None = None
         self._hidden = self._hidden_limbs = torch.zeros(0)
@@ -103,15 +103,15 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
         bodies: posed at the present state, all vertices.
         self_occlusion: of the B people.
     """
-    problem, options = context.problem, context.options
+    problem, settings = context.problem, context.visibility
     vertices = bodies.vertices[:, context.ids]
     masks = problem.masks
     uv = project(vertices, problem.K)
     in_image = _in_image(uv, vertices, masks)
-    in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * options.mask_tolerance).any(0)
+    in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * settings.mask_tolerance).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
     normals = vertex_normals(bodies.vertices, problem.model.faces, context.faces_of_vertices)
-    toward = facing_camera(normals, vertices, options.facing_deg)
+    toward = facing_camera(normals, vertices, settings.facing_deg)
     return Visibility(
         uv=uv,
         normals=normals,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
@@ -76,11 +76,11 @@ class AlignedPhoto:
         return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
 
 
-def align_photo(photo: PhotoPoints, scene: SceneState, masks: Tensor, settings: PlacementSettings) -> AlignedPhoto:
+def align_photo(photo: PhotoPoints, scene: SceneState, masks: Tensor, method: PlacementMethod) -> AlignedPhoto:
     """Align the photo to the metric scene, and select the points of people with masks (B, H, W) bool."""
-    alignment = align_photo_points_to_scene(photo, scene.points, scene.valid, settings, far=FAR_M)
+    alignment = align_photo_points_to_scene(photo, scene.points, scene.valid, method, far=FAR_M)
     aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
-    people = tuple(human_points(aligned, photo.valid, mask, settings) for mask in masks)
+    people = tuple(human_points(aligned, photo.valid, mask, method) for mask in masks)
     return AlignedPhoto(alignment, aligned, photo.valid, people)
 
 
@@ -88,7 +88,7 @@ def align_photo_points_to_scene(
     photo: PhotoPoints,
     scene_points: Tensor,
     scene_valid: Tensor,
-    settings: PlacementSettings | None = None,
+    method: PlacementMethod | None = None,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
@@ -97,13 +97,13 @@ def align_photo_points_to_scene(
         photo: point map of the original photo.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
-        settings: of stage 2; preset "default" if None.
+        method: of stage 2; that of preset "default" if None.
         far: largest depth of scene pixels used, in the unit of the scene; ``FAR_M`` for a metric scene.
 
     Returns:
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
-    method = (settings or PlacementSettings()).method()
+    method = method or PlacementMethod()
     background = ~method.grow_mask(photo.people) & (scene_points[..., 2] <= far)
     return align(
         photo.points,
@@ -127,14 +127,14 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor |
     return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
 
 
-def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: PlacementSettings | None = None) -> Tensor:
+def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod | None = None) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:
         points: (H, W, 3) metres, of the original photo, aligned to the scene.
         valid: (H, W) bool.
         mask: (H, W) bool, the person's visible pixels.
-        settings: of stage 2; preset "default" if None.
+        method: of stage 2; that of preset "default" if None.
 
     Returns:
         (M, 3) metres; M = 0 if the mask has no valid point.
@@ -145,7 +145,7 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, settings: Placemen
     cloud, inside = points[box], mask[box]
     known = valid[box] & torch.isfinite(cloud).all(-1) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
-    return (settings or PlacementSettings()).method().clean_points(cloud, known, inside, mask.shape)
+    return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
 
 
 def _box(mask: Tensor) -> tuple[slice, slice] | None:

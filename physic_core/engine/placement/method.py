@@ -23,7 +23,7 @@ from torch import Tensor
 from physic_core.engine.limbs import placement_keypoints
 from physic_core.engine.placement.background import dilate, nearness_to_people
 from physic_core.engine.placement.settings import PlacementSettings
-from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton, term_energy
+from physic_core.engine.placement.solvers import TRANSLATION, closed_form_translation, gauss_newton, term_energy
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
@@ -37,7 +37,6 @@ from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
@@ -80,17 +79,14 @@ class Fit:
         return None if self.chamfer_m is None else self.seen
 
 
-class PlacementMethod:
-    """Steps of stage 2, for preset "default".
+class PlacementMethod(PlacementSettings):
+    """Stage 2 of preset "default": human points in the scene, and body translation (paper Sec. 3.2, Eq. 2-4).
 
     Attributes:
         alignment: options of the alignment of the photo's point map to the scene.
     """
 
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
-
-    def __init__(self, settings: PlacementSettings) -> None:
-        self.settings = settings
 
     def grow_mask(self, people: Tensor) -> Tensor:
         """Return the pixels (H, W) bool that are no background, from the mask of all people."""
@@ -112,7 +108,7 @@ class PlacementMethod:
         ratio = edge_ratio(size[0], size[1])
         # Depth edges need pixels outside the mask, as networks mix person and background at its rim.
         own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
-        return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.settings.max_points)
+        return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.max_points)
 
     def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
         """Return the normals (B, V, 3) of the estimated bodies."""
@@ -149,28 +145,28 @@ class PlacementMethod:
 
     def camera_facing(self, person: PlacementProblem, x: Tensor) -> Tensor:
         """Return vertices V_cf of Eq. 4, which face the camera and project into the person's mask: (V,) bool."""
-        moved = person.vertices + x[:3]
+        moved = person.vertices + x[:-1]
         seen = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
         return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
 
     def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
         """Return the term of Eq. 2, times lambda_j2d."""
-        weight = self.settings.reprojection_weight * person.confidence / person.confidence.sum()
-        return ReprojectionTerm(person, weight, self.settings.robust_px_share)
+        weight = self.reprojection_weight * person.confidence / person.confidence.sum()
+        return ReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times lambda_d."""
-        vertices, weight = _subsample(person.vertices[seen], self.settings.max_points), self.settings.chamfer_weight
+        vertices, weight = _subsample(person.vertices[seen], self.max_points), self.chamfer_weight
         weights = weight / len(vertices), weight / len(person.points)
-        return ChamferTerm(vertices, person.points, weights, self.settings.robust_m)
+        return ChamferTerm(vertices, person.points, weights, self.robust_m)
 
     def has_offset(self, person: PlacementProblem) -> bool:
         """Return whether the person's depth offset is free."""
-        return person.on_floor and self.settings.depth_offset_sigma > 0
+        return person.on_floor and self.depth_offset_sigma > 0
 
     def fit_keypoints(self, person: PlacementProblem) -> Tensor:
         """Solve Eq. 2: return x (4,)."""
-        return gauss_newton([self.reprojection_term(person)], closed_form_translation(person), (0, 1, 2))
+        return gauss_newton([self.reprojection_term(person)], closed_form_translation(person), TRANSLATION)
 
     def fit_points(self, person: PlacementProblem, x: Tensor) -> Fit:
         """Solve Eq. 3-4 from x (4,); camera-facing vertices are selected again after the body has moved."""
@@ -184,10 +180,10 @@ class PlacementMethod:
         grounded = not self._is_on_furniture(person, x, [chamfer, *others])
         offset = grounded and self.has_offset(person)
         if offset:
-            others.insert(0, FloorTerm(person, self.settings))
+            others.insert(0, FloorTerm(person, self))
         for _ in range(_ROUNDS):
             last = x
-            x = gauss_newton([chamfer, *others], x, (0, 1, 2, 3) if offset else (0, 1, 2))
+            x = gauss_newton([chamfer, *others], x, range(len(x)) if offset else TRANSLATION)
             again = self.camera_facing(person, x)
             if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
                 break
@@ -208,18 +204,17 @@ class PlacementMethod:
         if fit.pairs is not None:
             terms["chamfer"] = self.chamfer_term(person, fit.pairs)
             if self.has_offset(person):
-                terms["floor"] = FloorTerm(person, self.settings)
+                terms["floor"] = FloorTerm(person, self)
         ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
         return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
 
     def _is_on_furniture(self, person: PlacementProblem, x: Tensor, terms: list[Term]) -> bool:
         """Return whether a fit without depth offset has both feet well above the floor."""
-        if not self.settings.stand_reach_m or not self.has_offset(person):
+        if not self.stand_reach_m or not self.has_offset(person):
             return False
-        fixed = gauss_newton(terms, x, (0, 1, 2))
-        lower = float(height_over_plane(person.soles + fixed[:3], person.plane[:3], person.plane[3]).min())
+        fixed = gauss_newton(terms, x, TRANSLATION)
         away = float((person.vertices[:, 2] + fixed[2]).median())
-        return lower > min(self.settings.stand_reach_m, _STAND_REACH_SHARE * away)
+        return float(person.foot_height(fixed)) > min(self.stand_reach_m, _STAND_REACH_SHARE * away)
 
 
 def _subsample(points: Tensor, most: int) -> Tensor:

@@ -16,10 +16,8 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.placement.method import FEWEST_POINTS, Fit, PlacementMethod
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem
 from physic_core.geometry.camera import project
-from physic_core.geometry.plane import height_over_plane
 from physic_core.types.short_repr import ShortRepr
 
 __all__ = [
@@ -78,7 +76,6 @@ class PersonPlacement(ShortRepr):
 
     Attributes:
         move: (3,) metres, added to the estimated translation.
-        depth_offset: factor on the depth of the person's points.
         grounded: False for a person on furniture or steps.
         on_floor: whether the floor was used.
         keypoint_move: (3,) metres, translation by the keypoints alone (Eq. 2).
@@ -86,7 +83,6 @@ class PersonPlacement(ShortRepr):
     """
 
     move: Tensor
-    depth_offset: float
     grounded: bool
     on_floor: bool
     keypoint_move: Tensor
@@ -99,7 +95,6 @@ class Placement(ShortRepr):
 
     Attributes:
         transl: (B, 3) metres.
-        depth_offset: (B,) factor on the depth of a person's points to match the body; 1 if fixed to the scene.
         grounded: (B,) bool, False for a person with both feet well above the floor.
         diagnostics: one mapping per person: numbers of "keypoints", "facing_vertices" and "points" used;
             "reprojection_px" and "chamfer_m", medians at start and end; "losses", term of Eq. 3 -> its energy at
@@ -110,7 +105,6 @@ class Placement(ShortRepr):
     """
 
     transl: Tensor
-    depth_offset: Tensor
     grounded: Tensor
     diagnostics: tuple[Mapping[str, Any], ...]
     keypoint_transl: Tensor
@@ -122,7 +116,7 @@ def place_bodies(
     evidence: PeopleObservations,
     K: Tensor,
     floor: tuple[Tensor, float] | None = None,
-    settings: PlacementSettings | None = None,
+    method: PlacementMethod | None = None,
     placed: Sequence[PersonPlacement | None] | None = None,
 ) -> Placement:
     """Translate B posed bodies independently (Eq. 2-4); a body that cannot be placed keeps its translation.
@@ -132,10 +126,10 @@ def place_bodies(
         evidence: keypoints, points and masks of the B people.
         K: (3, 3) px.
         floor: unit normal (3,), up, and offset in metres, or None.
-        settings: of stage 2; preset "default" if None.
+        method: of stage 2; that of preset "default" if None.
         placed: per person, a known placement to reuse, or None to solve; None solves all.
     """
-    method = (settings or PlacementSettings()).method()
+    method = method or PlacementMethod()
     known = placed or [None] * len(bodies.transl)
     people = tuple(
         _place_person(_person_problem(i, bodies, evidence, K, floor, method), method) if done is None else done
@@ -143,10 +137,9 @@ def place_bodies(
     )
     transl = bodies.transl
     if not people:
-        return Placement(transl, transl.new_ones((0,)), torch.ones_like(transl[:, 0], dtype=torch.bool), (), transl)
+        return Placement(transl, torch.ones_like(transl[:, 0], dtype=torch.bool), (), transl)
     return Placement(
         transl=transl + torch.stack([p.move for p in people]).to(transl),
-        depth_offset=torch.tensor([p.depth_offset for p in people], dtype=transl.dtype, device=transl.device),
         grounded=torch.tensor([p.grounded for p in people], device=transl.device),
         diagnostics=tuple(p.diagnostics for p in people),
         keypoint_transl=transl + torch.stack([p.keypoint_move for p in people]).to(transl),
@@ -165,11 +158,9 @@ def _person_problem(
     """Return the problem of person i with usable keypoints and points only."""
     uv, confidence = _on_cpu(evidence.keypoints[i]), _on_cpu(evidence.confidence[i])
     landmarks, vertices, cloud = (_on_cpu(x) for x in (bodies.landmarks[i], bodies.vertices[i], evidence.points[i]))
-    used = (
-        (confidence >= method.settings.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
-    )
+    used = (confidence >= method.min_confidence) & torch.isfinite(uv).all(-1) & torch.isfinite(landmarks).all(-1)
     mask = method.mask(evidence.masks, i).cpu()
-    plane, soles = torch.zeros(4, dtype=torch.float64), vertices[:0]
+    plane, soles = None, vertices[:0]
     if floor is not None and bodies.soles is not None and evidence.feet_seen is not None and evidence.feet_seen[i]:
         plane = torch.cat((_on_cpu(floor[0]), torch.tensor([floor[1]], dtype=torch.float64)))
         soles = vertices[bodies.soles.cpu()]
@@ -201,9 +192,16 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
     if not bool(torch.isfinite(person.vertices).all()):
         problem: str | None = "the body has non-finite vertices: its translation was not changed"
     else:
-        by_keypoints, problem = _fit_keypoints(person, method)
+        problem = None
+        if len(person.keypoints) >= FEWEST_KEYPOINTS:
+            by_keypoints = method.fit_keypoints(person)
+        else:
+            problem = (
+                f"{len(person.keypoints)} keypoints have confidence {method.min_confidence:g} or more, "
+                f"{FEWEST_KEYPOINTS} are needed to place a body by them"
+            )
         fit = replace(fit, x=by_keypoints)
-        if method.settings.chamfer_weight > 0:
+        if method.chamfer_weight > 0:
             fit = method.fit_points(person, by_keypoints)
             if not fit.grounded:
                 person = person._replace(soles=person.soles[:0])
@@ -217,11 +215,10 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
             fit, by_keypoints = replace(fit, x=start), start
             problem = "the fit has no translation in front of the camera: the translation was not changed"
     return PersonPlacement(
-        move=fit.x[:3],
-        depth_offset=math.exp(float(fit.x[3])),
+        move=fit.x[:-1],
         grounded=fit.grounded,
         on_floor=on_floor,
-        keypoint_move=by_keypoints[:3],
+        keypoint_move=by_keypoints[:-1],
         diagnostics=_diagnostics(person, fit, problem, method),
     )
 
@@ -230,7 +227,7 @@ def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method
     start, x = torch.zeros_like(fit.x), fit.x
     foot = None
     if person.on_floor:
-        foot = float(height_over_plane(person.soles + x[:3], person.plane[:3], person.plane[3]).min())
+        foot = float(person.foot_height(x))
     return {
         "keypoints": len(person.keypoints),
         "points": len(person.points),
@@ -238,27 +235,17 @@ def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method
         "reprojection_px": (median_reprojection_px(person, start), median_reprojection_px(person, x)),
         "chamfer_m": fit.chamfer_m,
         "losses": method.losses(person, fit),
-        "moved_m": float(torch.linalg.vector_norm(x[:3])),
-        "depth_offset": math.exp(float(x[3])),
+        "moved_m": float(torch.linalg.vector_norm(x[:-1])),
+        "depth_offset": math.exp(float(x[-1])),
         "foot_height_m": foot,
         "grounded": fit.grounded,
         "problem": problem,
     }
 
 
-def _fit_keypoints(person: PlacementProblem, method: PlacementMethod) -> tuple[Tensor, str | None]:
-    """Solve Eq. 2: return x (4,), and a message if there are too few keypoints."""
-    if len(person.keypoints) >= FEWEST_KEYPOINTS:
-        return method.fit_keypoints(person), None
-    return torch.zeros(4, dtype=torch.float64), (
-        f"{len(person.keypoints)} keypoints have confidence {method.settings.min_confidence:g} or more, "
-        f"{FEWEST_KEYPOINTS} are needed to place a body by them"
-    )
-
-
 def median_reprojection_px(person: PlacementProblem, x: Tensor) -> float | None:
     """Return the median reprojection error of the used keypoints, px."""
     if not len(person.keypoints):
         return None
-    uv = project(person.landmarks + x[:3], person.K)
+    uv = project(person.landmarks + x[:-1], person.K)
     return float(torch.linalg.vector_norm(uv - person.keypoints, dim=-1).median())

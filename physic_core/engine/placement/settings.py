@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
-
-if TYPE_CHECKING:
-    from physic_core.engine.placement.method import PlacementMethod
 
 __all__ = ["PlacementSettings"]
 
@@ -40,12 +36,6 @@ class PlacementSettings:
     stand_reach_m: NotNegative = 0.45
     """A person whose lower foot, without depth offset, is higher than this above the floor is on furniture and not on
     the floor; 0 disables the test."""
-    detect_lifted_feet: bool = False
+    detect_lifted_feet: bool = True
     """Feet with a gap of depth behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
     whose segmenter labels surfaces."""
-
-    def method(self) -> PlacementMethod:
-        """Return what the stage does with these settings. An energy with other settings may have another method."""
-        from physic_core.engine.placement.method import PlacementMethod
-
-        return PlacementMethod(self)

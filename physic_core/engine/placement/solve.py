@@ -19,8 +19,8 @@ from physic_core.engine.limbs import hands_may_hold, is_standing
 from physic_core.engine.placement.detections import Detections, observed_joints
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
+from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.scene.stature import resize_bodies
@@ -99,39 +99,37 @@ class PlacedPeople(ShortRepr):
     rejected_floor: FloorRejection | None
 
 
-def solve_placement(given: PlacementInput, settings: PlacementSettings) -> PlacedPeople:
+def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeople:
     """Place the people of a photo in their scene."""
     ratio = None
     if given.known is not None and given.known.factor is not None:
-        ratio = given.known.factor * _size_by_scene(given, given.known.unscaled, settings)
+        ratio = given.known.factor * _size_by_scene(given, given.known.unscaled, method)
         given = replace(given, bodies=_resized(given.bodies, ratio, given.known.geometry.stature))
     scene, bodies, detections = given.scene, given.bodies, given.detections
-    output, posed = _pose(bodies, detections, settings)
-    photo = align_photo(given.photo, scene, detections.masks, settings)
+    output, posed = _pose(bodies, detections, method)
+    photo = align_photo(given.photo, scene, detections.masks, method)
     lifted, airborne = None, torch.zeros(len(bodies.transl), dtype=torch.bool)
-    if settings.detect_lifted_feet and given.raised is not None and scene.floor_normal is not None:
+    if method.detect_lifted_feet and given.raised is not None and scene.floor_normal is not None:
         gaps = depth_gaps_at_feet(detections, photo.depth, scene.depth, given.raised)
         lifted = find_lifted_feet(gaps, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
         airborne = lifted.all(1)
-    observed = observed_joints(detections, settings.seen_confidence)
+    observed = observed_joints(detections, method.seen_confidence)
     feet_seen = observed[:, _ANKLES].any(1) & ~airborne.to(observed.device)
-    evidence = _observations(detections, photo, feet_seen, settings)
-    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, settings)
+    evidence = _observations(detections, photo, feet_seen, method)
+    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.transl - posed.transl)[:, None]
     rejected = wrong_floor(scene.floor, vertices, output.joints, scene.normals[scene.valid])
     if rejected is not None:
         scene = without_floor(scene, rejected)
         kept = [None if person.on_floor else person for person in placed.people]
-        placed = place_bodies(posed, evidence, scene.K, None, settings, kept)
+        placed = place_bodies(posed, evidence, scene.K, None, method, kept)
     placed = replace(placed, grounded=placed.grounded & ~airborne.to(placed.grounded.device))
     return PlacedPeople(scene, photo, bodies, placed, observed, lifted, ratio, rejected)
 
 
-def _pose(
-    bodies: EstimatedBodies, detections: Detections, settings: PlacementSettings
-) -> tuple[BodyOutput, PosedBodies]:
+def _pose(bodies: EstimatedBodies, detections: Detections, method: PlacementMethod) -> tuple[BodyOutput, PosedBodies]:
     """Pose the bodies, with the landmarks of the keypoints that stage 2 uses."""
-    model, method = bodies.model, settings.method()
+    model = bodies.model
     output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
     landmarks = model.landmarks(output, detections.skeleton)
     posed = PosedBodies(
@@ -146,10 +144,10 @@ def _pose(
 
 
 def _observations(
-    detections: Detections, photo: AlignedPhoto, feet_seen: Tensor, settings: PlacementSettings
+    detections: Detections, photo: AlignedPhoto, feet_seen: Tensor, method: PlacementMethod
 ) -> PeopleObservations:
     """Return the keypoints that stage 2 uses, with their weights, and the points of the people."""
-    method, skeleton, keypoints = settings.method(), detections.skeleton, detections.keypoints
+    skeleton, keypoints = detections.skeleton, detections.keypoints
     columns = method.keypoint_columns(skeleton)
     weight = method.weigh_keypoints(skeleton, keypoints, detections.confidence, detections.masks.to(keypoints.device))
     return PeopleObservations(
@@ -171,7 +169,7 @@ def _hands_may_hold(given: PlacementInput, posed: BodyOutput, up: Tensor) -> Ten
     return (may_hold & (hands_up | ~is_standing(given.bodies.rotations, joints, everything, up))).cpu()
 
 
-def _size_by_scene(given: PlacementInput, scene: SceneState, settings: PlacementSettings) -> Tensor:
+def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMethod) -> Tensor:
     """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo shows them.
 
     The photo shows the direction of each body, so that its size follows from its depth: that of the floor under visible
@@ -181,11 +179,11 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, settings: Placement
     Args:
         scene: before the known sizes, where bodies and scene roughly agree: it shows who stands on furniture.
     """
-    _, posed = _pose(given.bodies, given.detections, settings)
-    photo = align_photo(given.photo, scene, given.detections.masks, settings)
-    feet_seen = observed_joints(given.detections, settings.seen_confidence)[:, _ANKLES].any(1)
-    evidence = _observations(given.detections, photo, feet_seen, settings)
-    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, settings)
+    _, posed = _pose(given.bodies, given.detections, method)
+    photo = align_photo(given.photo, scene, given.detections.masks, method)
+    feet_seen = observed_joints(given.detections, method.seen_confidence)[:, _ANKLES].any(1)
+    evidence = _observations(given.detections, photo, feet_seen, method)
+    placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]
     by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
     for i, (body, person) in enumerate(zip(vertices, placed.people, strict=True)):

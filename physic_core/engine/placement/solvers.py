@@ -14,7 +14,10 @@ from torch import Tensor
 from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem, Residuals, Term
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["closed_form_translation", "gauss_newton", "term_energy"]
+__all__ = ["TRANSLATION", "closed_form_translation", "gauss_newton", "term_energy"]
+
+TRANSLATION = (0, 1, 2)
+"""Elements of x that are the translation."""
 
 ITERATIONS = 30
 """Largest number of Gauss-Newton steps."""
@@ -35,7 +38,7 @@ def closed_form_translation(person: PlacementProblem) -> Tensor:
     rows = torch.cat((torch.stack((one, zero, -ray[:, 0]), -1), torch.stack((zero, one, -ray[:, 1]), -1)))
     goal = torch.cat((ray[:, 0] * joints[:, 2] - joints[:, 0], ray[:, 1] * joints[:, 2] - joints[:, 1]))
     trust = person.confidence.repeat(2)
-    move = torch.zeros(3, dtype=torch.float64)
+    move = torch.zeros_like(joints[0])
     # A weak prior of zero translation, for keypoints that do not determine depth.
     tie = torch.diag(torch.tensor([1e-9, 1e-9, 1e-6], dtype=torch.float64)) * trust.sum()
     for _ in range(3):
@@ -57,8 +60,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
     for _ in range(ITERATIONS):
         scales = [_robust_scale(r) for r in rows]
         energy = _energy(rows, scales)
-        A = torch.zeros((4, 4), dtype=torch.float64)
-        b = torch.zeros(4, dtype=torch.float64)
+        A, b = torch.zeros(len(x), len(x), dtype=torch.float64), torch.zeros_like(x)
         for r, scale in zip(rows, scales, strict=True):
             # Derivative of the Cauchy loss by the squared error: 1 / (1 + e^2 / c^2).
             weight = r.weight / (1 + r.error.square().sum(-1) / scale**2)
@@ -70,7 +72,7 @@ def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tenso
         step[index] = torch.linalg.solve(A, -b)
         for _ in range(_HALVINGS):
             # The exponential of a larger offset may overflow.
-            if abs(float(x[3] + step[3])) <= _MAX_OFFSET:
+            if abs(float(x[-1] + step[-1])) <= _MAX_OFFSET:
                 tried = [r for term in terms for r in term.residuals(x + step)]
                 if _energy(tried, scales) <= energy:
                     x, rows = x + step, tried

@@ -50,14 +50,19 @@ class PlacementProblem(NamedTuple):
     points: Tensor  # (M, 3)
     mask: Tensor  # (H, W) bool
     soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
-    plane: Tensor  # (4,) normal and offset of the floor
+    plane: Tensor | None  # (4,) normal and offset of the floor
     K: Tensor  # (3, 3)
-    people: int = 1  # in the image, for "release"
+    people: int  # in the image
 
     @property
     def on_floor(self) -> bool:
         """Whether the feet are visible and the scene has a floor."""
         return len(self.soles) > 0
+
+    def foot_height(self, x: Tensor) -> Tensor:
+        """Return the height () of the lower foot over the floor, metres, of a person moved by x (4,)."""
+        assert self.plane is not None
+        return height_over_plane(self.soles + x[:-1], self.plane[:-1], self.plane[-1]).min()
 
 
 class Residuals(NamedTuple):
@@ -81,11 +86,11 @@ class ReprojectionTerm:
         self.person, self.weight, self.scale = person, weight, scale
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        moved = self.person.landmarks + x[:3]
+        moved = self.person.landmarks + x[:-1]
         z = moved[:, 2].clamp(min=NEAREST_M)
         size, K = self.person.size, self.person.K
         error = (project(moved, K) - self.person.keypoints) / size
-        slope = torch.zeros((len(moved), 2, 4), dtype=torch.float64)
+        slope = torch.zeros((len(moved), 2, len(x)), dtype=torch.float64)
         for axis in (0, 1):
             slope[:, axis, axis] = K[axis, axis] / z / size[axis]
             slope[:, axis, 2] = -K[axis, axis] * moved[:, axis] / z**2 / size[axis]
@@ -108,13 +113,13 @@ class ChamferTerm:
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3) of each point."""
-        factor = math.exp(float(x[3]))
-        _, nearest_point = self.point_tree.query(((self.vertices + x[:3]) / factor).numpy())
-        _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:3]).numpy())
+        factor = math.exp(float(x[-1]))
+        _, nearest_point = self.point_tree.query(((self.vertices + x[:-1]) / factor).numpy())
+        _, nearest_vertex = self.vertex_tree.query((self.points * factor - x[:-1]).numpy())
         return self.points[torch.as_tensor(nearest_point)], self.vertices[torch.as_tensor(nearest_vertex)]
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        factor = math.exp(float(x[3]))
+        factor = math.exp(float(x[-1]))
         of_vertex, of_point = self.matched(x)
         identity = torch.eye(3, dtype=torch.float64)
         found = []
@@ -123,8 +128,8 @@ class ChamferTerm:
             (of_point, self.points, self.weights[1]),
         ):
             scaled = points * factor
-            slope = torch.cat((identity.expand(len(scaled), 3, 3), -scaled[:, :, None]), -1)
-            error = vertices + x[:3] - scaled
+            slope = torch.cat((identity.expand(len(scaled), -1, -1), -scaled[:, :, None]), -1)
+            error = vertices + x[:-1] - scaled
             found.append(Residuals(error, slope, error.new_full((len(error),), weight), self.scale))
         return found
 
@@ -140,16 +145,15 @@ class FloorTerm:
         self.person, self.settings = person, settings
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        normal = self.person.plane[:3]
-        lowest = height_over_plane(self.person.soles + x[:3], normal, self.person.plane[3]).min().reshape(1, 1)
-        upward = torch.cat((normal, torch.zeros(1, dtype=torch.float64))).reshape(1, 1, 4)
-        only_offset = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).reshape(1, 1, 4)
-        settings = self.settings
+        assert self.person.plane is not None
+        lowest, settings = self.person.foot_height(x).reshape(1, 1), self.settings
+        upward, only_offset = self.person.plane.clone(), torch.zeros_like(x)
+        upward[-1], only_offset[-1] = 0.0, 1.0
         foot = lowest.new_tensor([settings.floor_weight])
         cost = lowest.new_tensor([settings.chamfer_weight * (_OFFSET_COST_M / settings.depth_offset_sigma) ** 2])
         return [
-            Residuals(lowest, upward, foot, _FLOOR_ROBUST_M),
-            Residuals(x[3].reshape(1, 1), only_offset, cost, math.inf),
+            Residuals(lowest, upward[None, None], foot, _FLOOR_ROBUST_M),
+            Residuals(x[-1].reshape(1, 1), only_offset[None, None], cost, math.inf),
         ]
 
 

@@ -11,13 +11,11 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult, join_results
+from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings, Progress, VisibilitySettings
-from physic_core.engine.joint.state import State, StateSigmas
+from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
@@ -28,7 +26,7 @@ from physic_core.engine.joint.terms.penetration import PenetrationSettings, Pene
 from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationSettings, RegularisationTerm
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm, weighted_keypoints
-from physic_core.engine.joint.terms.scene_scale import DEPTH_SCALE_SIGMA, SceneScaleSettings, SceneScaleTerm
+from physic_core.engine.joint.terms.scene_scale import SceneScaleSettings, SceneScaleTerm
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
@@ -39,20 +37,15 @@ _LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an
 
 
 @dataclass(frozen=True)
-class DefaultOptimisation(JointSettings):
+class DefaultOptimisation(JointMethod):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
     A residual is divided by its "sigma", its expected size, and goes through a robust loss: beyond "outlier_sigmas" it
     counts as an outlier. A weight of 0 removes a term.
-
-    Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset.
     """
 
     optimiser: LbfgsSettings = field(default_factory=LbfgsSettings)
     """L-BFGS on whitened parameters."""
-    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
-    """Visibility of vertices."""
     reprojection: ReprojectionSettings = field(default_factory=ReprojectionSettings)
     """Keypoints."""
     depth: DepthSettings = field(default_factory=DepthSettings)
@@ -77,20 +70,14 @@ class DefaultOptimisation(JointSettings):
     """Centre of mass over the feet."""
 
     @property
-    def energy_options(self) -> EnergyOptions:
-        """Options of the energy: vertices weighted by area, distances along normals, the floor as a plane, people by
-        their visible size."""
-        return EnergyOptions(
-            search_radius_m=max(self.contact.max_distance_m, self.penetration.max_depth_m),
-            facing_deg=self.visibility.facing_deg,
-            mask_tolerance=self.visibility.mask_tolerance,
-            vertex_spacing_m=self.visibility.vertex_spacing_m,
-            static_contacts=self.contact.source == "static",
-            coarse_self_occlusion=True,
-            along_normals=True,
-            free_space=True,
-            people_by_size=True,
-        )
+    def search_radius_m(self) -> float:
+        """Search radius of vertices for scene points, metres."""
+        return max(self.contact.max_distance_m, self.penetration.max_depth_m)
+
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem with the scene points that have a normal, and with static contacts if these are chosen."""
+        problem = super().prepare(problem)
+        return with_static_contacts(problem) if self.contact.source == "static" else problem
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
@@ -105,7 +92,7 @@ class DefaultOptimisation(JointSettings):
             offset_sigma = torch.zeros_like(offset_sigma)
         if not offset_sigma.any():
             frozen.add("offset")
-        if not len(context.surface) and problem.floor_normal is None:
+        if not len(problem.scene_points) and problem.floor_normal is None:
             frozen.add("scale")  # nothing constrains the scale
         return State(
             problem.rotations0,
@@ -117,7 +104,6 @@ class DefaultOptimisation(JointSettings):
                 scale=DEPTH_SCALE_SIGMA if problem.scale_sigma is None else problem.scale_sigma,
                 offset=offset_sigma,
             ),
-            offset_free=offset_sigma > 0,
         )
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
@@ -142,15 +128,7 @@ class DefaultOptimisation(JointSettings):
             BalanceTerm(self.balance, context, contact),
         ]
 
-    def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
-        """Minimise the energy, then once more with the people term, if people are near each other.
-
-        From the start, that term would keep apart people who start on the wrong side of each other.
-        """
-        origin = energy.state.pack()
-        result = self.optimiser.minimise(energy, progress)
-        groups = energy.add_terms([PeopleTerm(self.contact, self.penetration, energy.context)])
-        if groups is None:
-            return result
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+        """Return the people term. From the start, it would keep apart people on the wrong side of each other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
-        return join_results(energy, origin, result, late.minimise(energy, groups=groups))
+        return [PeopleTerm(self.contact, self.penetration, context)], late

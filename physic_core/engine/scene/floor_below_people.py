@@ -20,15 +20,7 @@ from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
 from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = [
-    "FloorRejection",
-    "floor_cuts_people",
-    "floor_far_below_people",
-    "floor_under_people",
-    "plane_cuts_people",
-    "without_floor",
-    "wrong_floor",
-]
+__all__ = ["FloorRejection", "floor_under_people", "without_floor", "wrong_floor"]
 
 FloorRejection = Literal["through_people", "far_below_people", "tilted"]
 """Why a floor is rejected for the people's sake."""
@@ -85,13 +77,6 @@ def floor_under_people(
     return up, offset
 
 
-def floor_cuts_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
-    """Return whether a floor cuts through all people (B, V, 3); False for a floor from a mask."""
-    if floor is None or floor.source == "floor mask":
-        return False
-    return plane_cuts_people(vertices, floor.normal, floor.offset)
-
-
 def wrong_floor(
     floor: PlaneFit | None, vertices: Tensor, joints: Tensor, scene_normals: Tensor
 ) -> FloorRejection | None:
@@ -103,11 +88,16 @@ def wrong_floor(
         joints: of the bodies, at any place.
         scene_normals: (M, 3) unit, zero where unknown.
     """
-    if floor_cuts_people(floor, vertices):
+    if floor is None or not len(vertices):
+        return None
+    height = height_over_plane(vertices, floor.normal, floor.offset)
+    cut = (height < -_CUT_M).to(vertices.dtype).mean(1) > _CUT_SHARE
+    if floor.source != "floor mask" and bool(cut.all()):
         return "through_people"
-    if floor_far_below_people(floor, vertices):
+    # The largest distance grows with the depth of the person, which is uncertain.
+    if bool((height.amin(1) > _FAR_BELOW_M + _FAR_BELOW_SHARE * vertices[..., 2].mean(1)).all()):
         return "far_below_people"
-    return "tilted" if floor is not None and _is_tilted(floor.normal, joints, scene_normals) else None
+    return "tilted" if _is_tilted(floor.normal, joints, scene_normals) else None
 
 
 def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
@@ -127,17 +117,6 @@ def _is_tilted(normal: Tensor, joints: Tensor, scene_normals: Tensor) -> bool:
     return len(cosines) > 0 and float(cosines.median()) < _STANDING_AGREES
 
 
-def floor_far_below_people(floor: PlaneFit | None, vertices: Tensor) -> bool:
-    """Return whether a floor lies so far below all people (B, V, 3) that they stand on something else.
-
-    The largest distance grows with the depth of the person, which is uncertain. False without people.
-    """
-    if floor is None or not len(vertices):
-        return False
-    height = height_over_plane(vertices, floor.normal, floor.offset).amin(1)
-    return bool((height > _FAR_BELOW_M + _FAR_BELOW_SHARE * vertices[..., 2].mean(1)).all())
-
-
 def without_floor(scene: SceneState, reason: FloorRejection) -> SceneState:
     """Return a copy of the scene without its floor, with the reason in its diagnostics."""
     diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "reason": reason}}
@@ -149,9 +128,3 @@ def without_floor(scene: SceneState, reason: FloorRejection) -> SceneState:
         floor_points=scene.floor_points[:0],
         diagnostics=diagnostics,
     )
-
-
-def plane_cuts_people(vertices: Tensor, normal: Tensor, offset: float) -> bool:
-    """Return whether a plane cuts through all people (B, V, 3); False without people."""
-    under = height_over_plane(vertices, normal, offset) < -_CUT_M
-    return len(vertices) > 0 and bool((under.to(vertices.dtype).mean(1) > _CUT_SHARE).all())

@@ -28,8 +28,8 @@ class PixelSurface(NamedTuple):
     outliers: Tensor
 
 
-class SceneMethod:
-    """Steps of stage 1, for preset "default".
+class SceneMethod(SceneSettings):
+    """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
         uses_pointmap: whether the scene is the aligned point map, and not the metric depth alone.
@@ -40,9 +40,6 @@ class SceneMethod:
     uses_pointmap: ClassVar[bool] = True
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
-
-    def __init__(self, settings: SceneSettings) -> None:
-        self.settings = settings
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:
         """Return point map (H, W, 3), metric depth (H, W) and cameras, converted to one camera."""
@@ -62,7 +59,7 @@ class SceneMethod:
 
     def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
         """Find the floor in valid metric points (H, W, 3) with normals (H, W, 3)."""
-        if self.settings.floor == "off":
+        if self.floor == "off":
             return FloorSearch(None, "switched_off")
         return fit_floor(points, valid, evidence, surface)
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
-
-if TYPE_CHECKING:
-    from physic_core.engine.scene.method import SceneMethod
 
 __all__ = ["SceneSettings"]
 
@@ -26,9 +23,3 @@ class SceneSettings:
     carve_m: NotNegative = 0.5
     """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
     metres; 0 moves none."""
-
-    def method(self) -> SceneMethod:
-        """Return what the stage does with these settings. An energy with other settings may have another method."""
-        from physic_core.engine.scene.method import SceneMethod
-
-        return SceneMethod(self)

@@ -17,7 +17,6 @@ from torch import Tensor
 from physic_core.engine.scene.camera import Cameras, scene_camera
 from physic_core.engine.scene.floor import feet_on_floor, floor_diagnostics
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.scene.settings import SceneSettings
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.floor import FloorEvidence, PlaneFit
@@ -98,13 +97,13 @@ class SceneState(ShortRepr):
         return None if self.floor_normal is None else (self.floor_normal, self.floor_offset)
 
 
-def solve_scene(given: SceneInput, settings: SceneSettings) -> SceneState:
+def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove edges and outliers.
 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    method, evidence = settings.method(), given.floor
+    evidence = given.floor
     points, depth, cameras = method.share_camera(given.points, given.metric_depth, given.cameras)
     given = replace(given, points=points, metric_depth=depth, cameras=cameras)
     alignment = _align_to_metric(given, method)
@@ -125,7 +124,7 @@ def solve_scene(given: SceneInput, settings: SceneSettings) -> SceneState:
     if floor is None:
         floor_points = placed.new_zeros((0, 3))
     else:
-        feet = feet_on_floor(floor, evidence.feet_px, camera, settings.far_m)
+        feet = feet_on_floor(floor, evidence.feet_px, camera, method.far_m)
         floor_points = method.sample_floor(floor, placed[known], placed[clean], feet)
     return SceneState(
         points=placed,
@@ -182,7 +181,7 @@ def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod)
     known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
     placed, camera = method.place_on_rays(placed, known, given.cameras)
     placed = torch.where(known[..., None], placed, 0.0)
-    return placed, known & (placed[..., 2] <= method.settings.far_m), camera
+    return placed, known & (placed[..., 2] <= method.far_m), camera
 
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:

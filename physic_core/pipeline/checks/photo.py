@@ -39,7 +39,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
     from physic_core.engine.scene.solve import MIN_ALIGN_INLIER_SHARE as MIN_SCENE_SHARE
 
     report = solution.diagnostics
-    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene.method()
+    share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
     yield check_value(
         "scene_alignment",
         share if scene.uses_pointmap else None,
@@ -55,7 +55,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         "photo_alignment",
         share,
         "people's distance to the scene is doubtful: the photo and its inpainted picture agree on "
-        f"{share:.0%} of the background within {settings.placement.method().alignment.tolerance:.0%}: "
+        f"{share:.0%} of the background within {settings.placement.alignment.tolerance:.0%}: "
         "try another backend for inpainting or point map"
         if share
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
@@ -87,7 +87,7 @@ def _check_floor(report: Mapping[str, Any], settings: EngineSettings) -> Iterato
         "use a photo that shows the ground at the feet",
         unmeasured="the settings of the engine search no floor",
         failed=reason != "found",
-        threshold=settings.scene.method().min_floor_share,
+        threshold=settings.scene.min_floor_share,
     )
     wrong = report["mask_reason"]
     followed = report.get("source") == "floor mask"

@@ -15,8 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.bounds import Count, Positive, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
-from physic_core.engine.joint.optimiser import Block, BlockOptimiser, MinimisationResult, join_results
-from physic_core.engine.joint.settings import Progress
+from physic_core.engine.joint.optimiser import Block, MinimisationResult, OptimiserSettings, Progress, join_results
 
 __all__ = ["AdamSettings"]
 
@@ -24,7 +23,7 @@ _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose e
 
 
 @dataclass(frozen=True)
-class AdamSettings(BlockOptimiser):
+class AdamSettings(OptimiserSettings):
     """Settings of Adam."""
 
     steps: Count = 100

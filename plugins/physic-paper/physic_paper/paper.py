@@ -37,17 +37,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.energy_options import EnergyOptions
+from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings
+from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm
@@ -57,12 +56,12 @@ from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
 from physic_paper.adam import AdamSettings
 from physic_paper.grid_search import GridSearch
+from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.chamfer import ChamferSettings, ChamferTerm
 from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
 from physic_paper.terms.reprojection import confident_keypoints
-from physic_paper.unwhitened_state import build_unwhitened_state
 
 __all__ = ["CONTACT_RANGE_M", "PaperOptimisation", "PaperReprojectionSettings", "PaperVisibilitySettings"]
 
@@ -70,7 +69,6 @@ CONTACT_RANGE_M = 0.15
 """Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not printed."""
 
 _MIN_CONFIDENCE = 0.5  # as released
-_FACING_DEG = 70.0
 _barron = partial(robust_loss, "barron", c=1.0)
 _square = partial(robust_loss, "square", c=1.0)
 
@@ -86,20 +84,16 @@ class PaperReprojectionSettings:
 
 
 @dataclass(frozen=True)
-class PaperVisibilitySettings:
-    """Settings of the visibility of vertices."""
+class PaperVisibilitySettings(VisibilitySettings):
+    """Settings of the visibility of vertices: all vertices, and masks as they are."""
 
-    occlusion_aware: bool = True
-    """Hidden vertices are left out of penetration and regularised more."""
+    vertex_spacing_m: NotNegative = 0.0
+    mask_tolerance: NotNegative = 0.0
 
 
 @dataclass(frozen=True)
-class PaperOptimisation(JointSettings):
-    """Settings of stage 3 as printed in the paper: raw parameters, Adam, nearest-point distances, equal vertex weights.
-
-    Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
-    """
+class PaperOptimisation(PublishedOptimisation):
+    """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex weights."""
 
     optimiser: AdamSettings = field(default_factory=AdamSettings)
     """Adam."""
@@ -116,23 +110,15 @@ class PaperOptimisation(JointSettings):
     regularisation: PrintedRegularisationSettings = field(default_factory=PrintedRegularisationSettings)
     """Deviation from the start."""
 
-    nearest_every_step: ClassVar[bool] = True
-
     @property
-    def energy_options(self) -> EnergyOptions:
-        """Options of the energy: all vertices, and samples of the floor are scene points."""
-        return EnergyOptions(
-            search_radius_m=max(CONTACT_RANGE_M, self.penetration.max_depth_m),
-            facing_deg=_FACING_DEG,
-            mask_tolerance=0.0,
-            vertex_spacing_m=0.0,
-            static_contacts=self.contact.source == "static",
-            floor_samples=True,
-        )
+    def search_radius_m(self) -> float:
+        """Search radius of vertices for scene points, metres."""
+        return max(CONTACT_RANGE_M, self.penetration.max_depth_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible."""
-        return replace(problem, observed=torch.ones_like(problem.observed))
+        """Return the problem with all limbs visible, samples of the floor, and static contacts if these are chosen."""
+        problem = super().prepare(problem)
+        return with_static_contacts(problem) if self.contact.source == "static" else problem
 
     def weigh_vertices(self, area_m2: Tensor) -> Tensor:
         """Return 1 for each vertex."""
@@ -140,7 +126,8 @@ class PaperOptimisation(JointSettings):
 
     def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
         """Return the grid over the whole scene, since its nodes depend on the extent of the scene."""
-        return GridSearch(context.surface, context.surface_normals, context.options.search_radius_m)
+        problem = context.problem
+        return GridSearch(problem.scene_points, problem.scene_normals, context.search_radius_m)
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
@@ -159,10 +146,6 @@ class PaperOptimisation(JointSettings):
         """
         now = update_visibility(context, bodies, self_occlusion)
         return now if last is None else replace(now, facing=last.facing)
-
-    def initial_state(self, context: JointContext) -> State:
-        """Return raw parameters: two columns of each rotation, translation, shape and scale."""
-        return build_unwhitened_state(context, self.frozen)
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
         """Return the terms of Eq. 5 as printed."""

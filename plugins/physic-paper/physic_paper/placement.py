@@ -12,7 +12,6 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_core.engine.placement.method import ALIGN_TOLERANCE, FEWEST_POINTS, Fit, PlacementMethod
 from physic_core.engine.placement.place import median_reprojection_px
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import term_energy
 from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, ChamferTerm, PlacementProblem, ReprojectionTerm
 from physic_core.geometry.alignment import AlignmentOptions
@@ -24,14 +23,14 @@ from physic_paper.released.visibility import is_opposite_optical_axis, mean_face
 from physic_paper.scene import released_alignment_options
 from physic_paper.translation import restore_keypoint_fit, solve_adam, solve_lbfgs
 
-__all__ = ["PaperPlacement", "PaperPlacementMethod", "ReleasePlacement", "ReleasePlacementMethod"]
+__all__ = ["PaperPlacement", "ReleasePlacement"]
 
 _RELEASED_FACING_DEG = 80.0
 
 
 @dataclass(frozen=True)
-class PaperPlacement(PlacementSettings):
-    """Settings of stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
+class PaperPlacement(PlacementMethod):
+    """Stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
 
     The reprojection error is never increased.
     """
@@ -49,22 +48,7 @@ class PaperPlacement(PlacementSettings):
     stand_reach_m: NotNegative = 0.0
     """Not used."""
 
-    def method(self) -> PlacementMethod:
-        """Return the printed method."""
-        return PaperPlacementMethod(self)
-
-
-@dataclass(frozen=True)
-class ReleasePlacement(PaperPlacement):
-    """Settings of stage 2 as released: its reprojection loss, visibility and camera-facing angle."""
-
-    def method(self) -> PlacementMethod:
-        """Return the released method."""
-        return ReleasePlacementMethod(self)
-
-
-class PaperPlacementMethod(PlacementMethod):
-    """Steps of stage 2 as printed."""
+    detect_lifted_feet: bool = False
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
 
@@ -88,13 +72,13 @@ class PaperPlacementMethod(PlacementMethod):
 
     def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
         """Return the sum of Eq. 2."""
-        weight = self.settings.reprojection_weight * person.confidence
-        return ReprojectionTerm(person, weight, self.settings.robust_px_share)
+        weight = self.reprojection_weight * person.confidence
+        return ReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the sums of Eq. 4 over all vertices and points."""
-        weight = self.settings.chamfer_weight
-        return ChamferTerm(person.vertices[seen], person.points, (weight, weight), self.settings.robust_m)
+        weight = self.chamfer_weight
+        return ChamferTerm(person.vertices[seen], person.points, (weight, weight), self.robust_m)
 
     def has_offset(self, person: PlacementProblem) -> bool:
         """Return False: people have no depth offset."""
@@ -115,7 +99,7 @@ class PaperPlacementMethod(PlacementMethod):
         if len(person.points) < FEWEST_POINTS or int(seen.sum()) < FEWEST_POINTS:
             return Fit(x, seen)
         chamfer = self.chamfer_term(person, seen)
-        before, weight = chamfer.median(x), self.settings.reprojection_weight
+        before, weight = chamfer.median(x), self.reprojection_weight
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
         x = solve_lbfgs(x, chamfer, (lambda move: weight * self.reprojection_loss(person, move)) if enough else None)
         return Fit(x, seen, (before, chamfer.median(x)))
@@ -132,12 +116,13 @@ class PaperPlacementMethod(PlacementMethod):
 
         # The total weight of all pairs of Eq. 4. Without points its value has no effect.
         pairs = 1 if fit.pairs is None else int(fit.pairs.sum()) + len(person.points)
-        stiffness = self.settings.chamfer_weight * pairs
+        stiffness = self.chamfer_weight * pairs
         return restore_keypoint_fit(self.reprojection_term(person), fit.x, stiffness, fits)
 
 
-class ReleasePlacementMethod(PaperPlacementMethod):
-    """Steps of stage 2 as released."""
+@dataclass(frozen=True)
+class ReleasePlacement(PaperPlacement):
+    """Stage 2 as released: its reprojection loss, visibility and camera-facing angle."""
 
     def normals(self, vertices: Tensor, faces: Tensor) -> Tensor:
         """Return means of the unit normals of adjacent faces."""
@@ -170,7 +155,7 @@ class ReleasePlacementMethod(PaperPlacementMethod):
 
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
         """Return the losses, that of the keypoints as released."""
-        losses, weight = super().losses(person, fit), self.settings.reprojection_weight
+        losses, weight = super().losses(person, fit), self.reprojection_weight
         if "reprojection" in losses:
             ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
             losses["reprojection"] = {

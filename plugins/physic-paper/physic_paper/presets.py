@@ -6,9 +6,9 @@ The docstring of each preset's own module lists its deviations from the publicat
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from physic_core.engine.settings import ContactSettings, EngineSettings, PlacementSettings
+from physic_core.engine.placement.method import PlacementMethod
+from physic_core.engine.settings import EngineSettings
+from physic_paper.contact import DistanceContact
 from physic_paper.paper import PaperOptimisation
 from physic_paper.placement import PaperPlacement, ReleasePlacement
 from physic_paper.prox import ProxOptimisation
@@ -17,9 +17,6 @@ from physic_paper.scene import PaperScene, ProxScene, ReleaseScene
 
 __all__ = ["PAPER", "PROX", "RELEASE"]
 
-_RELEASED_CONTACT = ContactSettings(
-    rule="distance", inside_m=0.15, metric="point", people=False, objects=False, assume_supports=False
-)
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
 # calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04
@@ -28,21 +25,26 @@ PAPER = EngineSettings(
     scene=PaperScene(),
     placement=PaperPlacement(),
     joint=PaperOptimisation(),
-    contact=replace(_RELEASED_CONTACT, distance_m=_PRINTED_CONTACT_M, inside_m=_PRINTED_CONTACT_M),
+    contact=DistanceContact(distance_m=_PRINTED_CONTACT_M, inside_m=_PRINTED_CONTACT_M),
 )
 """Preset "paper"."""
 
 RELEASE = EngineSettings(
-    scene=ReleaseScene(), placement=ReleasePlacement(), joint=ReleaseOptimisation(), contact=_RELEASED_CONTACT
+    scene=ReleaseScene(), placement=ReleasePlacement(), joint=ReleaseOptimisation(), contact=DistanceContact()
 )
 """Preset "release"."""
 
 PROX = EngineSettings(
     scene=ProxScene(),
-    placement=PlacementSettings(
-        seen_confidence=1.0, chamfer_weight=0.0, depth_offset_sigma=0.0, floor_weight=0.0, stand_reach_m=0.0
+    placement=PlacementMethod(
+        seen_confidence=1.0,
+        chamfer_weight=0.0,
+        depth_offset_sigma=0.0,
+        floor_weight=0.0,
+        stand_reach_m=0.0,
+        detect_lifted_feet=False,
     ),
     joint=ProxOptimisation(),
-    contact=_RELEASED_CONTACT,
+    contact=DistanceContact(),
 )
 """Preset "prox"."""

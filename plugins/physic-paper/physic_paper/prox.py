@@ -16,28 +16,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar
 
-import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import FrozenGroups, NotNegative
-from physic_core.engine.joint.acceptance import term_totals
-from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.energy_options import EnergyOptions
-from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult
+from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.joint.settings import JointSettings, Progress
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.geometry.robust import robust_loss
+from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import ParameterPriorTerm
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
-from physic_paper.unwhitened_state import build_unwhitened_state
 
 __all__ = ["ProxContactSettings", "ProxOptimisation", "ProxPriorSettings", "ProxReprojectionSettings"]
 
@@ -48,8 +42,6 @@ _CONTACT_SCALE_M = 0.05  # scale of the robust loss of contact
 _CONTACT_ANGLE_DEG = 45.0
 _VERTICES_PER_DM2 = 60.0  # vertices per square decimetre of the mesh that PROX sums over
 _POSE_WEIGHT = 4.78**2 / 2  # of a squared radian; halved, since a rotation is two columns
-_ALONE_SHARE = 0.75  # of the steps, before contact and penetration are added
-_FACING_DEG, _MASK_TOLERANCE, _VERTEX_SPACING_M = 70.0, 0.01, 0.02
 
 
 @dataclass(frozen=True)
@@ -79,13 +71,13 @@ class ProxPriorSettings:
 
 
 @dataclass(frozen=True)
-class ProxOptimisation(JointSettings):
+class ProxOptimisation(PublishedOptimisation):
     """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the first steps."""
 
     frozen: FrozenGroups = ("scale", "offset")
     """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale."""
-    optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(120, 30, 0.0))
-    """L-BFGS."""
+    optimiser: LbfgsSettings = field(default_factory=lambda: LbfgsSettings(90, 30, 0.0))
+    """L-BFGS. A third as many steps follow, with contact and penetration."""
     reprojection: ProxReprojectionSettings = field(default_factory=ProxReprojectionSettings)
     """Keypoints."""
     contact: ProxContactSettings = field(default_factory=ProxContactSettings)
@@ -99,33 +91,21 @@ class ProxOptimisation(JointSettings):
     limits: LimitSettings = field(default_factory=LimitSettings)
     """Knees and elbows."""
 
-    nearest_every_step: ClassVar[bool] = True
-
     @property
-    def energy_options(self) -> EnergyOptions:
-        """Options of the energy: static contacts."""
-        return EnergyOptions(
-            search_radius_m=max(_SEARCH_RADIUS_M, self.penetration.max_depth_m),
-            facing_deg=_FACING_DEG,
-            mask_tolerance=_MASK_TOLERANCE,
-            vertex_spacing_m=_VERTEX_SPACING_M,
-            static_contacts=True,
-        )
+    def search_radius_m(self) -> float:
+        """Search radius of vertices for scene points, metres."""
+        return max(_SEARCH_RADIUS_M, self.penetration.max_depth_m)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
-        """Return the problem with all limbs visible and without a floor."""
-        return replace(problem, observed=torch.ones_like(problem.observed), floor_normal=None)
+        """Return the problem with all limbs visible, without a floor, and with static contacts."""
+        return with_static_contacts(super().prepare(replace(problem, floor_normal=None)))
 
     def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
         """Return the keypoints, weighted by squared confidence."""
         return confident_keypoints(problem, power=2.0)
 
-    def initial_state(self, context: JointContext) -> State:
-        """Return raw parameters: two columns of each rotation, translation and shape."""
-        return build_unwhitened_state(context, self.frozen)
-
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
-        """Return the terms of PROX without self-penetration and bending prior."""
+        """Return the terms of the first steps, without bending prior: see :meth:`late_terms`."""
         unit = max(context.problem.masks.shape[-2:]) / _FULL_HD_PX
         others = dict.fromkeys(("root", "translation", "offset"), 0.0)
         p = self.prior
@@ -136,45 +116,26 @@ class ProxOptimisation(JointSettings):
                 unit,
                 partial(robust_loss, "geman_mcclure", c=_REPROJECTION_SCALE_PX),
             ),
-            PointContactTerm(
-                context,
-                self.contact.weight,
-                _SEARCH_RADIUS_M,
-                partial(robust_loss, "geman_mcclure", c=_CONTACT_SCALE_M),
-                mean=True,
-                max_angle_deg=_CONTACT_ANGLE_DEG,
-            ),
-            PointPenetrationTerm(
-                self.penetration,
-                context,
-                partial(robust_loss, "absolute", c=1.0),
-                lambda snapshot: snapshot.visibility.eligible,
-            ),
             ParameterPriorTerm(
                 state, {"pose": p.pose_weight, "hands": p.pose_weight, "betas": p.shape_weight, **others}
             ),
             LimitTerm(self.limits),
         ]
 
-    def minimise(self, energy: JointEnergy, progress: Progress | None = None) -> MinimisationResult:
-        """Minimise the energy from its present state, in place, at first without contact and penetration."""
-        alone = round(_ALONE_SHARE * self.optimiser.steps)
-        if not alone:
-            return super().minimise(energy, progress)
-        origin, terms = energy.state.pack(), energy.terms
-        energy.terms = tuple(t for t in terms if not isinstance(t, PointContactTerm | PointPenetrationTerm))
-        first = replace(self.optimiser, steps=alone).minimise(
-            energy, None if progress is None else lambda share: progress(_ALONE_SHARE * share)
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+        """Return contact and penetration, for a third as many steps as without them."""
+        contact = PointContactTerm(
+            context,
+            self.contact.weight,
+            _SEARCH_RADIUS_M,
+            partial(robust_loss, "geman_mcclure", c=_CONTACT_SCALE_M),
+            mean=True,
+            max_angle_deg=_CONTACT_ANGLE_DEG,
         )
-        energy.terms = terms
-        energy.refresh()
-        second = replace(self.optimiser, steps=self.optimiser.steps - alone).minimise(
-            energy, None if progress is None else lambda share: progress(_ALONE_SHARE + (1 - _ALONE_SHARE) * share)
+        penetration = PointPenetrationTerm(
+            self.penetration,
+            context,
+            partial(robust_loss, "absolute", c=1.0),
+            lambda snapshot: snapshot.visibility.eligible,
         )
-        final = energy.state.pack()
-        energy.state.load(origin)
-        with torch.no_grad():
-            start = term_totals(energy())
-        energy.state.load(final)
-        evaluations, steps = first.evaluations + second.evaluations, first.steps + second.steps
-        return replace(second, start=start, evaluations=evaluations, steps=steps)
+        return [contact, penetration], replace(self.optimiser, steps=self.optimiser.steps // 3)

@@ -32,14 +32,13 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext, Keypoints
-from physic_core.engine.joint.energy_options import EnergyOptions
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
 from physic_core.geometry.robust import robust_loss
-from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings
+from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings, PaperVisibilitySettings
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
 from physic_paper.released.reprojection import ReleasedReprojectionTerm, released_keypoints
 from physic_paper.released.visibility import update_released_visibility
@@ -56,11 +55,7 @@ _barron = partial(robust_loss, "barron", c=1.0)
 
 @dataclass(frozen=True)
 class ReleaseReprojectionSettings(PaperReprojectionSettings):
-    """Settings of the reprojection term: absolute errors in shares of the image.
-
-    Attributes:
-        weight: of the term; 0 removes it.
-    """
+    """Settings of the reprojection term: absolute errors in shares of the image."""
 
     reduction: Literal["mean"] = "mean"
     """Always the "mean" over 133 keypoints."""
@@ -68,16 +63,10 @@ class ReleaseReprojectionSettings(PaperReprojectionSettings):
 
 @dataclass(frozen=True)
 class ReleaseOptimisation(PaperOptimisation):
-    """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, and the union of all masks.
+    """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, union of all masks."""
 
-    Attributes:
-        frozen: parameter groups that are kept constant: root, pose, hands, betas, translation, scale.
-        optimiser: Adam.
-        visibility: of vertices.
-        depth: human points.
-        contact: contact with the scene.
-    """
-
+    visibility: PaperVisibilitySettings = field(default_factory=lambda: PaperVisibilitySettings(facing_deg=_FACING_DEG))
+    """Visibility of vertices."""
     reprojection: ReleaseReprojectionSettings = field(default_factory=ReleaseReprojectionSettings)
     """Keypoints."""
     penetration: PointPenetrationSettings = field(default_factory=lambda: PointPenetrationSettings(max_depth_m=0.15))
@@ -86,11 +75,6 @@ class ReleaseOptimisation(PaperOptimisation):
         default_factory=lambda: PrintedRegularisationSettings(visible_weight=0.0)
     )
     """Deviation from the start."""
-
-    @property
-    def energy_options(self) -> EnergyOptions:
-        """Options of the energy: as in the paper, with the facing angle of the released code."""
-        return replace(super().energy_options, facing_deg=_FACING_DEG)
 
     def prepare(self, problem: JointProblem) -> JointProblem:
         """Return the problem with all limbs visible, and the union of all masks as the mask of each person."""

@@ -12,7 +12,6 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
 from physic_core.engine.scene.camera import Cameras, scene_camera
 from physic_core.engine.scene.method import ALIGN_TOLERANCE, PixelSurface, SceneMethod
-from physic_core.engine.scene.settings import SceneSettings
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
@@ -31,8 +30,8 @@ def released_alignment_options(tolerance: float) -> AlignmentOptions:
 
 
 @dataclass(frozen=True)
-class PaperScene(SceneSettings):
-    """Settings of stage 1 as printed: the camera is the point map's, and points are not moved."""
+class PaperScene(SceneMethod):
+    """Stage 1 as printed: the camera is the point map's, and points are not moved."""
 
     far_m: PositiveOrInfinite = math.inf
     floor: Literal["metric", "off"] = "metric"  # type: ignore[assignment]  # its own search
@@ -40,36 +39,6 @@ class PaperScene(SceneSettings):
     floor."""
     floor_under_people: bool = False
     carve_m: NotNegative = 0.0
-
-    def method(self) -> SceneMethod:
-        """Return the printed method."""
-        return PaperSceneMethod(self)
-
-
-@dataclass(frozen=True)
-class ReleaseScene(PaperScene):
-    """Settings of stage 1 as released: as printed, with its normals, and without points of unusual normals."""
-
-    def method(self) -> SceneMethod:
-        """Return the released method."""
-        return ReleaseSceneMethod(self)
-
-
-@dataclass(frozen=True)
-class ProxScene(SceneSettings):
-    """Settings of stage 1 as in the paper's comparison with PROX: the metric depth alone, without a floor."""
-
-    floor: Literal["disparity", "off"] = "off"
-    floor_under_people: bool = False
-    carve_m: NotNegative = 0.0
-
-    def method(self) -> SceneMethod:
-        """Return the method of the comparison."""
-        return ProxSceneMethod(self)
-
-
-class PaperSceneMethod(SceneMethod):
-    """Steps of stage 1 as printed."""
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
@@ -92,7 +61,7 @@ class PaperSceneMethod(SceneMethod):
 
     def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
         """Find the floor in metres, on the points of its mask."""
-        if self.settings.floor == "off":
+        if self.floor == "off":
             return FloorSearch(None, "switched_off")
         return fit_floor_metric(points, surface, valid, evidence.mask)
 
@@ -101,8 +70,9 @@ class PaperSceneMethod(SceneMethod):
         return published_floor_grid(floor.normal, floor.offset, known, _GRID_SIDE)
 
 
-class ReleaseSceneMethod(PaperSceneMethod):
-    """Steps of stage 1 as released."""
+@dataclass(frozen=True)
+class ReleaseScene(PaperScene):
+    """Stage 1 as released: as printed, with its normals, and without points of unusual normals."""
 
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return the released normals, and outliers by their distances and by their normals."""
@@ -113,8 +83,13 @@ class ReleaseSceneMethod(PaperSceneMethod):
         return PixelSurface(found, torch.zeros_like(known), outliers)
 
 
-class ProxSceneMethod(SceneMethod):
-    """Steps of stage 1 for PROX."""
+@dataclass(frozen=True)
+class ProxScene(SceneMethod):
+    """Stage 1 as in the paper's comparison with PROX: the metric depth alone, without a floor."""
+
+    floor: Literal["disparity", "off"] = "off"
+    floor_under_people: bool = False
+    carve_m: NotNegative = 0.0
 
     uses_pointmap: ClassVar[bool] = False
 

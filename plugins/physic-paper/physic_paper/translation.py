@@ -8,7 +8,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.solvers import gauss_newton
+from physic_core.engine.placement.solvers import TRANSLATION, gauss_newton
 from physic_core.engine.placement.terms import ChamferTerm, ReprojectionTerm, Residuals
 
 __all__ = ["TranslationPrior", "restore_keypoint_fit", "solve_adam", "solve_lbfgs"]
@@ -89,5 +89,5 @@ def restore_keypoint_fit(
         if fits(x):
             return x
         reprojection.weight = 2 * reprojection.weight
-        x = gauss_newton([tied, reprojection], x, (0, 1, 2))
+        x = gauss_newton([tied, reprojection], x, TRANSLATION)
     return torch.zeros_like(x)

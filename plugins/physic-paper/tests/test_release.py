@@ -14,8 +14,9 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.engine.contact import contact_map, contact_surfaces
+from physic_core.engine.contact.distance import surface_distances
 from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.engine.placement.human_points import human_points
@@ -24,6 +25,7 @@ from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
 from physic_core.geometry.floor import FloorEvidence
 from physic_core.types import SKELETONS
+from physic_paper.contact import DistanceContact
 from physic_paper.grid_search import GridSearch
 from physic_paper.outliers import image_outliers
 from physic_paper.released.pointmap import published_normals
@@ -187,7 +189,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
         ),
         PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),
         problem.K,
-        settings=RELEASE.placement,
+        method=RELEASE.placement,
     )
     assert float((placed.keypoint_transl - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
     # The objective there, of which the stored value has the constant part of two keypoints that no body has.
@@ -210,9 +212,16 @@ def test_stage_three_ends_within_5_mm(published: Published) -> None:
 def test_no_vertex_of_the_contact_map_differs(published: Published, whose: str) -> None:
     vertices, scale = whose_body(published, whose)
     problem = published.problem()
-    around = contact_surfaces(problem, vertices, scale, RELEASE)
-    contact, _ = contact_map(vertices, around.scene, around.floor, problem.model.outer, RELEASE.contact)
+    contact = contact_map(problem, vertices, scale)
     assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
+
+
+def contact_map(problem: JointProblem, vertices: Tensor, scale: float) -> Tensor:
+    """Contact (B, V) bool by the rule of preset "release"."""
+    method = RELEASE.contact
+    assert isinstance(method, DistanceContact)
+    near = surface_distances(vertices, method.surfaces(problem, vertices, scale), method.measure)
+    return method.contains(near.nearest) & problem.model.outer
 
 
 def whose_body(published: Published, whose: str) -> tuple[Tensor, float]:
@@ -251,8 +260,7 @@ def test_stage_one_is_the_published_one(published: Published) -> None:
     )
     for whose in WHOSE:
         vertices, scale = whose_body(published, whose)
-        around = contact_surfaces(problem, vertices, scale, RELEASE)
-        contact, _ = contact_map(vertices, around.scene, around.floor, problem.model.outer, RELEASE.contact)
+        contact = contact_map(problem, vertices, scale)
         assert int((contact != published.bits(f"one/out/contact_map/{whose}")).sum()) == 0
 
 

@@ -74,7 +74,7 @@ class BalanceTerm(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "balance"; nothing without a floor."""
-        up, area = self._context.floor_normal, self._context.area
+        up, area = self._context.problem.floor_normal, self._context.area
         if not self._weight or up is None:
             return {}
         mass = (area[:, None] @ bodies.vertices)[:, 0] / area.sum(1, keepdim=True)

@@ -90,7 +90,7 @@ def depth_offset_sigmas(settings: DepthSettings, context: JointContext) -> Tenso
     """Return the expected size of each person's log depth offset to the scene: (B,), 0 for a fixed offset."""
     problem, feet_visible = context.problem, context.feet_visible
     alone = torch.full_like(problem.transl0[:, 2], settings.offset_alone_sigma)
-    if context.floor_normal is None:
+    if problem.floor_normal is None:
         return alone
     on_floor = feet_visible.any(1) if problem.grounded is None else feet_visible.any(1) & problem.grounded
     return torch.where(on_floor, settings.offset_sigma, alone)

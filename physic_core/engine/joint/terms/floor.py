@@ -43,11 +43,11 @@ class FloorTerm:
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
         # People far below contradict the floor or the scene's scale: they shall not draw it away from the others.
         weight = weight / (1 + (below / _MAX_DEPTH_M).square())
-        self.weights = {"floor": torch.zeros_like(area) if self._context.floor_normal is None else weight}
+        self.weights = {"floor": torch.zeros_like(area) if self._context.problem.floor_normal is None else weight}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over depths below the floor; None if the term is off or there is no floor."""
         weight = self.settings.weight
-        if not weight or self._context.floor_normal is None:
+        if not weight or self._context.problem.floor_normal is None:
             return None
         return RobustSum.of("pseudo_huber", _OUTLIER_SIGMAS, _SIGMA_M, weight * self.weights["floor"])

@@ -25,7 +25,7 @@ class KnownSizeTerm(Term):
         problem = context.problem
         assert problem.known is not None
         self._known, self._K = problem.known, problem.K
-        self._floor_offset = None if problem.floor_normal is None else problem.floor_offset
+        self._floor_offset = problem.floor_offset
         self._stature = linearise_stature(problem.model, problem.betas0)
         self._ends: list[tuple[BodyPoint | None, ...]] = []
 
@@ -47,7 +47,7 @@ class KnownSizeTerm(Term):
         stature = torch.where(given, known.stature, self._stature.height)
         own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIGMA) * given
         shared = own.new_zeros(())
-        if known.camera_height is not None and self._floor_offset is not None:
+        if known.camera_height is not None and self._floor_offset:
             height = estimate.log_scale + math.log(self._floor_offset / known.camera_height)
             shared = shared + (height / KNOWN_SIGMA).square()
         for i, ends in enumerate(self._ends):

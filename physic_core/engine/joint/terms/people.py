@@ -17,47 +17,32 @@ from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactSettings
 from physic_core.engine.joint.terms.penetration import PenetrationSettings
-from physic_core.geometry.robust import geman_mcclure, pseudo_huber
 
-__all__ = ["GAP_SIGMAS", "INSIDE_SIGMAS", "SIGMA_M", "PairEnergies", "PeopleTerm", "pair_energy"]
+__all__ = ["PairEnergies", "PeopleTerm"]
 
 _TOUCHING_PARTS = ("left_hand", "right_hand")
 _REACH_M = 0.06  # of the search, for vertices that are deep inside
 _MAX_GAP_M = 0.04  # of hands that may touch
 _NEARLY_INSIDE_M = 0.02  # other vertices are not expected to come inside before the next refresh
-_SLACK_M = 0.005  # depth without a penalty: soft tissue gives way
-SIGMA_M = 0.02  # expected error of the distance between two surfaces
-INSIDE_SIGMAS = 2.0  # beyond this many sigmas the gradient of penetration is constant
-GAP_SIGMAS = 1.5  # beyond this many sigmas a gap counts as an outlier
-
-
-def pair_energy(distance: Tensor, apart: Tensor, touch: Tensor) -> Tensor:
-    """Return the energy of pairs of vertices (p,): ``a rho(max(0, -d - 5 mm)^2 / s^2) + t rho'(max(0, d)^2 / s^2)``.
-
-    rho is a pseudo-Huber loss, and rho' a Geman-McClure loss, which ignores far contacts.
-
-    Args:
-        distance: (p,) d along the normal of the other body, metres, negative inside it; s is 2 cm.
-        apart: (p,) weight a of penetration.
-        touch: (p,) weight t of contact.
-    """
-    inside, gap = torch.relu(-distance - _SLACK_M) / SIGMA_M, torch.relu(distance) / SIGMA_M
-    return apart * pseudo_huber(inside.square(), INSIDE_SIGMAS) + touch * geman_mcclure(gap.square(), GAP_SIGMAS)
+_GAP_SIGMAS = 1.5  # of the penetration term; beyond as many a gap counts as an outlier
 
 
 class PairEnergies(torch.autograd.Function):
-    """Energy of each person (B,) by :func:`pair_energy`, with analytic derivatives by the vertices (B, n, 3).
+    """Energy of each person (B,), with analytic derivatives by the vertices (B, n, 3).
 
-    The overhead of autograd for these small arrays exceeds their cost.
+    ``sum_p apart(max(0, -d - slack)) + touch(max(0, d))`` with the distance d of a pair along the normal of the other
+    body, negative inside it. The overhead of autograd for these small arrays exceeds their cost.
     """
 
     @staticmethod
-    def forward(ctx: Any, vertices: Tensor, pairs: PeoplePairs, apart: RobustSum, touch: RobustSum) -> Tensor:
+    def forward(
+        ctx: Any, vertices: Tensor, pairs: PeoplePairs, slack_m: float, apart: RobustSum, touch: RobustSum
+    ) -> Tensor:
         count = vertices.shape[1]
         flat, rows = vertices.reshape(-1, 3), pairs.person * count + pairs.row
         other_rows = pairs.other * count + pairs.other_row
         distance = ((flat[rows] - flat[other_rows]) * pairs.normal).sum(-1)
-        inside, by_inside = apart.values_and_slopes(torch.relu(-distance - _SLACK_M))
+        inside, by_inside = apart.values_and_slopes(torch.relu(-distance - slack_m))
         gap, by_gap = touch.values_and_slopes(torch.relu(distance))
         ctx.vertices, ctx.rows, ctx.other_rows, ctx.pairs = vertices.shape, rows, other_rows, pairs
         ctx.slope = by_gap - by_inside
@@ -69,21 +54,22 @@ class PairEnergies(torch.autograd.Function):
         force = (gradients[0][ctx.pairs.person] * ctx.slope)[:, None] * ctx.pairs.normal
         by_vertex = force.new_zeros(ctx.vertices).reshape(-1, 3)
         by_vertex.index_add_(0, ctx.rows, force).index_add_(0, ctx.other_rows, -force)
-        return by_vertex.reshape(ctx.vertices), None, None, None
+        return by_vertex.reshape(ctx.vertices), None, None, None, None
 
 
 class PeopleTerm(Term):
     """People term: pairs are found at each refresh, and kept until the next one.
 
     Args:
-        contact: settings, of which the weights are used.
-        penetration: the same.
+        contact: its weights are used.
+        penetration: its weights, slack and expected error are used.
         context: constants of the optimisation.
     """
 
     def __init__(self, contact: ContactSettings, penetration: PenetrationSettings, context: JointContext) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
+        self._penetration = penetration
         self._is_on = bool(self._touch_weight or self._apart_weight) and len(context.area) > 1
         self.pairs: PeoplePairs
         if self._is_on:
@@ -106,8 +92,9 @@ class PeopleTerm(Term):
         kept = touches | (found.distance < _NEARLY_INSIDE_M)
         self.pairs, touches = found.select(kept), touches[kept]
         area = self._probes.area[self.pairs.person, self.pairs.probe]
-        self._apart = RobustSum.of("pseudo_huber", INSIDE_SIGMAS, SIGMA_M, self._apart_weight * area)
-        self._touch = RobustSum.of("geman_mcclure", GAP_SIGMAS, SIGMA_M, self._touch_weight * area * touches)
+        sigma_m, outlier_sigmas = self._penetration.sigma_m, self._penetration.outlier_sigmas
+        self._apart = RobustSum.of("pseudo_huber", outlier_sigmas, sigma_m, self._apart_weight * area)
+        self._touch = RobustSum.of("geman_mcclure", _GAP_SIGMAS, sigma_m, self._touch_weight * area * touches)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of the pairs; zero if no vertices are near each other."""
@@ -116,6 +103,6 @@ class PeopleTerm(Term):
         pairs, energy = self.pairs, torch.zeros_like(bodies.vertices[:, 0, 0])
         if len(pairs):
             energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
-                bodies.vertices, pairs, self._apart, self._touch
+                bodies.vertices, pairs, self._penetration.slack_m, self._apart, self._touch
             )
         return {"people": energy}

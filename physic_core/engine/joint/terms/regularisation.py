@@ -12,7 +12,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["RegularisationSettings", "RegularisationTerm", "mesh_energy", "parameter_energy", "vertex_weights"]
+__all__ = ["RegularisationSettings", "RegularisationTerm", "parameter_energy", "vertex_weights"]
 
 
 @dataclass(frozen=True)
@@ -35,17 +35,6 @@ class RegularisationSettings:
     """Weight of the shape."""
     translation_weight: NotNegative = 0.05
     """Weight of the translation."""
-
-
-def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
-    """Return L_reg of the mesh, ``sum_v w_v |v - v0|^2``, (B,).
-
-    Args:
-        relative: (B, V, 3) vertices in the root's frame, metres.
-        start: (B, V, 3) the same at the start.
-        weight: (B, V).
-    """
-    return (weight * (relative - start).square().sum(-1)).sum(-1)
 
 
 def parameter_energy(deviation: Tensor, weight: Tensor) -> Tensor:

@@ -9,10 +9,7 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.term import PosedBodies, Term
 
-__all__ = ["DEPTH_SCALE_SIGMA", "SceneScaleSettings", "SceneScaleTerm"]
-
-DEPTH_SCALE_SIGMA = 0.1
-"""Expected error of log(scale), used if the metric depth has no error estimate."""
+__all__ = ["SceneScaleSettings", "SceneScaleTerm"]
 
 
 @dataclass(frozen=True)

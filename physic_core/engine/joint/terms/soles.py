@@ -68,7 +68,7 @@ class SoleTerm:
     def is_on(self) -> bool:
         """Whether the sole term is used: there is a floor, and at least one weight of the term is not 0."""
         s = self.settings
-        return self._context.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
+        return self._context.problem.floor_normal is not None and bool(s.weight or s.lower_weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select the feet that are not on a step, and the people whose lower foot is expected to touch the floor."""

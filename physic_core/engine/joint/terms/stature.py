@@ -9,12 +9,9 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.scene.stature import linearise_stature, stature_prior
+from physic_core.engine.scene.stature import STATURE_SIGMA, linearise_stature, stature_prior
 
-__all__ = ["STATURE_SIGMA", "StatureSettings", "StatureTerm"]
-
-STATURE_SIGMA = 0.06
-"""Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
+__all__ = ["StatureSettings", "StatureTerm"]
 
 
 @dataclass(frozen=True)

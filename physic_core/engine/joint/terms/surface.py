@@ -1,27 +1,193 @@
 """Surface terms, evaluated together: depth, contact, penetration, floor, soles and mesh.
 
-They share the distances to scene and floor, and are one node of the graph
-(:mod:`physic_core.engine.joint.terms.surface_energies`).
+They share the distances to scene and floor, and are one autograd function with analytic derivatives. The arrays are
+small: the overhead of autograd for a hundred operations exceeds their cost, a quarter of stage 3. Arrays are (B, 3, n),
+since reductions over a last axis of three are slow.
+
+Distances are divided by the scene's scale, so that shrinking scene and people together does not lower the energy.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
+from physic_core.engine.distances import lowest_sole_indices
 from physic_core.engine.joint.context import JointContext
+from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm
-from physic_core.engine.joint.terms.depth import DepthTerm
+from physic_core.engine.joint.terms.depth import MIN_DEPTH_M, DepthTerm
 from physic_core.engine.joint.terms.floor import FloorTerm
 from physic_core.engine.joint.terms.penetration import PenetrationTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
-from physic_core.engine.joint.terms.surface_energies import SURFACE_ENERGIES, SurfaceInputs, surface_energies
 
-__all__ = ["SurfaceTermGroup", "SurfaceTerms"]
+__all__ = ["SURFACE_ENERGIES", "SurfaceInputs", "SurfaceTermGroup", "SurfaceTerms", "surface_energies"]
+
+SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
+
+
+@dataclass(frozen=True)
+class SurfaceInputs:
+    """Inputs of the surface terms for B people and n subsampled vertices, constant between two refreshes.
+
+    Attributes:
+        depth: robust sum over differences of log depth; None if the term is off, as in the next three.
+        contact: robust sum over distances to the touched surface.
+        penetration: robust sum over depths inside the scene beyond the slack.
+        floor: robust sum over depths below the floor.
+        mesh_weight: (B, n) of the squared deviation of a vertex from the start, in the root's frame.
+        log_map_depth: (B, n) logarithm of the depth map at the vertices.
+        on_scene: (B, n) bool, contact is with the scene; else with the floor.
+        penetration_slack: metres.
+        eligible: (B, n) bool, vertices with a gradient to the floor's scale; the others use ``last_scale``.
+        relative: (B, 3, n) at the start in the root's frame, metres.
+        normals: (B, 3, n) of the nearest scene points; None without a scene.
+        plane_distance: (B, n) from the camera to the planes through those points, unscaled.
+        floor_normal: (3,) unit; None without a floor.
+        floor_offset: of the floor, metres, unscaled.
+        last_scale: of the scene, at the last refresh.
+        soles: rows of the left and the right sole's vertices.
+    """
+
+    depth: RobustSum | None
+    contact: RobustSum | None
+    penetration: RobustSum | None
+    floor: RobustSum | None
+    mesh_weight: Tensor
+    log_map_depth: Tensor
+    on_scene: Tensor
+    penetration_slack: float
+    eligible: Tensor
+    relative: Tensor
+    normals: Tensor | None
+    plane_distance: Tensor
+    floor_normal: Tensor | None
+    floor_offset: float
+    last_scale: float
+    soles: tuple[Tensor, Tensor]
+
+
+class _SurfaceEnergies(torch.autograd.Function):
+    """Weighted energy of each surface term, by the equation of its class; differentiable once.
+
+    Args:
+        data: inputs since the last refresh.
+        vertices: (B, n, 3) metres.
+        pelvis: (B, 3) metres.
+        root: (B, 3, 3) rotation of the root.
+        log_scale: () of the scene.
+        offset: (B,) logarithm of the depth offset of each person.
+
+    Returns:
+        energies: (5, B) of :data:`SURFACE_ENERGIES`, 0 if a term is off.
+        lowest: (B, 2) height of the left and the right sole, in the unit of the scene; 0 without a sole.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        data: SurfaceInputs,
+        vertices: Tensor,
+        pelvis: Tensor,
+        root: Tensor,
+        log_scale: Tensor,
+        offset: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        points = vertices.transpose(1, 2).contiguous()
+        none = torch.zeros_like(offset)
+        energies = dict.fromkeys(SURFACE_ENERGIES, none)
+        slopes: dict[str, Tensor] = {}
+        unit = 1.0 / log_scale.exp()
+
+        ahead = signed = over = height = torch.zeros_like(data.plane_distance)
+        if data.normals is not None:
+            ahead = unit * (data.normals * points).sum(1)
+            signed = ahead - data.plane_distance
+        if data.floor_normal is not None:
+            over = unit * (data.floor_normal @ points)
+            height = over + data.floor_offset
+
+        if data.depth is not None:
+            away = points[:, 2].clamp(min=MIN_DEPTH_M).log()
+            residual = away - data.log_map_depth - (log_scale + offset)[:, None]
+            energies["depth"], slopes["depth"] = data.depth.value_and_slope(residual)
+        if data.contact is not None:
+            touched = torch.where(data.on_scene, signed, height)
+            energies["contact"], slopes["contact"] = data.contact.value_and_slope(touched)
+        if data.penetration is not None:
+            inside = torch.relu(-signed - data.penetration_slack)
+            energies["penetration"], slopes["penetration"] = data.penetration.value_and_slope(inside)
+        if data.floor is not None:
+            last = over + unit * (data.floor_offset * data.last_scale)
+            under = torch.relu(-torch.where(data.eligible, height, last))
+            energies["floor"], slopes["floor"] = data.floor.value_and_slope(under)
+        # In the camera frame: a rotation does not change the length.
+        deviation = (points - pelvis[..., None]) - root @ data.relative
+        slopes["mesh"] = 2.0 * data.mesh_weight[:, None] * deviation
+        energies["mesh"] = 0.5 * (slopes["mesh"] * deviation).sum((1, 2))
+        feet = [sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles]
+        lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
+
+        ctx.data, ctx.slopes, ctx.feet = data, slopes, feet
+        ctx.save_for_backward(points, ahead, over, unit)
+        return torch.stack([energies[name] for name in SURFACE_ENERGIES]), torch.stack(lowest, 1)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        data: SurfaceInputs = ctx.data
+        points, ahead, over, unit = ctx.saved_tensors
+        of_terms = dict(zip(SURFACE_ENERGIES, gradients[0][..., None], strict=True))
+        of_feet = gradients[1].unbind(1)
+        slopes: dict[str, Tensor] = ctx.slopes
+        by_scale = torch.zeros_like(unit)
+        by_offset = None
+
+        # Gradients by the distance to the scene, by the height over the floor, and by that height at the last scale.
+        by_signed = by_height = by_last = torch.zeros_like(ahead)
+        if "contact" in slopes:
+            by_touched = of_terms["contact"] * slopes["contact"]
+            by_signed = torch.where(data.on_scene, by_touched, by_signed)
+            by_height = by_touched - by_signed
+        if "penetration" in slopes:
+            by_signed = by_signed - of_terms["penetration"] * slopes["penetration"]
+        if "floor" in slopes:
+            by_under = of_terms["floor"] * slopes["floor"]
+            by_eligible = torch.where(data.eligible, by_under, by_last)
+            by_height, by_last = by_height - by_eligible, by_eligible - by_under
+        for foot, of_foot in zip(ctx.feet, of_feet, strict=True):
+            if foot is not None:
+                by_height = by_height.scatter_add(1, foot, (of_foot / foot.shape[1])[:, None].expand_as(foot))
+
+        by_point = torch.zeros_like(points)
+        if data.normals is not None:
+            by_point = (unit * by_signed)[:, None] * data.normals
+            by_scale = by_scale - (by_signed * ahead).sum()
+        if data.floor_normal is not None:
+            by_point = by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
+            by_scale = by_scale - (by_height * over).sum()
+        by_deviation = of_terms["mesh"][..., None] * slopes["mesh"]
+        by_point = by_point + by_deviation
+        by_pelvis, by_root = -by_deviation.sum(2), -by_deviation @ data.relative.transpose(1, 2)
+        if "depth" in slopes:
+            by_log = of_terms["depth"] * slopes["depth"]
+            away = points[:, 2]
+            by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, torch.zeros_like(away))
+            by_offset = -by_log.sum(1)
+            by_scale = by_scale + by_offset.sum()
+        return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset
+
+
+surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+surface_energies = _SurfaceEnergies.apply
+"""The function of :class:`_SurfaceEnergies`."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +209,6 @@ class SurfaceTermGroup:
 
 class SurfaceTerms(Term):
     """Depth, contact, penetration, floor, soles and regularisation as one term.
-
-    Args:
 
     Attributes:
         surface: inputs since the last refresh.
@@ -76,7 +240,7 @@ class SurfaceTerms(Term):
             relative=context.relative.transpose(1, 2).contiguous(),
             normals=contacts.normals.transpose(1, 2).contiguous() if contacts.normals is not None else None,
             plane_distance=contacts.plane_distance if contacts.plane_distance is not None else no_scene,
-            floor_normal=context.floor_normal,
+            floor_normal=context.problem.floor_normal,
             floor_offset=context.problem.floor_offset,
             last_scale=snapshot.scale,
             soles=context.soles,

@@ -9,8 +9,12 @@ from physic_core.body.model import LandmarkModel
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies
-from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy
-from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
+from physic_core.engine.joint.terms.regularisation import parameter_energy
+from physic_paper.terms.printed_regularisation import (
+    PrintedRegularisationSettings,
+    PrintedRegularisationTerm,
+    mesh_energy,
+)
 
 __all__ = ["ReleasedRegularisationTerm", "unrotated_vertices"]
 

@@ -77,7 +77,7 @@ def update_released_visibility(
     now = update_visibility(context, bodies, self_occlusion)
     if last is None:
         in_mask, normals = now.in_mask, mean_face_normals(bodies.vertices, model.faces)[:, ids]
-        facing = is_opposite_optical_axis(normals, context.options.facing_deg) & in_mask
+        facing = is_opposite_optical_axis(normals, context.visibility.facing_deg) & in_mask
     else:
         in_mask, facing = last.in_mask, last.facing
     parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)

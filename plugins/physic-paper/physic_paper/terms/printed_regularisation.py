@@ -12,9 +12,9 @@ from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.regularisation import mesh_energy, parameter_energy, vertex_weights
+from physic_core.engine.joint.terms.regularisation import parameter_energy, vertex_weights
 
-__all__ = ["ParameterPriorTerm", "PrintedRegularisationSettings", "PrintedRegularisationTerm"]
+__all__ = ["ParameterPriorTerm", "PrintedRegularisationSettings", "PrintedRegularisationTerm", "mesh_energy"]
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,17 @@ class PrintedRegularisationSettings:
     """Weight of visible vertices."""
     occluded_weight: NotNegative = 12.0
     """Weight of hidden vertices."""
+
+
+def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
+    """Return L_reg of the mesh, ``sum_v w_v |v - v0|^2``, (B,).
+
+    Args:
+        relative: (B, V, 3) vertices in the root's frame, metres.
+        start: (B, V, 3) the same at the start.
+        weight: (B, V).
+    """
+    return (weight * (relative - start).square().sum(-1)).sum(-1)
 
 
 class PrintedRegularisationTerm(Term):

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from physic_core.engine.joint.method import JointMethod
     from physic_core.engine.joint.problem import JointProblem
-    from physic_core.engine.joint.settings import JointSettings
 
 __all__ = ["SECTIONS", "SpeedReport", "SpeedRow", "format_report", "measure_speed"]
 
@@ -169,7 +169,7 @@ class _SpeedBenchmark:
     """Measurements of all sections for one body model and settings."""
 
     model: Any
-    settings: JointSettings
+    settings: JointMethod
     repeats: int
     size: tuple[int, int]
     seed: int
@@ -269,13 +269,13 @@ class _SolverCounts:
     def __init__(self) -> None:
         self.numbers: dict[str, float] = {}
 
-    def solve(self, problem: JointProblem, settings: JointSettings) -> None:
+    def solve(self, problem: JointProblem, settings: JointMethod) -> None:
         """Solve a problem and store the counts."""
         evaluations, steps = _solve(problem, settings)
         self.numbers = {"evaluations": evaluations, "steps": steps}
 
 
-def _solve(problem: JointProblem, settings: JointSettings) -> tuple[int, int]:
+def _solve(problem: JointProblem, settings: JointMethod) -> tuple[int, int]:
     """Solve a problem; return evaluations and steps."""
     from physic_core.engine.joint.solve import optimize
 

@@ -1,0 +1,111 @@
+"""What stage 3 does in each of its steps, and the settings that all energies share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
+
+from torch import Tensor
+
+from physic_core.body.model import BodyOutput
+from physic_core.engine.bounds import FrozenGroups
+from physic_core.engine.joint.contact_state import nearby_scene
+from physic_core.engine.joint.context import JointContext, Keypoints, select_surface
+from physic_core.engine.joint.optimiser import OptimiserSettings
+from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.settings import VisibilitySettings
+from physic_core.engine.joint.state import State
+from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
+from physic_core.geometry.neighbors import NearestPointSearch
+
+__all__ = ["JointMethod"]
+
+_LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
+_AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
+
+
+@dataclass(frozen=True)
+class JointMethod(ABC):
+    """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
+
+    An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them. The other methods
+    are what an energy may do in its own way; by default they do what preset "default" does.
+    """
+
+    frozen: FrozenGroups = ()
+    """Parameter groups that are kept constant: root, pose, hands, betas, translation, scale, offset."""
+    optimiser: OptimiserSettings = field(kw_only=True)
+    """Optimiser of the energy."""
+    visibility: VisibilitySettings = field(default_factory=VisibilitySettings)
+    """Visibility of vertices."""
+
+    nearest_every_step: ClassVar[bool] = False
+    """Whether nearest points are searched at every evaluation, not only when visibility is updated."""
+
+    @property
+    @abstractmethod
+    def search_radius_m(self) -> float:
+        """Search radius of vertices for scene points, metres."""
+
+    def prepare(self, problem: JointProblem) -> JointProblem:
+        """Return the problem as the energy uses it, with the scene points that distances are measured to."""
+        return select_surface(problem)
+
+    def weigh_people(self, problem: JointProblem) -> Tensor:
+        """Return the weight (B,) of each person in the energy: the size in the photo, relative to the largest person.
+
+        The scale of the scene then follows the people who are shown best.
+        """
+        sides = problem.masks.flatten(1).sum(1).sqrt()
+        return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
+
+    @abstractmethod
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+        """Return the keypoints and their weights.
+
+        Args:
+            problem: from :meth:`prepare`, with finite people only.
+            person_px: (B,) stature in px.
+        """
+
+    def weigh_vertices(self, area_m2: Tensor) -> Tensor:
+        """Return the weight (B, n) of each vertex from its surface (B, n): square decimetres."""
+        return area_m2 / _AREA_UNIT_M2
+
+    def nearby_scene(self, context: JointContext, vertices: Tensor, scale: float) -> NearestPointSearch:
+        """Return the search structure of the scene points near people (B, V, 3), metres, at a scale of the scene."""
+        return nearby_scene(context, vertices, scale)
+
+    def update_visibility(
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+    ) -> Visibility:
+        """Return the visibility of the posed bodies.
+
+        Args:
+            bodies: posed at the present state, all vertices.
+            self_occlusion: of the B people.
+            last: the last visibility; None at the first update.
+        """
+        return update_visibility(context, bodies, self_occlusion)
+
+    @abstractmethod
+    def initial_state(self, context: JointContext) -> State:
+        """Return the free parameters at the start."""
+
+    @abstractmethod
+    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+        """Return the terms of the energy, in the order of summation."""
+
+    def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:
+        """Return terms that are added when the others have converged, and the optimiser of the energy with them.
+
+        Nothing is minimised again if all of them are 0 then. By default there are none.
+        """
+        return (), self.optimiser
+
+    def without(self, term: str) -> Self:
+        """Return a copy with the weight of one term set to 0, if the energy has such a term."""
+        return replace(self, **{term: replace(getattr(self, term), weight=0.0)}) if hasattr(self, term) else self

@@ -1,0 +1,66 @@
+"""Stage 4 of presets "paper", "release" and "prox": contact by distance to the nearest scene point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.bounds import NotNegative
+from physic_core.engine.contact.distance import ContactSurfaces
+from physic_core.engine.contact.features import Distances
+from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.problem import ContactInput
+from physic_core.engine.joint.problem import JointProblem
+
+__all__ = ["DistanceContact", "with_floor_samples"]
+
+
+@dataclass(frozen=True)
+class DistanceContact(ContactMethod):
+    """Stage 4 as published: contact by distance. ``threshold`` and ``skin_threshold`` are not used."""
+
+    distance_m: NotNegative = 0.02
+    """Largest distance to scene or floor of a vertex in contact, metres; as released."""
+    inside_m: NotNegative = 0.15
+    """Largest depth inside of a vertex in contact, metres; as released."""
+    people: bool = False
+    objects: bool = False
+    assume_supports: bool = False
+
+    def contains(self, distance: Tensor) -> Tensor:
+        """Return which signed distances, metres, are those of vertices in contact."""
+        return (distance <= self.distance_m) & (distance >= -self.inside_m)
+
+    def surfaces(self, problem: JointProblem, vertices: Tensor, scale: float) -> ContactSurfaces:
+        """Return the scaled scene near bodies (B, V, 3), metres, with the samples of the floor."""
+        found = super().surfaces(with_floor_samples(problem), vertices, scale)
+        return replace(found, row=torch.where(found.row < len(problem.scene_points), found.row, -1))
+
+    def free_vertices(self, problem: JointProblem, vertices: Tensor, scale: float) -> Tensor | None:
+        """Return None: free space is not used."""
+        return None
+
+    def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
+        """Return the distance to the nearest point."""
+        return distance
+
+    def touch(self, given: ContactInput, near: Distances) -> Touch:
+        """Return the contacts of vertices whose distance is within the bounds of the settings."""
+        distance = near.by_kind
+        within = self.contains(distance) & given.model.outer & ~given.in_air
+        return Touch.of_rank(torch.where(within, -distance.abs(), -torch.inf), within.any(0), None)
+
+
+def with_floor_samples(problem: JointProblem) -> JointProblem:
+    """Return the problem with samples of the floor among the points of the scene, instead of its plane."""
+    if problem.floor_normal is None or problem.floor_points is None:
+        return problem
+    up = problem.floor_normal.expand_as(problem.floor_points)
+    return replace(
+        problem,
+        scene_points=torch.cat([problem.scene_points, problem.floor_points]),
+        scene_normals=torch.cat([problem.scene_normals, up]),
+        floor_normal=None,
+    )

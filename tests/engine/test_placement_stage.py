@@ -1,0 +1,98 @@
+"""Stage 2 alone: people are found again in a room with a known floor, and a wrong floor is dropped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from physic_core import engine_preset
+from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
+from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.human_points import PhotoPoints
+from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput, solve_placement
+from physic_core.engine.scene.solve import SceneState
+from physic_core.geometry.alignment import Alignment
+from physic_core.geometry.camera import pixel_rays
+from physic_core.geometry.floor import PlaneFit
+
+DEFAULT = engine_preset("default").placement
+AWAY = torch.tensor([[0.1, 0.05, 0.4]])
+UP = torch.tensor([0.0, -1.0, 0.0])
+WALL_M = 8.0
+
+
+@pytest.fixture(scope="module")
+def given(make_stage):
+    """A person who stands in a room, estimated 40 cm too far away, and a photo with an unknown scale."""
+    problem = make_stage([({}, (0.3, 0.0, 3.0))]).problem
+    rays = pixel_rays(*problem.masks.shape[-2:], problem.K)
+    on_floor = problem.floor_offset / rays[..., 1]
+    is_floor = (on_floor > 0) & (on_floor < WALL_M)
+    depth = torch.where(is_floor, on_floor, WALL_M)
+    scene = SceneState(
+        points=rays * depth[..., None],
+        normals=torch.where(is_floor[..., None], UP, torch.tensor([0.0, 0.0, -1.0])),
+        valid=torch.ones_like(is_floor),
+        floor_normal=UP,
+        floor_offset=problem.floor_offset,
+        floor_points=torch.zeros(0, 3),
+        floor_inlier_share=1.0,
+        K=problem.K.double(),
+        alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
+        floor=PlaneFit(UP, problem.floor_offset, is_floor, 1.0, 0.0, "floor mask"),
+        diagnostics={"floor": {}},
+    )
+    photo = torch.where(problem.human_depth.isnan(), depth, problem.human_depth)
+    return PlacementInput(
+        scene=scene,
+        photo=PhotoPoints(
+            0.5 * rays * photo[..., None], torch.ones_like(is_floor), "scale", people=problem.masks.any(0)
+        ),
+        bodies=EstimatedBodies(
+            problem.model, problem.rotations0, problem.betas0, problem.expression0, problem.transl0 + AWAY
+        ),
+        detections=Detections(
+            problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
+        ),
+        contact_probability=problem.contact_probability,
+    )
+
+
+def test_a_person_is_found_again(given):
+    found = solve_placement(given, DEFAULT)
+    error = (found.placement.transl - (given.bodies.transl - AWAY)).norm()
+    print(f"{1000 * error:.0f} mm")
+    assert error < 0.03
+    assert found.photo.alignment.scale == pytest.approx(2.0, rel=1e-3)
+    assert found.placement.grounded.tolist() == [True]
+    assert found.scene is given.scene
+    assert (found.rejected_floor, found.size_ratio, found.lifted_feet) == (None, None, None)
+
+
+def test_a_floor_through_the_people_is_dropped_and_they_are_placed_again(given):
+    table = PlaneFit(UP, 0.4, torch.ones_like(given.scene.valid), 0.5, 0.0, "lower image")
+    wrong = replace(given, scene=replace(given.scene, floor=table, floor_offset=0.4))
+    found = solve_placement(wrong, DEFAULT)
+    assert found.rejected_floor == "through_people"
+    assert found.scene.floor_plane is None
+    assert found.scene.diagnostics["floor"]["reason"] == "through_people"
+    without = replace(given, scene=replace(given.scene, floor=None, floor_normal=None, floor_offset=0.0))
+    assert torch.equal(found.placement.transl, solve_placement(without, DEFAULT).placement.transl)
+
+
+def test_people_are_resized_to_a_scene_of_known_size(given):
+    nothing = KnownDistances(
+        torch.zeros(0),
+        torch.zeros(0, 2, dtype=torch.int64),
+        torch.zeros(0, 2, 3),
+        torch.zeros(0, 2, 3),
+        torch.zeros(0, dtype=torch.int64),
+    )
+    known = KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor_offset, nothing)
+    scene, geometry = scale_scene(given.scene, known, 1.1)
+    found = solve_placement(replace(given, scene=scene, known=KnownScene(scene, given.scene, geometry, 1.1)), DEFAULT)
+    before, after = (b.model.stature(b.betas) for b in (given.bodies, found.bodies))
+    assert found.size_ratio.tolist() == pytest.approx([1.1], rel=0.02)
+    assert 1.02 < float(after / before) < 1.1
