@@ -15,9 +15,7 @@ from typing import Any
 
 from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
-from physic_core.batch.result_files import names_thumbnail
-from physic_core.batch.saving import thumbnail_path, write_thumbnail
-from physic_core.errors import InputError
+from physic_core.batch.saving import thumbnail_path
 from physic_core.files.atomic import atomic_write
 from physic_core.io.result_folder import ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE
 
@@ -29,8 +27,6 @@ MAX_PHOTOS = 5000
 
 def write_contact_sheet(out: Path, limit: int = MAX_PHOTOS) -> Path:
     """Write the contact sheet of a batch to its output folder and return its path.
-
-    A thumbnail that is lost or cut off is made again, where the result can be loaded.
 
     Raises:
         OutputError: a file cannot be written.
@@ -105,6 +101,7 @@ def _common_folder(paths: Sequence[str]) -> str:
 
 def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
     path, done = str(row.get("path", "")), row["state"] == "done"
+    thumbnail = out / thumbnail_path(photo_folder(str(row["id"])))
     title = path.removeprefix(above) if above else os.path.basename(path)
     message = str(row.get("message", "")).replace(path, title)
     for folder in filter(None, (above, f"{out}{os.sep}")):
@@ -113,7 +110,7 @@ def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
         "name": row["id"],
         "title": title or row["id"],
         "link": result_link(out, str(row.get("folder", ""))),
-        "thumbnail": base64.b64encode(_thumbnail(out, row)).decode() if done else "",
+        "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode() if done and thumbnail.is_file() else "",
         "state": row["state"],
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),
@@ -121,17 +118,3 @@ def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
         "people": int(row.get("people") or 0) if done else None,
         "checks": str(row.get("checks_failed", "")).split(),
     }
-
-
-def _thumbnail(out: Path, row: Mapping[str, Any]) -> bytes:
-    folder = photo_folder(str(row["id"]))
-    path = out / thumbnail_path(folder)
-    content = path.read_bytes() if path.is_file() else b""
-    if content.endswith(b"\xff\xd9") or not names_thumbnail(row) or not (out / folder / ARRAYS_FILE).is_file():
-        return content
-    from physic_core.io.results import load_reconstruction
-
-    try:
-        return write_thumbnail(load_reconstruction(out / folder), out, folder)
-    except InputError:  # the next run finds that files of the result are damaged
-        return b""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.machine import default_workers
-from physic_core.batch.run import local_executor
+from physic_core.batch.run import run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.installed import find_one, import_target
@@ -70,6 +70,6 @@ def _local(settings: ExecutorSettings) -> Executor:
 
     def run(items: Iterable[PhotoItem], job: BatchJob) -> Generator[dict[str, Any], None, None]:
         count = settings.workers or partial(default_workers, device=job.config.run.device)
-        return local_executor(WorkerSettings(count, settings.timeout, settings.logs))(items, job)
+        return run_locally(items, job, WorkerSettings(count, settings.timeout, settings.logs))
 
     return run

@@ -21,7 +21,7 @@ from physic_core.io.result_folder import (
 )
 from physic_core.io.results import read_document
 
-__all__ = ["file_sizes", "is_complete", "names_of_files", "names_thumbnail", "result_digest"]
+__all__ = ["file_sizes", "is_complete", "names_of_files", "result_digest"]
 
 _THUMBNAIL = "thumbnail"
 
@@ -59,8 +59,7 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
     """Return whether the files that the row of a finished photo names are there with their sizes.
 
     A file of another size counts if its digest is that of ``reconstruction.json``: a report that is added later
-    changes some. So do the files of a row of an older version, which states no sizes. A thumbnail counts only where
-    it cannot be made again from the result.
+    changes some. So do the files of a row of an older version, which states no sizes. The thumbnail does not count.
 
     Args:
         out: folder of the batch.
@@ -70,9 +69,7 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
         verify: whether to compare digests even where sizes agree.
     """
     sizes = {name: int(size) for name, _, size in (text.partition("=") for text in str(row.get("files", "")).split())}
-    thumbnail = sizes.pop(_THUMBNAIL, None)
-    if thumbnail and not saving.can_be_loaded and _size(out / thumbnail_path(folder)) != thumbnail:
-        return False
+    sizes.pop(_THUMBNAIL, None)
     different = [name for name in sizes if _size(out / folder / name) != sizes[name]]
     if saving.level == "summary":
         return not different  # the caller compares the digest of the one main file
@@ -84,11 +81,6 @@ def names_of_files(row: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of the files in a photo's folder that its row of the journal states."""
     names = (text.partition("=")[0] for text in str(row.get("files", "")).split())
     return tuple(name for name in names if name != _THUMBNAIL and os.path.basename(name) == name)
-
-
-def names_thumbnail(row: Mapping[str, Any]) -> bool:
-    """Whether a row of the journal states that a thumbnail was written."""
-    return f"{_THUMBNAIL}=" in str(row.get("files", ""))
 
 
 def _names(folder: Path) -> list[str]:

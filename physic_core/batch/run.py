@@ -18,7 +18,7 @@ from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
 
-__all__ = ["Executor", "Plan", "local_executor", "outcome_row", "plan_batch", "run_batch", "run_locally"]
+__all__ = ["BatchPlan", "Executor", "outcome_row", "plan_batch", "run_batch", "run_locally"]
 
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
@@ -30,7 +30,7 @@ _NEEDED = ("state", "config", "save", "files", "result", "photo", "bytes", "modi
 
 
 @dataclass(frozen=True)
-class Plan:
+class BatchPlan:
     """What is to be done of a batch.
 
     Attributes:
@@ -52,7 +52,9 @@ class Plan:
     lost: int = 0
 
 
-def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False, verify: bool = False) -> Plan:
+def plan_batch(
+    items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool = False, verify: bool = False
+) -> BatchPlan:
     """Compare the photos with the journals in the output folder.
 
     A photo is done anew if its content, the configuration, its settings or what is saved differ from its last row, or
@@ -86,7 +88,7 @@ def plan_batch(items: Iterable[PhotoItem], job: BatchJob, *, retry_failed: bool 
             count[row["state"]] += 1
             versions.add(str(row.get("version", "")))
     kept = tuple(sorted(versions))
-    return Plan(
+    return BatchPlan(
         tuple(map(stamped, todo)),
         count["done"],
         count["failed"],
@@ -122,11 +124,6 @@ def run_batch(
         for row in rows:
             log.append(row)
             on_row(row)
-
-
-def local_executor(settings: WorkerSettings) -> Executor:
-    """Return an executor that uses worker processes on this machine, each with its own loaded pipeline."""
-    return partial(run_locally, settings=settings)
 
 
 def run_locally(

@@ -118,8 +118,8 @@ def thumbnail_path(folder: str) -> str:
     return f"thumbnails/{folder.removeprefix('photos/')}.jpg"
 
 
-def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> bytes:
-    """Write the thumbnail of a photo and return its content.
+def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
+    """Write the thumbnail of a photo.
 
     Args:
         result: of the photo.
@@ -129,9 +129,7 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> bytes:
     Raises:
         OutputError: it cannot be written.
     """
-    content = thumbnail_jpeg(result)
-    _write_file(out / thumbnail_path(folder), content)
-    return content
+    _write_file(out / thumbnail_path(folder), thumbnail_jpeg(result))
 
 
 def thumbnail_jpeg(result: Reconstruction) -> bytes:

@@ -16,7 +16,7 @@ from physic_core.configuration.quoting import printable
 
 if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import Executor, Plan
+    from physic_core.batch.run import BatchPlan, Executor
 
 __all__ = ["batch"]
 
@@ -161,7 +161,7 @@ def _executor(
     return open_executor(name, ExecutorSettings(workers, timeout, logs, address, options))
 
 
-def _describe(plan: Plan, photos: int) -> str:
+def _describe(plan: BatchPlan, photos: int) -> str:
     from physic_core.discovery.plugins import core_version
 
     parts = [f"{photos:,} photos: {len(plan.todo):,} to do, {plan.done:,} done before"]

@@ -348,15 +348,6 @@ def test_changed_bytes_are_found_with_verify_only(tmp_path: Path, out: Path):
     assert todo(job, photos, verify=True) == []
 
 
-def test_a_lost_thumbnail_does_a_photo_anew_only_where_its_result_cannot_be_loaded(tmp_path: Path, out: Path):
-    photos = make_photos(tmp_path / "photos", "a")
-    for level, anew in (("people", ["a"]), ("numbers", [])):
-        job = BatchJob(load_config(preset="mock"), str(out / level), Saving(level))
-        run_tiny(photos, job)
-        shutil.rmtree(out / level / "thumbnails")
-        assert todo(job, photos) == anew
-
-
 def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path: Path, out: Path):
     photos, job = make_photos(tmp_path / "photos", "done", "failed"), job_for(out)
 

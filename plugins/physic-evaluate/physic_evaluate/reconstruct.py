@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,7 +91,7 @@ def reconstruct(
     """
     from physic_core.batch.journal import read_rows
     from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import local_executor, plan_batch, run_batch
+    from physic_core.batch.run import plan_batch, run_batch, run_locally
     from physic_core.batch.saving import Saving
     from physic_core.batch.workers import WorkerSettings
     from physic_core.files.atomic import check_writable
@@ -107,7 +108,7 @@ def reconstruct(
     plan = plan_batch(items, job)
     report(f"{counted(len(items), 'picture')}: {len(plan.todo)} to reconstruct, {plan.done} done before")
     logs = check_writable(out / "logs")
-    executor = local_executor(WorkerSettings(how.workers, TIMEOUT_S, logs))
+    executor = partial(run_locally, settings=WorkerSettings(how.workers, TIMEOUT_S, logs))
     count = 0
 
     def on_row(row: Any) -> None:
