@@ -24,24 +24,48 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter, ValidationError
+
+from physic_core.discovery.catalog import did_you_mean
 from physic_core.errors import BackendError
 
 __all__ = ["HubSource", "WebSource", "WeightFile", "WeightSet", "is_inside", "read_manifest"]
 
-_NAME = re.compile(r"[a-z0-9]+([._-][a-z0-9]+)*")
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
-_MAX_BYTES = 2**63
 _MAX_SHOWN = 80
-_HASH = re.compile(r"[0-9a-f]{64}")
 _COMMIT = re.compile(r"[0-9a-f]{40}")
+_TABLE = ConfigDict(extra="forbid")
+
+
+def is_inside(path: str) -> bool:
+    """Return whether a relative path stays inside its folder, on every operating system."""
+    parts = PurePosixPath(path).parts
+    plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
+    return plain and bool(parts) and ".." not in parts and not path.endswith("/")
+
+
+def _check_path(path: str) -> str:
+    if not is_inside(path):
+        raise ValueError("should be inside the folder of the set")
+    return path
+
+
+def _check_source(source: str) -> str:
+    hub, web = _HUB.fullmatch(source), _WEB.fullmatch(source)
+    inside = hub[2] if hub else web[1] if web else ""
+    if source and not (inside is None or is_inside(inside)):
+        raise ValueError("should be hf://owner/repository/path[@revision] or https://host/path[#member]")
+    return source
+
+
+_Text = Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -83,10 +107,12 @@ class WeightFile:
         source: address of the download; "" if the user has to provide the file.
     """
 
-    path: str
-    bytes: int | None = None
-    sha256: str | None = None
-    source: str = ""
+    __pydantic_config__ = _TABLE
+
+    path: Annotated[str, AfterValidator(_check_path)]
+    bytes: Annotated[int, Strict(), Field(gt=0, lt=2**63)] | None = None
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    source: Annotated[str, AfterValidator(_check_source)] = ""
 
     @property
     def is_pinned(self) -> bool:
@@ -121,14 +147,16 @@ class WeightSet:
         files: at least one.
     """
 
-    name: str
-    summary: str
-    license: str
-    commercial: bool | None
-    account: bool
-    homepage: str
-    advice: str
-    files: tuple[WeightFile, ...]
+    __pydantic_config__ = _TABLE
+
+    name: Annotated[str, Field(pattern="^[a-z0-9]+([._-][a-z0-9]+)*$")]
+    summary: _Text
+    license: _Text
+    commercial: StrictBool | None = None
+    account: StrictBool = False
+    homepage: str = ""
+    advice: str = ""
+    files: tuple[WeightFile, ...] = ()
 
     @property
     def bytes(self) -> int | None:
@@ -159,18 +187,6 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
     return _read(stamps)
 
 
-def is_inside(path: str) -> bool:
-    """Return whether a relative path stays inside its folder, on every operating system."""
-    parts = PurePosixPath(path).parts
-    plain = not (path.startswith("/") or "\\" in path or ":" in path or "\0" in path or PureWindowsPath(path).drive)
-    return plain and bool(parts) and ".." not in parts and not path.endswith("/")
-
-
-def _printable(path: str) -> str:
-    """Return a path for messages, with control characters escaped."""
-    return path if path.isprintable() else ascii(path)[1:-1]
-
-
 @functools.lru_cache(maxsize=64)
 def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     import tomllib
@@ -190,113 +206,52 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
             faults.append(f"{file}: its arrays or tables are nested too deeply")
             continue
         for name, table in tables.items():
-            found: list[str] = []
             if name in owner:
-                found.append(f"is in {owner[name].name} already")
-            made = _set(name, table, found)
+                faults.append(f"{file}: [{_shown(name)[1:-1]}] is in {owner[name].name} already")
+                continue
+            try:
+                made = _SETS.validate_python({"name": name, **table} if isinstance(table, dict) else table)
+                found = list(_contradictions(made))
+            except ValidationError as error:
+                found = [_describe(problem) for problem in error.errors(include_url=False)]
             faults += [f"{file}: [{_shown(name)[1:-1]}] {fault}" for fault in found]
-            if made is not None and not found:
+            if not found:
                 sets[name], owner[name] = made, file
     if faults:
         raise BackendError("\n".join(["this weight manifest is invalid:", *faults]))
     return MappingProxyType(sets)
 
 
-_KEYS: dict[str, tuple[type, bool, str]] = {
-    "summary": (str, True, "a text"),
-    "license": (str, True, "a text"),
-    "commercial": (bool, False, "true or false"),
-    "account": (bool, False, "true or false"),
-    "homepage": (str, False, "a text"),
-    "advice": (str, False, "a text"),
-    "files": (list, True, "a list of tables"),
-}
-_FILE_KEYS: dict[str, tuple[type, bool, str]] = {
-    "path": (str, True, "a text"),
-    "bytes": (int, False, "a whole number"),
-    "sha256": (str, False, "a text"),
-    "source": (str, False, "a text"),
-}
+_SETS = TypeAdapter(WeightSet)
 
 
-def _set(name: str, table: Any, faults: list[str]) -> WeightSet | None:
-    """Parse the table of one weight set; errors are appended to ``faults``."""
-    if not _NAME.fullmatch(name):
-        faults.append("should be of a-z, 0-9, and single hyphens, dots or underscores between them")
-    if not isinstance(table, dict):
-        faults.append(f"should be a table, got {_shown(table)}")
-        return None
-    if not _keys(table, _KEYS, "", faults):
-        return None
-    if not table["files"]:
-        faults.append("has no files")
-    files = []
-    for i, entry in enumerate(table["files"]):
-        if (file := _file(entry, f"files[{i}] ", faults)) is not None:
-            files.append(file)
-    for twice in sorted({f.path for f in files if sum(f.path == g.path for g in files) > 1}):
-        faults.append(f"has the file {_printable(twice)} more than once")
-    by_hand = [_printable(file.path) for file in files if not file.source]
-    if by_hand and not table.get("advice"):
-        faults.append(f"has no source for {', '.join(by_hand)}: write in 'advice' how to get it")
-    return WeightSet(
-        name=name,
-        summary=table["summary"],
-        license=table["license"],
-        commercial=table.get("commercial"),
-        account=table.get("account", False),
-        homepage=table.get("homepage", ""),
-        advice=table.get("advice", ""),
-        files=tuple(files),
-    )
+def _contradictions(weights: WeightSet) -> Iterator[str]:
+    """Yield what is wrong with the files of a set beside the values of each key."""
+    if not weights.files:
+        yield "has no files"
+    paths = [file.path for file in weights.files]
+    for twice in sorted({path for path in paths if paths.count(path) > 1}):
+        yield f"has the file {_shown(twice)[1:-1]} more than once"
+    for file in weights.files:
+        if file.source.startswith("http://") and file.sha256 is None:
+            yield f"{_shown(file.source)} is not secure: add its sha256, or use https://"
+    by_hand = [_shown(file.path)[1:-1] for file in weights.files if not file.source]
+    if by_hand and not weights.advice:
+        yield f"has no source for {', '.join(by_hand)}: write in 'advice' how to get it"
 
 
-def _file(entry: Any, at: str, faults: list[str]) -> WeightFile | None:
-    if not isinstance(entry, dict):
-        faults.append(f"{at}should be a table, got {_shown(entry)}")
-        return None
-    if not _keys(entry, _FILE_KEYS, at, faults):
-        return None
-    path, size, digest, source = entry["path"], entry.get("bytes"), entry.get("sha256"), entry.get("source", "")
-    if not is_inside(path):
-        faults.append(f"{at}path should be inside the folder of the set, got {_shown(path)}")
-    if size is not None and not 0 < size < _MAX_BYTES:
-        faults.append(f"{at}bytes should be > 0{'' if size <= 0 else ' and below 2**63'}, got {_shown(size)}")
-    if digest is not None and not _HASH.fullmatch(digest):
-        faults.append(f"{at}sha256 should be 64 digits of 0-9 and a-f, got {_shown(digest)}")
-    if source and not _is_source(source):
-        faults.append(
-            f"{at}source should be hf://owner/repository/path[@revision] or https://host/path[#member], "
-            f"got {_shown(source)}"
-        )
-    elif source.startswith("http://") and digest is None:
-        faults.append(f"{at}source is http://, which is not secure: add its sha256, or use https://")
-    return WeightFile(path, size, digest, source)
-
-
-def _is_source(source: str) -> bool:
-    if found := _HUB.fullmatch(source):
-        return is_inside(found[2])
-    found = _WEB.fullmatch(source)
-    return found is not None and (found[1] is None or is_inside(found[1]))
-
-
-def _keys(table: Mapping[str, Any], known: Mapping[str, tuple[type, bool, str]], at: str, faults: list[str]) -> bool:
-    """Return whether a table has all required keys with the right types; errors are appended to ``faults``."""
-    before = len(faults)
-    for key in table:
-        if key not in known:
-            close = get_close_matches(key, known, n=1)
-            faults.append(f"{at}has an unknown key {_shown(key)}" + (f". Did you mean '{close[0]}'?" if close else ""))
-    for key, (kind, needed, words) in known.items():
-        if key not in table:
-            if needed:
-                faults.append(f"{at}has no {key}")
-        elif not isinstance(table[key], kind) or (kind is int and isinstance(table[key], bool)):
-            faults.append(f"{at}{key} should be {words}, got {_shown(table[key])}")
-        elif needed and kind is str and not table[key].strip():
-            faults.append(f"{at}{key} should not be empty")
-    return len(faults) == before
+def _describe(problem: Any) -> str:
+    """Return a problem that pydantic found as one line: "files.0.bytes should be greater than 0 (got 0)"."""
+    *above, key = problem["loc"] or ("",)
+    at = ".".join(ascii(part)[1:-1] if isinstance(part, str) else str(part) for part in problem["loc"])
+    if problem["type"] == "unexpected_keyword_argument":
+        known = [field.name for field in fields(WeightFile if above else WeightSet)]
+        return f"{at} is an unknown key{did_you_mean(key, known)}"
+    if problem["type"] == "missing":
+        return f"{at} is missing"
+    text = "should be a table" if problem["type"] == "dataclass_type" else problem["msg"]
+    text = re.sub("^(Value error, |Input |String )", "", text)
+    return f"{at} {text} (got {_shown(problem['input'])})".lstrip()
 
 
 def _shown(value: Any) -> str:

@@ -117,11 +117,14 @@ def test_every_fault_is_reported_at_once(tmp_path: Path):
         source = "ftp://example.org/x"
         [[two.files]]
         path = "same.onnx"
-        source = "http://example.org/x"
-        [[two.files]]
-        path = "same.onnx"
         size = 3
-        [[two.files]]
+        [four]
+        summary = "Four"
+        license = "MIT"
+        [[four.files]]
+        path = "same.onnx"
+        source = "http://example.org/x"
+        [[four.files]]
         path = "same.onnx"
         [three]
         summary = "Three"
@@ -130,27 +133,26 @@ def test_every_fault_is_reported_at_once(tmp_path: Path):
         """,
     )
     assert faults(path) == [
-        "[simple] should be a table, got 3",
-        "[Net] should be of a-z, 0-9, and single hyphens, dots or underscores between them",
-        "[Net] has an unknown key 'sumary'. Did you mean 'summary'?",
-        "[Net] has no summary",
-        "[Net] license should not be empty",
-        "[Net] commercial should be true or false, got 'yes'",
-        "[two] files[0] path should be inside the folder of the set, got '../up.onnx'",
-        "[two] files[0] bytes should be > 0, got 0",
-        "[two] files[0] sha256 should be 64 digits of 0-9 and a-f, got 'AB12'",
-        "[two] files[0] source should be hf://owner/repository/path[@revision] or https://host/path[#member], "
-        "got 'ftp://example.org/x'",
-        "[two] files[1] source is http://, which is not secure: add its sha256, or use https://",
-        "[two] files[2] has an unknown key 'size'",
-        "[two] has the file same.onnx more than once",
-        "[two] has no source for same.onnx: write in 'advice' how to get it",
-        "[three] files[0] should be a table, got 'model.onnx'",
+        "[simple] should be a table (got 3)",
+        "[Net] name should match pattern '^[a-z0-9]+([._-][a-z0-9]+)*$' (got 'Net')",
+        "[Net] summary is missing",
+        "[Net] license should have at least 1 character (got '')",
+        "[Net] commercial should be a valid boolean (got 'yes')",
+        "[Net] sumary is an unknown key. Did you mean 'summary'?",
+        "[two] files.0.path should be inside the folder of the set (got '../up.onnx')",
+        "[two] files.0.bytes should be greater than 0 (got 0)",
+        "[two] files.0.sha256 should match pattern '^[0-9a-f]{64}$' (got 'AB12')",
+        "[two] files.0.source should be hf://owner/repository/path[@revision] or https://host/path[#member] (got 'ftp://example.org/x')",
+        "[two] files.1.size is an unknown key",
+        "[four] has the file same.onnx more than once",
+        "[four] 'http://example.org/x' is not secure: add its sha256, or use https://",
+        "[four] has no source for same.onnx: write in 'advice' how to get it",
+        "[three] files.0 should be a table (got 'model.onnx')",
     ]
 
 
 def test_a_missing_licence(tmp_path: Path):
-    assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] has no license"]
+    assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] license is missing"]
 
 
 def test_a_set_of_no_files(tmp_path: Path):
