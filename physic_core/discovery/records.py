@@ -95,7 +95,7 @@ class ReportRecord(_TargetRecord):
 
     The target is a function that gets a :class:`physic_core.Reconstruction`, or the :class:`physic_core.InputError`
     that says why it cannot be read, and a title, and returns HTML as text. The HTML has
-    :data:`physic_core.visual.report.GENERATOR` in its first 500 bytes.
+    :data:`physic_core.visual.report.PAGE_MARK` in its first 500 bytes.
     """
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces.requirements import Requirement
     from physic_core.types import UInt8Array
 
-__all__ = ["Backend", "Options", "Request", "Result", "call", "interface_of", "violations"]
+__all__ = ["Backend", "Options", "Request", "Result", "call", "contract_violations", "interface_of"]
 
 Result = TypeVar("Result")
 
@@ -127,7 +127,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
             takes = ", ".join(field.name for field in fields(kind.Request) if not field.kw_only)
             raise InputError(f"{kind.interface} is called with {takes}: {str(error).partition('() ')[2]}") from error
         result = call(self, request)
-        if wrong := violations(kind, result, request):
+        if wrong := contract_violations(kind, result, request):
             raise BackendOutputError(f"{type(self).__name__} returned an invalid result: {'; '.join(wrong)}")
         return result
 
@@ -175,7 +175,7 @@ def interface_of(backend: type[Backend]) -> type[Backend]:
     return next(c for c in reversed(backend.__mro__) if issubclass(c, Backend) and "interface" in vars(c))
 
 
-def violations(interface: type[Backend], result: object, request: Request[Any]) -> list[str]:
+def contract_violations(interface: type[Backend], result: object, request: Request[Any]) -> list[str]:
     """Return one sentence for each violation of the interface by a result; empty for a valid result."""
     wrong_type = list(check_type(result, interface.Result))
     if wrong_type:

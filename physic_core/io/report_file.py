@@ -12,7 +12,7 @@ from physic_core.files.atomic import atomic_write, check_writable, committed_pat
 from physic_core.io.document import encode_document
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, digest_of
 from physic_core.io.results import load_reconstruction, read_document
-from physic_core.visual.report import GENERATOR, HEAD_BYTES, report_html
+from physic_core.visual.report import HEAD_BYTES, PAGE_MARK, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -76,7 +76,7 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
 def _check_own(path: Path) -> None:
     try:
         with path.open("rb") as file:
-            own = GENERATOR.encode() in file.read(HEAD_BYTES)
+            own = PAGE_MARK.encode() in file.read(HEAD_BYTES)
     except FileNotFoundError:
         return
     except OSError as error:

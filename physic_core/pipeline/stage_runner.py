@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast
 
 from physic_core.discovery.error_text import traceback_text
 from physic_core.errors import BackendOutputError, PhysicError
-from physic_core.interfaces.backend import Result, call, interface_of, violations
+from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.types import StageRecord
@@ -121,7 +121,7 @@ class StageRunner:
         def find_faults(result: object) -> list[str]:
             if unchecked and isinstance(result, interface.Result):
                 result = replace(result, **dict.fromkeys(unchecked))  # type: ignore[type-var]
-            return violations(interface, result, request)
+            return contract_violations(interface, result, request)
 
         try:
             key = self._cache_key(title, resolved, request.arguments)

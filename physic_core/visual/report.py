@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.installed import Installed, call_target, explain_absence, find_installed
@@ -12,15 +13,22 @@ if TYPE_CHECKING:
     from physic_core.errors import InputError
     from physic_core.types import Reconstruction
 
-__all__ = ["GENERATOR", "HEAD_BYTES", "report_html", "require_report"]
+__all__ = ["HEAD_BYTES", "PAGE_MARK", "report_html", "require_report"]
 
-GENERATOR = '<meta name="generator" content="PhySIC report">'
+PAGE_MARK = '<meta name="generator" content="PhySIC report">'
 """Element by which a page is recognised, so that a new page may replace it."""
 
 HEAD_BYTES = 500
 """Bytes at the start of a page that the element lies in."""
 
 _DISTRIBUTION = "physic-viewer"
+
+
+def __getattr__(name: str) -> str:
+    if name == "GENERATOR":
+        warnings.warn("physic_core.visual.report.GENERATOR is now PAGE_MARK", DeprecationWarning, stacklevel=2)
+        return PAGE_MARK
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def report_html(reconstruction: Reconstruction | InputError, title: str = "") -> str:
@@ -38,9 +46,9 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
     found = _find()
     page = call_target(found, "page", reconstruction, title or "Reconstruction")
     head = str(page)[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES]
-    if not isinstance(page, str) or GENERATOR.encode() not in head:
+    if not isinstance(page, str) or PAGE_MARK.encode() not in head:
         raise PluginError(
-            f"the page '{found.record.name}' of {found.origin} should be a text with {GENERATOR} in its first "
+            f"the page '{found.record.name}' of {found.origin} should be a text with {PAGE_MARK} in its first "
             f"{HEAD_BYTES} bytes, got {str(page)[:60]!r} ({type(page).__name__})"
         )
     return page

@@ -43,7 +43,7 @@ def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
         return {name: f"picture of {mark(result)}".encode() for name in names}, None
 
     monkeypatch.setattr(results, "_pictures", pictures)
-    page = f"<meta {report_file.GENERATOR}> page of "
+    page = f"<meta {report_file.PAGE_MARK}> page of "
     monkeypatch.setattr(report_file, "report_html", lambda result, title: page + mark(result))
 
 

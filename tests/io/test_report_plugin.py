@@ -14,7 +14,7 @@ from physic_core.batch.saving import Saving
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
-from physic_core.visual.report import GENERATOR, report_html
+from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = """
 from physic_core import ReportRecord, hookimpl
@@ -26,7 +26,7 @@ def physic_reports():
 def page(result, title):
     {body}
 """
-PLAIN = f"return '{GENERATOR}<h1>' + title + '</h1>' + str(result)"
+PLAIN = f"return '{PAGE_MARK}<h1>' + title + '</h1>' + str(result)"
 HIDDEN = "physic-mock"
 MISSING = (
     f"report.html is made by physic-viewer, which is not installed, or hidden by PHYSIC_PLUGINS='{HIDDEN}': "
@@ -82,12 +82,12 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
     assert (
-        (folder / "report.html").read_text().startswith(f"{GENERATOR}<h1>mine</h1>Reconstruction(0 people, 160 x 120, ")
+        (folder / "report.html").read_text().startswith(f"{PAGE_MARK}<h1>mine</h1>Reconstruction(0 people, 160 x 120, ")
     )
     (folder / "reconstruction.npz").write_bytes(b"PK")
     with pytest.raises(InputError) as error:
         add_report(folder)
-    assert (folder / "report.html").read_text() == f"{GENERATOR}<h1>a</h1>{error.value}"
+    assert (folder / "report.html").read_text() == f"{PAGE_MARK}<h1>a</h1>{error.value}"
 
 
 @pytest.mark.parametrize(
@@ -95,12 +95,12 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
     [
         (
             "return None",
-            f"the page 'plain' of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            f"the page 'plain' of physic-page 1.0 should be a text with {PAGE_MARK} in its first 500 bytes, "
             "got 'None' (NoneType)",
         ),
         (
-            f"return 500 * ' ' + '{GENERATOR}'",
-            f"the page 'plain' of physic-page 1.0 should be a text with {GENERATOR} in its first 500 bytes, "
+            f"return 500 * ' ' + '{PAGE_MARK}'",
+            f"the page 'plain' of physic-page 1.0 should be a text with {PAGE_MARK} in its first 500 bytes, "
             f"got {60 * ' '!r} (str)",
         ),
         ("return title / 2", "the page 'plain' of physic-page 1.0 fails: TypeError: unsupported operand type(s) for /"),

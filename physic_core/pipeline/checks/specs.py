@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 __all__ = ["CHECKS", "CheckSpec", "Direction", "Failure"]
@@ -22,11 +23,11 @@ class CheckSpec:
     Attributes:
         name: as in :class:`physic_core.types.CheckResult`.
         label: the name that readers see.
-        of: "photo" or "person".
         direction: whether the value must be "at most" or "at least" the threshold.
         threshold: the bound; a setting of the engine may replace it.
         unit: of threshold and value.
         share_of: what a value of unit "share" is a share of; "" if the label says it.
+        of: "photo" or "person".
         warns: whether a failed check is also a warning of the result.
         failure: what a failed check does to the grade.
         needed: whether the grade is doubtful if nothing was measured.
@@ -34,44 +35,19 @@ class CheckSpec:
 
     name: str
     label: str
-    of: Literal["photo", "person"]
     direction: Direction
     threshold: float
     unit: str
-    share_of: str
-    warns: bool
-    failure: Failure
-    needed: bool = False
+    share_of: str = ""
+    of: Literal["photo", "person"] = field(kw_only=True)
+    warns: bool = field(default=False, kw_only=True)
+    failure: Failure = field(default="doubtful", kw_only=True)
+    needed: bool = field(default=False, kw_only=True)
 
 
 _SHARE, _YES = "share", "1: yes"
-
-
-def _photo(
-    name: str,
-    label: str,
-    direction: Direction,
-    threshold: float,
-    unit: str,
-    share_of: str = "",
-    failure: Failure = "doubtful",
-    needed: bool = False,
-) -> CheckSpec:
-    return CheckSpec(name, label, "photo", direction, threshold, unit, share_of, True, failure, needed)
-
-
-def _person(
-    name: str,
-    label: str,
-    direction: Direction,
-    threshold: float,
-    unit: str,
-    share_of: str = "",
-    failure: Failure = "contradiction",
-    needed: bool = False,
-    warns: bool = False,
-) -> CheckSpec:
-    return CheckSpec(name, label, "person", direction, threshold, unit, share_of, warns, failure, needed)
+_photo = partial(CheckSpec, of="photo", warns=True)
+_person = partial(CheckSpec, of="person", failure="contradiction")
 
 
 # "Photos" below are of all kinds, run with the embedded backends; "worlds" are those of the mocks.
@@ -107,7 +83,9 @@ _ALL = (
     # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
     _person("body_in_mask", "Body within the person", "at least", 0.85, _SHARE, "the silhouette"),
     # Full bodies 0.77-0.98; cut at the waist 0.46-0.75; behind another's back 0.23, and there the body is a guess.
-    _person("visible", "Visible in the photo", "at least", 0.4, _SHARE, "the side towards the camera", "doubtful"),
+    _person(
+        "visible", "Visible in the photo", "at least", 0.4, _SHARE, "the side towards the camera", failure="doubtful"
+    ),
     # The pose of a trunk whose shoulders are outside of the photo is a guess, however well the legs fit.
     _person("shoulders_seen", "Visible shoulders", "at least", 1, "count", failure="doubtful"),
     _person("legs_seen", "Visible legs", "at least", 2, "count", failure="doubtful"),

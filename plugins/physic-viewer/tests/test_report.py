@@ -17,7 +17,7 @@ import torch
 
 from physic_core.body import load_body
 from physic_core.types import CheckResult, UnposedPerson
-from physic_core.visual.report import GENERATOR
+from physic_core.visual.report import PAGE_MARK
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_viewer.report.packing import pack_flags, pack_indices, pack_points
 from physic_viewer.report.page import failure_html, report_html
@@ -161,7 +161,7 @@ def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, 
 def test_a_page_has_no_address_and_is_small(make, people):
     page = report_html(make(people=people), "photo.jpg")
     assert "<title>photo.jpg – PhySIC</title>" in page
-    assert GENERATOR in page
+    assert PAGE_MARK in page
     assert not re.search(r"https?:|src=|href=|@import|url\(", page.split("<script>")[0])
     assert not re.search("https?:", page)
     assert len(page) < 1.5e6

@@ -16,7 +16,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
-from physic_core.visual.report import GENERATOR
+from physic_core.visual.report import PAGE_MARK
 from physic_viewer.report.contents import page_contents
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
     return _fill(
         _part("report.html"),
         {
-            "GENERATOR": GENERATOR,
+            "GENERATOR": PAGE_MARK,
             "POLICY": _policy(_part("three.js"), own),
             "TITLE": _text(title or "Reconstruction"),
             "STYLE": _part("report.css"),
@@ -68,7 +68,7 @@ def failure_html(title: str, message: str) -> str:
         message: what is wrong, and what to do; any text.
     """
     fields = {"TITLE": _text(title), "MESSAGE": _text(message), "STYLE": _part("report.css")}
-    return _fill(_part("failure.html"), {"GENERATOR": GENERATOR, "POLICY": _policy(), **fields})
+    return _fill(_part("failure.html"), {"GENERATOR": PAGE_MARK, "POLICY": _policy(), **fields})
 
 
 def _text(text: str) -> str:
