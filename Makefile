@@ -36,12 +36,12 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
 # Chosen by facts per second: 1,700 of the 5,100 tests in 120 s of processor time, runs of the pipeline among them.
 QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \
 	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
-	configuration/test_config.py configuration/test_resolve.py configuration/test_schema.py \
+	configuration/test_config.py configuration/test_resolve.py \
 	discovery/test_plugins.py discovery/test_registry.py engine/test_contact.py \
 	engine/test_human.py engine/test_scene.py engine/test_settings.py engine/test_state.py \
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
 	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
-	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py \
+	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py plugins/physic-setup/tests/test_config_schema.py \
 	$(addprefix plugins/physic-testing/tests/, \
 	bench/test_evaluation.py bench/test_summary.py conformance/test_kit.py \
 	conformance/test_requests_and_comparison.py worlds/test_labels.py worlds/test_rooms.py)

@@ -1,4 +1,4 @@
-"""The command ``physic config``: check, show or create a configuration."""
+"""The command ``physic config``: check and show a configuration; physic-setup adds ``init`` and ``schema``."""
 
 from __future__ import annotations
 
@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_core.cli.exit_codes import USAGE, WEIGHTS
-from physic_core.cli.output import echo, echo_json
+from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.output import echo
 from physic_core.cli.toml import toml_value
-from physic_core.errors import OutputError
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["config"]
+__all__ = ["check", "config", "show"]
+
+_COMMANDS = {
+    "check": ("physic_core.cli.config:check", "Check a configuration, and list what is missing on this machine."),
+    "show": ("physic_core.cli.config:show", "Print the resolved configuration and the source of each value."),
+}
 
 
-@click.group()
+@click.group(cls=ExtensibleGroup, path="config", own=_COMMANDS)
 def config() -> None:
     """Check, show or create a configuration."""
 
@@ -32,7 +37,7 @@ def _source_arguments(command: Callable[..., None]) -> Callable[..., None]:
     return click.argument("file", required=False, type=click.Path(path_type=Path))(command)
 
 
-@config.command()
+@click.command()
 @_source_arguments
 @click.pass_context
 def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
@@ -75,7 +80,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
-@config.command()
+@click.command()
 @_source_arguments
 @click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
 def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
@@ -87,41 +92,6 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with
         echo(full_toml(found, discover()), nl=False)
     else:
         echo(resolved_toml(found), nl=False)
-
-
-@config.command()
-def schema() -> None:
-    """Print the JSON Schema of a configuration for your editor, with the options of installed backends.
-
-    With `physic config schema > physic.schema.json`, the first line `#:schema physic.schema.json` of a TOML file lets
-    editors complete and check it (Even Better TOML, Taplo and others).
-    """
-    from physic_core.configuration.schema import config_schema
-    from physic_core.discovery.plugins import discover
-
-    echo_json(config_schema(discover()))
-
-
-@config.command()
-@click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))
-@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on.")
-def init(file: Path, preset: str) -> None:
-    """Write a configuration to FILE that lists every setting with its meaning, commented out.
-
-    It lists the options of the backends that the preset uses, if they are installed.
-    """
-    from physic_core.cli.template import config_template
-    from physic_core.discovery.plugins import discover
-
-    text = config_template(preset, discover())
-    try:
-        with file.open("x", encoding="utf-8") as out:
-            out.write(text)
-    except FileExistsError:
-        raise OutputError(f"{file} exists already: choose another name") from None
-    except OSError as error:
-        raise OutputError(f"{file} cannot be written: {error.strerror}") from error
-    echo(f"wrote {file}; try: physic run PHOTO --config {file}")
 
 
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:

@@ -17,7 +17,6 @@ from physic_core.cli import main
 from physic_core.cli.config import full_toml, resolved_toml
 from physic_core.cli.listing import plugins_as_dicts, plugins_table
 from physic_core.cli.plugins import details
-from physic_core.cli.template import config_template
 from physic_core.configuration.model import load_config, preset_names
 from physic_core.configuration.resolve import load_checked_config, resolve
 from physic_core.discovery.plugins import discover
@@ -25,6 +24,7 @@ from physic_core.discovery.readiness import readiness
 from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
+from physic_setup.template import config_template
 
 from .results import empty_reconstruction
 

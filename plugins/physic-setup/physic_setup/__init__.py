@@ -1,4 +1,4 @@
-"""Install what plugins need: download their weights, and set up the estimators of a preset."""
+"""Set up a machine: weights, the estimators of a preset, and a configuration."""
 
 from __future__ import annotations
 
@@ -9,8 +9,14 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
-    """Return the commands "setup" and "weights fetch"."""
+    """Return the commands "setup" and "weights fetch", and those that help to write a configuration."""
     return [
+        CommandRecord("config init", "physic_setup.commands.config:init", "Write a configuration with every setting."),
+        CommandRecord(
+            "config schema",
+            "physic_setup.commands.config:schema",
+            "Print the JSON Schema of a configuration.",
+        ),
         CommandRecord(
             "setup",
             "physic_setup.commands.setup:setup",

@@ -1,1 +1,1 @@
-"""The commands ``physic setup`` and ``physic weights fetch``."""
+"""The commands ``physic setup``, ``weights fetch``, ``config init`` and ``config schema``."""

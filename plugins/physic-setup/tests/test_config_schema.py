@@ -9,9 +9,9 @@ import jsonschema
 import pytest
 
 from physic_core.configuration.model import load_config, preset_names
-from physic_core.configuration.schema import config_schema
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
+from physic_setup.schema import config_schema
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from physic_core.configuration.energies import engine_preset_names
+from physic_core import engine_preset_names
 from physic_core.configuration.model import (
     OPTIONAL_INTERFACES,
     BackendChoice,
