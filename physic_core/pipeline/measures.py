@@ -5,11 +5,13 @@ OpenCV camera frame, metres.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import torch
 
 from physic_core.body.posture import is_body_straight
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import facing_camera, inside_mask
@@ -17,7 +19,21 @@ from physic_core.geometry.visibility import facing_camera, inside_mask
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["clearance", "depth_ratio", "moved_scene", "sole_height", "support_gap", "visible_share"]
+__all__ = ["Ground", "clearance", "depth_ratio", "moved_scene", "sole_height", "support_gap", "visible_share"]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Which way is up, and where the floor is.
+
+    Attributes:
+        up: (3,) unit.
+        offset: the floor is ``up . X + offset = 0``, metres; None without a floor.
+    """
+
+    up: Tensor
+    offset: float | None
+
 
 _FACING_DEG = 70.0  # degrees; vertices beyond lie at the rim, where one pixel of the mask decides
 _DOWNWARD = -0.3  # cosine between a normal and up: supporting vertices face down
@@ -47,19 +63,12 @@ def visible_share(
 
 
 def support_gap(
-    vertices: Tensor,
-    joints: Tensor,
-    normals: Tensor,
-    may_touch: Tensor,
-    distance: Tensor,
-    up: Tensor,
-    floor_offset: float | None,
-    reach: float,
+    vertices: Tensor, joints: Tensor, normals: Tensor, may_touch: Tensor, distance: Tensor, ground: Ground
 ) -> float | None:
     """Compute the gap between supporting vertices and the nearest surface or floor, metres; 0 if they touch.
 
     The supporting vertices are the feet of a standing person, and all downward-facing vertices otherwise. With no
-    surface within ``reach`` the gap is the height above the floor, or ``reach`` without a floor; None if no
+    surface within the search radius the gap is the height above the floor, or that radius without a floor; None if no
     vertex may touch anything.
 
     Args:
@@ -67,26 +76,24 @@ def support_gap(
         joints: (55, 3).
         normals: (V, 3) unit, out of the body.
         may_touch: (V,) bool.
-        distance: (V,) signed, to scene or floor; inf beyond ``reach``.
-        up: (3,) unit.
-        floor_offset: the floor is ``up . X + floor_offset = 0``, metres; None without a floor.
-        reach: search radius of ``distance``, metres.
+        distance: (V,) signed, to scene or floor; inf beyond ``SEARCH_RADIUS_M``.
+        ground: of the scene.
     """
-    height = vertices @ up
-    supporting = may_touch & (normals @ up < _DOWNWARD)
+    height = vertices @ ground.up
+    supporting = may_touch & (normals @ ground.up < _DOWNWARD)
     if supporting.any() and is_body_straight(joints.detach().cpu().numpy()):
         supporting = supporting & (height < float(height[supporting].min()) + _LOWEST_M)
     if not supporting.any():
         return None
     gap = float(distance[supporting].min())
-    if floor_offset is not None:
-        gap = min(gap, float(height[supporting].min()) + floor_offset)
+    if ground.offset is not None:
+        gap = min(gap, float(height[supporting].min()) + ground.offset)
     elif gap == float("inf"):
-        gap = reach
+        gap = SEARCH_RADIUS_M
     return max(0.0, gap)
 
 
-def clearance(vertices: Tensor, distance: Tensor, up: Tensor, floor_offset: float | None) -> float | None:
+def clearance(vertices: Tensor, distance: Tensor, ground: Ground) -> float | None:
     """Compute the gap between a body and the nearest surface or floor, metres; 0 if any vertex touches.
 
     Unlike :func:`support_gap`, all vertices count, seen or not. None without a floor and without a surface in reach.
@@ -94,25 +101,23 @@ def clearance(vertices: Tensor, distance: Tensor, up: Tensor, floor_offset: floa
     Args:
         vertices: (V, 3).
         distance: (V,) signed, to scene or floor; inf beyond the search radius.
-        up: (3,) unit.
-        floor_offset: the floor is ``up . X + floor_offset = 0``, metres; None without a floor.
+        ground: of the scene.
     """
     gap = float(distance.min())
-    if floor_offset is not None:
-        gap = min(gap, float((vertices @ up).min()) + floor_offset)
+    if ground.offset is not None:
+        gap = min(gap, float((vertices @ ground.up).min()) + ground.offset)
     return max(0.0, gap) if gap != float("inf") else None
 
 
-def sole_height(vertices: Tensor, soles: Tensor, up: Tensor, floor_offset: float | None) -> float | None:
+def sole_height(vertices: Tensor, soles: Tensor, ground: Ground) -> float | None:
     """Return the height of the lowest sole vertex over the floor, metres, negative below it; None without a floor.
 
     Args:
         vertices: (V, 3).
         soles: indices of the sole vertices.
-        up: (3,) unit.
-        floor_offset: the floor is ``up . X + floor_offset = 0``, metres.
+        ground: of the scene.
     """
-    return None if floor_offset is None else float((vertices[soles] @ up).min()) + floor_offset
+    return None if ground.offset is None else float((vertices[soles] @ ground.up).min()) + ground.offset
 
 
 def moved_scene(points: Tensor, before: Tensor, mask: Tensor) -> float | None:

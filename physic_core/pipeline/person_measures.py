@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.joint.solve import DEEP_M
 from physic_core.engine.limbs import observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
-from physic_core.pipeline.measures import clearance, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import Ground, clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 
 if TYPE_CHECKING:
@@ -34,10 +33,9 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
         found: contact of the same people.
     """
     model, scale = problem.model, result.scene_scale
-    up = result.vertices.new_tensor([0.0, -1.0, 0.0])
-    height = None
+    ground = Ground(result.vertices.new_tensor([0.0, -1.0, 0.0]), None)
     if problem.floor_normal is not None:
-        up, height = problem.floor_normal.to(up), problem.floor_offset * scale
+        ground = Ground(problem.floor_normal.to(ground.up), problem.floor_offset * scale)
     soles = model.soles
     outward = vertex_normals(result.vertices, model.faces)
     may_carry = model.outer & ~problem.feet_in_air()
@@ -58,12 +56,10 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
             **_known("depth_offset", result.depth_offset[i]),
             **_known("reprojection_share", result.reprojection_share[i]),
             "depth_order_share": order[i],
-            "clearance_m": clearance(body, distance, up, height),
-            "sole_height_m": sole_height(body, soles, up, height),
+            "clearance_m": clearance(body, distance, ground),
+            "sole_height_m": sole_height(body, soles, ground),
             "seen_share": visible_share(body, normals, model.faces, model.outer, problem.masks[i], problem.K),
-            "support_gap_m": support_gap(
-                body, result.joints[i], normals, may_carry[i], distance, up, height, SEARCH_RADIUS_M
-            ),
+            "support_gap_m": support_gap(body, result.joints[i], normals, may_carry[i], distance, ground),
         }
         if problem.human_depth is not None:
             measured[i]["depth_ratio"] = ratios[i]

@@ -15,6 +15,7 @@ import torch
 from physic_core import engine_preset
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
 from physic_core.geometry.mesh import vertex_normals
@@ -30,7 +31,7 @@ from physic_core.pipeline.checks import (
 )
 from physic_core.pipeline.checks.result import check_value
 from physic_core.pipeline.checks.specs import CheckSpec
-from physic_core.pipeline.measures import depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.measures import Ground, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -490,7 +491,7 @@ class Body:
         self.free = torch.full((len(self.vertices),), torch.inf)
 
     def gap(self, distance: torch.Tensor, floor: float | None) -> float | None:
-        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, self.up, floor, 0.15)
+        return support_gap(self.vertices, self.joints, self.normals, self.outer, distance, Ground(self.up, floor))
 
 
 def test_a_mask_of_the_upper_half_shows_half_of_a_body() -> None:
@@ -512,15 +513,15 @@ def test_the_gap_under_the_feet_is_the_height_over_the_floor() -> None:
     lifted = Body(lift=0.2)
     assert lifted.gap(lifted.free, lifted.floor) == pytest.approx(0.2, abs=1e-6)
     assert lifted.gap(lifted.free, lifted.floor - 0.3) == 0
-    assert lifted.gap(lifted.free, None) == 0.15
+    assert lifted.gap(lifted.free, None) == SEARCH_RADIUS_M
 
 
 @pytest.mark.parametrize("lift", [0.0, 0.25, -2.3])
 def test_the_soles_are_above_or_below_the_floor(lift: float) -> None:
     body, sets = Body(lift=lift), load_body().contact_sets
     soles = torch.cat([sets["left_sole"], sets["right_sole"]])
-    assert sole_height(body.vertices, soles, body.up, body.floor) == pytest.approx(lift, abs=0.02)
-    assert sole_height(body.vertices, soles, body.up, None) is None
+    assert sole_height(body.vertices, soles, Ground(body.up, body.floor)) == pytest.approx(lift, abs=0.02)
+    assert sole_height(body.vertices, soles, Ground(body.up, None)) is None
 
 
 def test_a_hand_on_a_table_does_not_carry_a_standing_person() -> None:
