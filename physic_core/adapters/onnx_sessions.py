@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from onnxruntime import InferenceSession
 
-__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "read_compared", "select_provider"]
+__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "read_compared", "release_memory", "select_provider"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -39,6 +39,12 @@ class ExecutionProvider:
     key: str
     install: str
 
+
+_IDENTITY = bytes.fromhex(
+    "080812003a370a100a017812017922084964656e746974791201675a0f0a0178120a0a08080112040a02"
+    "0801620f0a0179120a0a08080112040a02080142040a00100d"
+)
+"""ONNX graph that returns its input ``x``, one float32."""
 
 _GPU = "install onnxruntime-gpu in place of onnxruntime"
 _PROVIDERS = {
@@ -181,6 +187,26 @@ def _register_shared_arena() -> None:
 
     memory = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
     ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
+
+
+def release_memory() -> None:
+    """Return the working memory on the CPU that no open session uses to the system.
+
+    It stays with the process otherwise, even when all sessions are closed; for a photo that is .6 GB.
+    """
+    if not _register_shared_arena.cache_info().currsize:
+        return
+    import numpy as np
+    import onnxruntime as ort
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.add_session_config_entry("session.use_env_allocators", "1")
+    shrink = ort.RunOptions()
+    # onnxruntime shrinks an arena only at the end of a run.
+    shrink.add_run_config_entry("memory.enable_memory_arena_shrinkage", "cpu:0")
+    session = ort.InferenceSession(_IDENTITY, options, providers=["CPUExecutionProvider"])
+    session.run(None, {"x": np.zeros(1, np.float32)}, shrink)
 
 
 def _open_error(path: Path, provider: ExecutionProvider, cause: Exception, broken: str) -> BackendError:

@@ -191,7 +191,7 @@ class Pipeline:
         *,
         close: bool = False,
     ) -> Reconstruction:
-        """Reconstruct a photo; with ``close``, close the backends before the engine runs, which frees their memory."""
+        """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
         camera, plan, name = given.camera(), self._plan_with(settings), photo_name(source)
         with self._exclusive(), _naming(name):
             with timed_call(READING):
@@ -200,7 +200,7 @@ class Pipeline:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read
             if camera is not None:
                 photo = replace(photo, intrinsics=camera)
-            stages = self._stages(progress)
+            stages = self._stages(progress, close=close)
             try:
                 found = _reconstruct(photo, plan, given, stages, close=close or plan.config.run.low_memory)
             finally:
@@ -221,7 +221,7 @@ class Pipeline:
                 backends[name] = resolve_one(name, choice.backend, choice.options, registry)
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
-    def _stages(self, progress: Progress | None) -> StageRunner:
+    def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
         from physic_core.cache.result_cache import ResultCache
 
         run = self.config.run
@@ -231,6 +231,7 @@ class Pipeline:
             progress,
             cache=ResultCache.in_users_folder(run.cache_mb, self._code) if run.cache else None,
             low_memory=run.low_memory,
+            close_used=close,
             loaded=self._loaded,
         )
 
@@ -320,6 +321,7 @@ class _Given:
 def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
+    from physic_core.adapters.onnx_sessions import release_memory
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
     from physic_core.pipeline.checks import run_checks
@@ -345,6 +347,7 @@ def _reconstruct(
         finally:
             if close:
                 stages.close()
+                release_memory()
             else:
                 stages.trim_cache()
         solution = run_engine(estimates, plan.engine, model, stages)

@@ -48,6 +48,7 @@ class StageRunner:
         *,
         cache: ResultCache | None = None,
         low_memory: bool = False,
+        close_used: bool = False,
         loaded: LoadedBackends | None = None,
     ) -> None:
         """
@@ -56,7 +57,9 @@ class StageRunner:
             total: number of stages.
             progress: called when each stage begins.
             cache: results of earlier runs; every backend is called if None.
-            low_memory: close each backend right after its last use.
+            low_memory: close each backend right after its last use, and collect garbage then: networks often have
+                reference cycles.
+            close_used: close each backend right after its last use; collecting garbage would take .1 s each time.
             loaded: backends that earlier photos have loaded, on the same device; none if None.
         """
         self.records: list[StageRecord] = []
@@ -68,6 +71,7 @@ class StageRunner:
         self._progress = progress
         self._cache = cache
         self._low_memory = low_memory
+        self._close_used = close_used or low_memory
         self._loaded = LoadedBackends(device) if loaded is None else loaded
 
     def warn(self, *texts: str) -> None:
@@ -147,9 +151,10 @@ class StageRunner:
             if failed:
                 seconds = time.perf_counter() - start
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
-            if self._low_memory and last:
+            if self._close_used and last:
                 self._warn_each(self._loaded.close(resolved))
-                gc.collect()  # networks often have reference cycles
+                if self._low_memory:
+                    gc.collect()
         return cast("Result", result)
 
     def call_optional_backend(

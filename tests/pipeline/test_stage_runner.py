@@ -100,8 +100,10 @@ def test_a_backend_that_was_never_called_is_neither_loaded_nor_closed(events: li
     assert events == []
 
 
-def test_with_low_memory_a_backend_is_closed_after_its_last_call(events: list[str]):
-    stages, a, b = StageRunner("cpu", 3, low_memory=True), Counting("a"), Counting("b")
+@pytest.mark.parametrize("low_memory", [True, False])
+def test_a_used_backend_is_closed_after_its_last_call(events: list[str], low_memory: bool):
+    stages = StageRunner("cpu", 3, low_memory=low_memory, close_used=not low_memory)
+    a, b = Counting("a"), Counting("b")
     ask(stages, a, last=False)
     ask(stages, a)
     ask(stages, b)

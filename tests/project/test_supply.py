@@ -49,6 +49,7 @@ def test_every_network_and_the_body_have_their_digest(bill: dict[str, Any]):
     digests = {c["name"]: c["hashes"][0]["content"] for c in bill["components"] if "hashes" in c}
     files = [
         *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.onnx"),
+        *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.weights"),
         ROOT / "physic_core/body/embedded.npz",
     ]
     assert {"/".join(file.parts[-3:]) for file in files} == set(digests)

