@@ -214,9 +214,7 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> t
             SURFACE_SIGMA_M,
         )
     fit = fit_surface(patches, SurfaceTargets(points, np.broadcast_to(weights, points.shape[:2])), sigma_m=sigma)
-    start, slopes = patches.linear(fit.world)
-    now = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
-    return fit, (np.linalg.norm(now - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
+    return fit, (np.linalg.norm(patches.posed(fit) - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
 
 
 def _pose_vector(parameters: BodyParameters) -> Array:

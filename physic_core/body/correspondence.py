@@ -83,11 +83,9 @@ def register_to_mesh(rest: RestMesh, model: BodyModel, patches: VertexSample, no
     surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
     fit = _align_tips(rest, model)
     for step, reach in enumerate(np.geomspace(*_DISTANCE_SIGMA_M, _ROUNDS)):
-        start, slopes = patches.linear(fit.world)
-        now = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
         turns = (patches.weights @ fit.world[0].reshape(-1, 9)).reshape(-1, 3, 3)
         facing = (turns @ normals[..., None])[..., 0]
-        on = surface.nearest(now[0], facing)
+        on = surface.nearest(patches.posed(fit)[0], facing)
         there = (on.shares[..., None] * rest.vertices[surface.faces[on.face]]).sum(1)
         weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
         # At large distances, limbs move before single bones. In later rounds, vertices may slide along the surface.
@@ -108,9 +106,7 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     normals = vertex_normals(mean, model.faces.cpu().numpy())
     ids = sample_vertices(model)
     fit = register_to_mesh(rest, model, VertexSample.of(model, ids), normals[ids])
-    every = VertexSample.of(model, np.arange(model.num_vertices))
-    start, slopes = every.linear(fit.world)
-    laid = (start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None])[0]
+    laid = VertexSample.of(model, np.arange(model.num_vertices)).posed(fit)[0]
     surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
     on = surface.nearest(laid, vertex_normals(laid, model.faces.cpu().numpy()))
     sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & model.outer.cpu().numpy()

@@ -152,16 +152,13 @@ class BodyModel:
             BodyModelError: a shape does not fit this body.
         """
         self._check(rotations, betas, transl, expression)
-        skin = None if joints_only else self._skin_of(vertex_ids)
         coefficients = _coefficients(self.num_expression, betas, expression)
         world, skinning = self.kinematics.transforms(rotations, self.kinematics.rest_joints(coefficients))
         joints = world[..., 3] + transl[:, None]
-        if skin is None:
+        if joints_only:
             return BodyOutput(rotations.new_zeros(len(rotations), 0, 3), joints, world[..., :3])
-        if len(skin.directions) > coefficients.shape[1]:
-            identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
-            coefficients = torch.cat([coefficients, (rotations[:, 1:] - identity).flatten(1)], 1)
-        vertices = skin.pose(coefficients, skinning) + transl[:, None]
+        skin = self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
+        vertices = skin.pose(skin.with_correctives(coefficients, rotations), skinning) + transl[:, None]
         return BodyOutput(vertices, joints, world[..., :3])
 
     def zero_pose(self, batch: int = 1) -> tuple[Tensor, Tensor, Tensor]:
@@ -224,10 +221,6 @@ class BodyModel:
         output = self(rotations, betas, transl, vertex_ids=self.extremes)
         height = output.vertices[..., 1]
         return height.amax(1) - height.amin(1)
-
-    def _skin_of(self, vertex_ids: Tensor | None) -> Skin:
-        """Return the skin of all vertices or of a subset."""
-        return self.skin if vertex_ids is None else self.skin.subset(vertex_ids)
 
     def _check(self, rotations: Tensor, betas: Tensor, transl: Tensor, expression: Tensor | None) -> None:
         """Raise BodyModelError if a parameter has the wrong shape."""

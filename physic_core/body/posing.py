@@ -78,10 +78,7 @@ class _Pose(torch.autograd.Function):
         batch, count = len(rotations), skin.num_vertices
         rest = kinematics.rest_joints(coefficients)
         world, skinning = kinematics.transforms(rotations, rest)
-        shape = coefficients
-        if len(skin.directions) > coefficients.shape[1]:
-            eye = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
-            shape = torch.cat([coefficients, (rotations[:, 1:] - eye).flatten(1)], 1)
+        shape = skin.with_correctives(coefficients, rotations)
         directions = skin.directions[: shape.shape[1]].flatten(1)
         # Homogeneous: the row of ones multiplies the bones' shifts.
         shaped = rest.new_ones(batch, 4, 1, count)

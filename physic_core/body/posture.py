@@ -33,10 +33,8 @@ def is_body_straight(joints: Array) -> bool:
     Args:
         joints: (55, 3) metres, any frame.
     """
-    hips, knees, ankles = (np.asarray(joints, np.float64)[pair] for pair in (_HIPS, _KNEES, _ANKLES))
-    bends = [180.0 - _angle_deg(k - h, a - k) for h, k, a in zip(hips, knees, ankles, strict=True)]
-    trunk = np.asarray(joints[_NECK], np.float64) - hips.mean(0)
-    return min(bends) > _STRAIGHT_KNEE_DEG and _angle_deg(trunk, hips.mean(0) - ankles.mean(0)) < _STRAIGHT_HIP_DEG
+    exact = np.asarray(joints, np.float64)
+    return stands_on_straight_legs(exact, exact[_NECK] - exact[_HIPS].mean(0))
 
 
 def stands_on_straight_legs(joints: Array, up: Array) -> bool:

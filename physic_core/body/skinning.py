@@ -39,6 +39,18 @@ class Skin:
             self.weights.index_select(1, vertex_ids),
         )
 
+    def with_correctives(self, shape: Tensor, rotations: Tensor) -> Tensor:
+        """Append the coefficients of the pose correctives, if the skin has any, to those of the shape.
+
+        Args:
+            shape: (B, K) shape and expression.
+            rotations: (B, J, 3, 3) of each joint relative to its parent.
+        """
+        if len(self.directions) <= shape.shape[1]:
+            return shape
+        identity = torch.eye(3, dtype=rotations.dtype, device=rotations.device)
+        return torch.cat([shape, (rotations[:, 1:] - identity).flatten(1)], 1)
+
     def pose(self, coefficients: Tensor, skinning: Tensor) -> Tensor:
         """Apply blend shapes and linear blend skinning.
 

@@ -121,6 +121,12 @@ class VertexSample:
             slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
 
+    def posed(self, fit: BodyFit) -> Array:
+        """Return the vertices (B, n, 3), metres, of fitted bodies."""
+        start, slopes = self.linear(fit.world)
+        vertices: Array = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
+        return vertices
+
     def lever_arms(self, world: Array, betas: Array) -> Array:
         """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x lever``.
 

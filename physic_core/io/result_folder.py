@@ -6,8 +6,8 @@ import hashlib
 import os
 import re
 import stat
-from collections.abc import Iterable
-from contextlib import nullcontext, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,6 @@ __all__ = [
     "REPORT_FILE",
     "SCHEMA",
     "check_overwrite",
-    "check_overwrite_of_locked",
     "digest_of",
     "digests_of_result",
     "file_digest",
@@ -90,19 +89,14 @@ def photo_of_result(folder: str | os.PathLike[str]) -> str | None:
     return None if document is None else str(document.get("photo", ""))
 
 
-def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Read the file names of the result in a folder; non-standard file names are ignored."""
-    document = _document(Path(folder))
-    files = None if document is None else document.get("files")
-    named = [str(name) for name in files] if isinstance(files, list) else []
-    return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
-
-
 def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
     """Read the digests of the files of a result; None for results of older versions."""
-    document = _document(Path(folder))
-    digests = None if document is None else document.get("digests")
-    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
+    return _digests(_document(Path(folder)) or {})
+
+
+def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
+    """Read the file names of the result in a folder; non-standard file names are ignored."""
+    return _files(_document(Path(folder)) or {})
 
 
 def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
@@ -111,9 +105,8 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     Links and files with another digest belong to the user, and so does a document that does not fit its checksum.
     """
     folder = Path(folder)
-    digests = digests_of_result(folder)
-    document = _document(folder)
-    is_edited = document is not None and checksum_state(document) in (ChecksumState.WRONG, ChecksumState.EDITED)
+    document = _document(folder) or {}
+    digests = _digests(document)
 
     def is_unchanged(name: str) -> bool:
         try:
@@ -123,47 +116,38 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
         if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
             return False
         if name == DOCUMENT_FILE:
-            return not is_edited
+            return checksum_state(document) not in (ChecksumState.WRONG, ChecksumState.EDITED)
         return digests is None or file_digest(folder / name) == digests.get(name, "missing")
 
-    return frozenset(filter(is_unchanged, files_of_result(folder)))
+    return frozenset(filter(is_unchanged, _files(document)))
 
 
 def check_overwrite(
-    folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
+    folder: str | os.PathLike[str],
+    photo: str,
+    *,
+    overwrite: bool = False,
+    names: Iterable[str] | None = None,
+    is_locked: bool = False,
 ) -> None:
     """Raise OutputError if writing a result to a folder would overwrite data of the user.
 
-    The folder is locked meanwhile, and an earlier write that was interrupted is finished first.
-
     Args:
         folder: where the result will be written.
         photo: digests of its photo.
         overwrite: allow replacing the result of another photo, and files of a result that were changed.
         names: of the files that will be written; None for all that a result can have.
+        is_locked: whether the caller holds the lock of the folder. Otherwise the folder is locked meanwhile, and an
+            earlier write that was interrupted is finished first.
 
     Raises:
-        OutputError: as for :func:`check_overwrite_of_locked`, or the folder cannot be locked.
+        OutputError: a file with one of these names is the photo, was not written by a run, or was changed; the folder
+            has the result of another photo, or cannot be locked.
     """
-    with atomic_write(Path(folder)) if os.path.isdir(folder) else nullcontext():
-        check_overwrite_of_locked(folder, photo, overwrite=overwrite, names=names)
-
-
-def check_overwrite_of_locked(
-    folder: str | os.PathLike[str], photo: str, *, overwrite: bool = False, names: Iterable[str] | None = None
-) -> None:
-    """Raise OutputError if writing a result to a folder, which is locked, would overwrite data of the user.
-
-    Args:
-        folder: where the result will be written.
-        photo: digests of its photo.
-        overwrite: allow replacing the result of another photo, and files of a result that were changed.
-        names: of the files that will be written; None for all that a result can have.
-
-    Raises:
-        OutputError: a file with one of these names is the photo, was not written by a run, or was changed; or the
-            folder has the result of another photo.
-    """
+    if not is_locked and os.path.isdir(folder):
+        with atomic_write(Path(folder)):
+            check_overwrite(folder, photo, overwrite=overwrite, names=names, is_locked=True)
+        return
     folder = Path(folder)
     present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
     listed, own = files_of_result(folder), unchanged_result_files(folder)
@@ -203,6 +187,17 @@ def _document(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
+
+
+def _digests(document: Mapping[str, Any]) -> dict[str, str] | None:
+    digests = document.get("digests")
+    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
+
+
+def _files(document: Mapping[str, Any]) -> frozenset[str]:
+    files = document.get("files")
+    named = [str(name) for name in files] if isinstance(files, list) else []
+    return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
 
 
 def _kinds(photo: str) -> set[str]:

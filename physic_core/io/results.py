@@ -44,7 +44,6 @@ from physic_core.io.result_folder import (
     PEOPLE_FILE,
     PREVIEW_FILE,
     check_overwrite,
-    check_overwrite_of_locked,
     digest_of,
     file_digest,
     unchanged_result_files,
@@ -183,7 +182,7 @@ def _write(
     """Write document, arrays and pictures, all or none; delete unchanged files of an earlier result."""
     names = [DOCUMENT_FILE, stored.file, *pictures]
     with atomic_write(folder) as temporary:
-        check_overwrite_of_locked(folder, reconstruction.photo, overwrite=overwrite, names=names)
+        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names, is_locked=True)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
-from physic_core.types.camera import CameraTrust
 from physic_core.types.contacts import PARTNER_KINDS
 
 if TYPE_CHECKING:
@@ -14,64 +16,54 @@ if TYPE_CHECKING:
 
 __all__ = ["SUMMARY_NUMBERS", "summarize"]
 
-SUMMARY_NUMBERS = (
-    "people",
-    "bodies",
-    "width_px",
-    "height_px",
-    "focal_px",
-    "focal_known",
-    "floor_found",
-    "scene_valid_share",
-    "scene_scale",
-    "scale_sigma",
-    "nearest_person_m",
-    "farthest_person_m",
-    "contact_vertices",
-    "contact_parts",
-    *(f"contact_{kind}" for kind in PARTNER_KINDS),
-    "failed_checks",
-    "unknown_checks",
-    "warnings",
-    "seconds",
-    "load_seconds",
-)
+Number = float | int | None
+
+
+def _depths_m(result: Reconstruction) -> list[float]:
+    """Return the depth of the pelvis of each person with a body."""
+    joints = (person.joints for person in result.people)
+    return [float(one[0, 2]) for one in joints if len(one) and all(map(math.isfinite, one[0].tolist()))]
+
+
+def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
+    """Return how many pairs of a body part and a partner of these kinds touch; None in results of older versions."""
+    if any(person.contact_partner is None for person in result.people):
+        return None
+    return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)
+
+
+_NUMBERS: dict[str, Callable[[Reconstruction], Number]] = {
+    "people": lambda result: len(result.people),
+    "bodies": lambda result: len(_depths_m(result)),
+    "width_px": lambda result: result.intrinsics.width,
+    "height_px": lambda result: result.intrinsics.height,
+    "focal_px": lambda result: result.intrinsics.fy,
+    "focal_known": lambda result: int(result.intrinsics.known),
+    "floor_found": lambda result: int(result.scene.floor is not None),
+    "scene_valid_share": lambda result: float(result.scene.valid.mean()),
+    "scene_scale": lambda result: result.scene.scale,
+    "scale_sigma": lambda result: result.scene.scale_sigma,
+    "nearest_person_m": lambda result: min(_depths_m(result), default=None),
+    "farthest_person_m": lambda result: max(_depths_m(result), default=None),
+    "contact_vertices": lambda result: sum(int(person.contact.sum()) for person in result.people),
+    "contact_parts": _touched,
+    **{f"contact_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
+    "failed_checks": lambda result: sum(check.failed for check in result.checks),
+    "unknown_checks": lambda result: sum(not (check.ok or check.failed) for check in result.checks),
+    "warnings": lambda result: len(result.warnings),
+    "seconds": lambda result: sum(stage.seconds for stage in result.stages),
+    "load_seconds": lambda result: sum(stage.load_seconds for stage in result.stages),
+}
+
+SUMMARY_NUMBERS = tuple(_NUMBERS)
 """Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
 
 
-def summarize(result: Reconstruction) -> dict[str, float | int | None]:
+def summarize(result: Reconstruction) -> dict[str, Number]:
     """Return the numbers of :meth:`physic_core.types.Reconstruction.summary`."""
-    import numpy as np
-
-    camera, scene, checks = result.intrinsics, result.scene, result.checks
-    # Results of older versions have no partners.
-    known = all(person.contact_partner is not None for person in result.people)
-    kinds = [contact.partner.kind for person in result.people for contact in person.contacts]
-    distances = [float(p.joints[0, 2]) for p in result.people if len(p.joints) and np.isfinite(p.joints[0]).all()]
-    numbers: dict[str, float | int | None] = {
-        "people": len(result.people),
-        "bodies": len(distances),
-        "width_px": camera.width,
-        "height_px": camera.height,
-        "focal_px": camera.fy,
-        "focal_known": int(camera.trust is CameraTrust.KNOWN),
-        "floor_found": int(scene.floor is not None),
-        "scene_valid_share": float(np.mean(scene.valid)),
-        "scene_scale": scene.scale,
-        "scale_sigma": scene.scale_sigma,
-        "nearest_person_m": min(distances, default=None),
-        "farthest_person_m": max(distances, default=None),
-        "contact_vertices": sum(int(np.sum(person.contact)) for person in result.people),
-        "contact_parts": len(kinds) if known else None,
-        **{f"contact_{kind}": kinds.count(kind) if known else None for kind in PARTNER_KINDS},
-        "failed_checks": sum(check.failed for check in checks),
-        "unknown_checks": sum(not (check.ok or check.failed) for check in checks),
-        "warnings": len(result.warnings),
-        "seconds": sum(stage.seconds for stage in result.stages),
-        "load_seconds": sum(stage.load_seconds for stage in result.stages),
-    }
+    numbers = {name: number(result) for name, number in _NUMBERS.items()}
     by_name: dict[str, list[CheckResult]] = defaultdict(list)
-    for check in checks:
+    for check in result.checks:
         by_name[check.name].append(check)
     return numbers | {f"check_{name}": _worst(group) for name, group in by_name.items()}
 

@@ -115,9 +115,7 @@ def pose_rig(model: BodyModel, person: Person, frame: Frame) -> Rig:
     if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: {give_file}")
     rest = model.kinematics.rest_joints(shape)[0].numpy()
-    coefficients = shape
-    if len(model.skin.directions) > shape.shape[1]:
-        coefficients = torch.cat([shape, (rotations[:, 1:] - torch.eye(3, dtype=torch.float64)).flatten(1)], 1)
+    coefficients = model.skin.with_correctives(shape, rotations)
     directions = model.skin.directions[: coefficients.shape[1]]
     vertices = (model.skin.template + torch.einsum("d,dcv->cv", coefficients[0], directions)).T.numpy()
     bind = np.tile(np.eye(3), (55, 1, 1)) if model.kinematics.bind_rot is None else model.kinematics.bind_rot.numpy()
