@@ -5,7 +5,6 @@ Shapes and types are checked before memory for the data is allocated.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -121,7 +120,9 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    if zipfile.is_zipfile(path):
+    with path.open("rb") as stream:
+        is_archive = stream.read(2) == b"PK"
+    if is_archive:
         arrays = _from_npz(path, layout)
     elif layout.has_pickles:
         arrays = _from_pickle(path, layout)

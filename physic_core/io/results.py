@@ -217,11 +217,7 @@ def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
         InputError: a file is missing, damaged, edited, from another run, or of another schema version.
     """
     folder = Path(folder)
-
-    def read() -> dict[str, NDArray[Any]]:
-        return _arrays(folder, _read_document(folder), file=PEOPLE_FILE)
-
-    return read_while_written(folder, DOCUMENT_FILE, read)
+    return read_while_written(folder, DOCUMENT_FILE, lambda: _arrays(folder, _read_document(folder), file=PEOPLE_FILE))
 
 
 def read_document(folder: Path) -> dict[str, Any]:
@@ -239,12 +235,10 @@ def read_image(folder: Path) -> NDArray[np.uint8]:
     Raises:
         InputError: a file is missing, damaged, edited, from another run, or of another schema version.
     """
-
-    def read() -> NDArray[np.uint8]:
-        image: NDArray[np.uint8] = _arrays(folder, _read_document(folder), only=("image",))["image"]
-        return image
-
-    return read_while_written(folder, DOCUMENT_FILE, read)
+    only = ("image",)
+    arrays = read_while_written(folder, DOCUMENT_FILE, lambda: _arrays(folder, _read_document(folder), only))
+    image: NDArray[np.uint8] = arrays["image"]
+    return image
 
 
 def _pictures(
@@ -262,15 +256,6 @@ def _pictures(
     except Exception as error:
         return {}, error
     return made, None
-
-
-@dataclass(frozen=True)
-class _Expected:
-    """What a document states of the arrays: sizes by letter, number of people; and which are read, None for all."""
-
-    sizes: Mapping[str, int]
-    people: int
-    only: Sequence[str] | None
 
 
 def _load(folder: Path) -> Reconstruction:
@@ -321,19 +306,14 @@ def _arrays(
         reader = "load_people" if other == PEOPLE_FILE else "load_reconstruction"
         raise InputError(f"cannot read {path}: this result was saved as {other}; physic_core.{reader} reads it")
     try:
-        people, image, floor = len(document["people"]), document["image"], document["scene"]["floor"]
-        sizes = {"H": image["height"], "W": image["width"], "P": 0 if floor is None else 1}
-    except (KeyError, TypeError) as error:
-        raise _incomplete(folder, error) from error
-    try:
         with open_regular(committed_path(folder, file)) as stream:
-            return _verified_arrays(stream, path, document, _Expected(sizes, people, only))
+            return _verified_arrays(stream, path, document, only)
     except OSError as error:
         raise _unreadable(path, error) from error
 
 
 def _verified_arrays(
-    stream: BufferedReader, path: Path, document: Mapping[str, Any], expected: _Expected
+    stream: BufferedReader, path: Path, document: Mapping[str, Any], only: Sequence[str] | None
 ) -> dict[str, NDArray[Any]]:
     stated, checksum = document.get("digests", {}).get(path.name), document.get("arrays", {}).get("checksum")
     is_edited = document.get("checksum") == EDITED
@@ -345,16 +325,18 @@ def _verified_arrays(
                 "run the reconstruction again"
             )
         headers = read_headers(stream)
-        wanted = _wanted(path, headers, expected)
+        wanted = _wanted(path, headers, document)
         limit = min(MAX_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
-        arrays = read_arrays(stream, wanted if expected.only is None else expected.only, limit=limit)
+        arrays = read_arrays(stream, wanted if only is None else only, limit=limit)
         if not is_intact and not is_edited and stated is not None:
             raise ValueError(f"its SHA-256 is not the one in {DOCUMENT_FILE}")
-        if expected.only is None:
+        if only is None:
             _check_values(arrays, document)
             arrays = expand_people(arrays) if path.name == PEOPLE_FILE else expand_arrays(arrays)
     except InputError:
         raise
+    except (KeyError, TypeError) as error:
+        raise _incomplete(path.parent, error) from error
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for flipped and missing bytes
         raise InputError(
             f"cannot read {path}: it is damaged ({_brief(error)}); run the reconstruction again"
@@ -362,14 +344,16 @@ def _verified_arrays(
     return arrays
 
 
-def _wanted(path: Path, headers: Mapping[str, ArrayHeader], expected: _Expected) -> list[str]:
+def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[str, Any]) -> list[str]:
     """Return the names of the arrays to read, after checks of all dtypes and shapes.
 
     Raises:
         InputError: an array is missing.
         ValueError: an array has another dtype or shape, or there are other people.
+        KeyError, TypeError: an entry of the document is missing, or of another kind.
     """
-    people = expected.people
+    people, image = len(document["people"]), document["image"]
+    sizes = {"H": image["height"], "W": image["width"], "P": 0 if document["scene"]["floor"] is None else 1}
     is_of_people_alone = path.name == PEOPLE_FILE
     shared, of_person = specs_of(headers, compact=is_of_people_alone or is_compact(headers))
     if is_of_people_alone:
@@ -383,7 +367,7 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], expected: _Expected)
         )
     if (found := number_of_people(headers)) > people:
         raise ValueError(f"it has arrays of {found} people, and {DOCUMENT_FILE} lists {people}")
-    check_arrays(headers, expected.sizes, people, (shared, of_person))
+    check_arrays(headers, sizes, people, (shared, of_person))
     optional = [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if spec.optional]
     return [*required, *(name for name in optional if name in headers)]
 
