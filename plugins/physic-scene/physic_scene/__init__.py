@@ -1,0 +1,34 @@
+"""One reconstruction from two to eight photos of one moment: ``Scene`` and the command ``physic scene``."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from physic_core import CommandRecord, hookimpl
+
+if TYPE_CHECKING:
+    from physic_scene.scene import Scene, reconstruct_scene
+    from physic_scene.types import CameraPose, LeftOut, SceneResult
+
+__all__ = ["CameraPose", "LeftOut", "Scene", "SceneResult", "physic_commands", "reconstruct_scene"]
+
+_NAMES = {
+    "CameraPose": "types",
+    "LeftOut": "types",
+    "SceneResult": "types",
+    "Scene": "scene",
+    "reconstruct_scene": "scene",
+}
+
+
+@hookimpl
+def physic_commands() -> list[CommandRecord]:
+    """Return the record of ``physic scene``."""
+    return [CommandRecord("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos")]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _NAMES:
+        raise AttributeError(f"module 'physic_scene' has no attribute '{name}'")
+    return getattr(import_module(f"physic_scene.{_NAMES[name]}"), name)

@@ -1,0 +1,484 @@
+"""Cameras of several photos by a bundle adjustment whose points are the keypoints of matched people.
+
+Unknown are the pose of each camera but the reference's, the logarithm of each focal length, and the place of each
+person's keypoints in the reference frame. Residuals, in units of their expected sizes, through a Cauchy loss:
+
+* keypoints: projected points against detections;
+* bodies: points against the landmarks of each photo's body, up to that body's place and, weakly, its turn;
+* bones: lengths between points against those of the bodies; they give the scale;
+* floors: their normals against each other;
+* background: distances of matched background pixels from their epipolar lines;
+* focal lengths against those of the photos.
+
+Solved by Levenberg-Marquardt steps on sparse normal equations.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
+
+from physic_core.types.skeletons import SIDES
+from physic_scene.rigid import Pose
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray, IntArray
+    from physic_scene.observations import PhotoPeople
+
+__all__ = ["Bundle", "BundleSettings", "Observations", "PixelMatches", "PoseUncertainty", "adjust", "uncertainties"]
+
+_NEAREST_M = 0.1
+_BONES = (
+    ("shoulder", "elbow"),
+    ("elbow", "wrist"),
+    ("hip", "knee"),
+    ("knee", "ankle"),
+    ("shoulder", "hip"),
+)
+
+
+@dataclass(frozen=True)
+class BundleSettings:
+    """Expected sizes of the residuals.
+
+    Attributes:
+        keypoint: error of a keypoint of confidence 1, as a share of the person's stature in px.
+        body_m: error of a body's landmarks, up to its place and turn, metres.
+        body_turn_deg: error of a body's turn.
+        bone: error of the logarithm of a bone's length.
+        floor_deg: error of a floor's normal, degrees.
+        epipolar_px: distance of a background pixel from its epipolar line, px of a photo 1000 px wide.
+        outlier: beyond this many expected sizes, a residual counts as an outlier.
+        steps: most steps at each of ``rounds``.
+        rounds: factors on ``outlier``, one after the other, so that a rough start can converge.
+    """
+
+    keypoint: float = 0.02
+    body_m: float = 0.10
+    body_turn_deg: float = 15.0
+    bone: float = 0.06
+    floor_deg: float = 8.0
+    epipolar_px: float = 2.0
+    outlier: float = 2.0
+    steps: int = 25
+    rounds: tuple[float, ...] = (8.0, 3.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PixelMatches:
+    """Pixels of two photos that show the same point of the background.
+
+    Attributes:
+        views: index of the first and of the second photo.
+        first: (n, 2) px.
+        second: (n, 2) px.
+    """
+
+    views: tuple[int, int]
+    first: FloatArray
+    second: FloatArray
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What V photos show of P people with J keypoints.
+
+    Attributes:
+        K: (V, 3, 3) px.
+        focal_sigma: (V,).
+        points: (V, P, J, 2) px.
+        confidence: (V, P, J); 0 where a photo does not show the person or the keypoint.
+        landmarks: (V, P, J, 3) metres, camera frames.
+        shown: (V, P) bool, whether a photo shows the person.
+        size_px: (V, P) stature in px.
+        limb: (J,) number of the arm or leg of each keypoint, 0 for trunk and head.
+        bones: (B, 2) keypoints at the ends of each bone.
+        bone_m: (P, B) lengths.
+        bone_sigma: (P,) error of their logarithm; NaN for that of the settings.
+        up: (V, 3) normal of the floor in each photo, NaN without a floor.
+        background: matches of pixels.
+    """
+
+    K: FloatArray
+    focal_sigma: FloatArray
+    points: FloatArray
+    confidence: FloatArray
+    landmarks: FloatArray
+    shown: np.ndarray[tuple[int, int], np.dtype[np.bool_]]
+    size_px: FloatArray
+    limb: IntArray
+    bones: IntArray
+    bone_m: FloatArray
+    bone_sigma: FloatArray
+    up: FloatArray
+    background: tuple[PixelMatches, ...] = ()
+
+    @classmethod
+    def of(cls, people: Sequence[PhotoPeople], rows: IntArray, background: Sequence[PixelMatches] = ()) -> Observations:
+        """Collect the observations of matched people.
+
+        Args:
+            people: of each photo.
+            rows: (P, V) row of each person in each photo, -1 where not shown.
+            background: matches of pixels.
+        """
+        shown = rows.T >= 0
+
+        def gather(name: str) -> FloatArray:
+            return np.stack(
+                [np.asarray(getattr(photo, name))[np.maximum(rows[:, v], 0)] for v, photo in enumerate(people)]
+            )
+
+        names = people[0].skeleton.names
+        ends = [(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in _BONES]
+        bones = np.array([(names.index(a), names.index(b)) for a, b in ends if a in names and b in names])
+        landmarks = gather("landmarks")
+        length = np.linalg.norm(landmarks[:, :, bones[:, 0]] - landmarks[:, :, bones[:, 1]], axis=-1)
+        mean = np.exp(np.nanmean(np.where(shown[..., None], np.log(length), np.nan), axis=0))
+        return cls(
+            K=np.stack([photo.K for photo in people]),
+            focal_sigma=np.array([photo.focal_sigma for photo in people]),
+            points=gather("points"),
+            confidence=gather("confidence") * shown[..., None],
+            landmarks=landmarks,
+            shown=shown,
+            size_px=gather("size_px"),
+            limb=np.array([_limb(name) for name in names]),
+            bones=bones,
+            bone_m=mean,
+            bone_sigma=np.full(len(mean), np.nan),
+            up=np.stack([photo.up for photo in people]),
+            background=tuple(background),
+        )
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Cameras and points.
+
+    Attributes:
+        rotation: (V, 3, 3) of :class:`Pose`, identity for the reference.
+        translation: (V, 3) metres.
+        log_focal: (V,) logarithm of the factor on each focal length.
+        points: (P, J, 3) metres, reference frame.
+        turn: (V, P, 3, 3) correction of the turn of each photo's body, in the frame of its camera.
+        place: (V, P, 3) metres, correction of its place.
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+    log_focal: FloatArray
+    points: FloatArray
+    turn: FloatArray
+    place: FloatArray
+
+    @classmethod
+    def start(cls, observations: Observations, poses: Sequence[Pose]) -> Bundle:
+        """Return a start from poses of the cameras: points are the mean of the photos' landmarks."""
+        shown = observations.shown
+        common = np.stack([pose.to_common(observations.landmarks[v]) for v, pose in enumerate(poses)])
+        weight = shown[..., None, None] * np.maximum(observations.confidence, 0.02)[..., None]
+        return cls(
+            rotation=np.stack([pose.rotation for pose in poses]),
+            translation=np.stack([pose.translation for pose in poses]),
+            log_focal=np.zeros(len(poses)),
+            points=(weight * common).sum(0) / np.maximum(weight.sum(0), 1e-9),
+            turn=np.broadcast_to(np.eye(3), (*shown.shape, 3, 3)),
+            place=np.zeros((*shown.shape, 3)),
+        )
+
+    def pose(self, view: int) -> Pose:
+        """Return the pose of a camera."""
+        return Pose(self.rotation[view], self.translation[view])
+
+    def scaled(self, factor: float) -> Bundle:
+        """Return a copy with all lengths multiplied; the bodies' places are corrections of the start, and stay."""
+        return replace(self, translation=factor * self.translation, points=factor * self.points)
+
+    def moved(self, step: FloatArray) -> Bundle:
+        """Return a copy after a step of all parameters, in the order of the columns."""
+        views = len(self.rotation)
+        ends = np.cumsum([6 * views, views, self.points.size, self.place.size])
+        camera, focal, points, turn, place = np.split(step, ends)
+        camera = camera.reshape(views, 6)
+        return Bundle(
+            _rotations(camera[:, :3]) @ self.rotation,
+            self.translation + camera[:, 3:],
+            self.log_focal + focal,
+            self.points + points.reshape(self.points.shape),
+            _rotations(turn.reshape(self.place.shape)) @ self.turn,
+            self.place + place.reshape(self.place.shape),
+        )
+
+
+@dataclass(frozen=True)
+class PoseUncertainty:
+    """Standard deviations of one camera's pose relative to the reference.
+
+    Attributes:
+        rotation_deg: of the rotation, degrees.
+        position_m: of the camera centre, metres.
+        log_focal: of the logarithm of the focal length.
+    """
+
+    rotation_deg: float
+    position_m: float
+    log_focal: float
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
+
+    Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; None is each alone.
+    """
+
+    residual: FloatArray
+    jacobian: FloatArray
+    columns: IntArray
+    robust: bool = True
+    group: IntArray | None = None
+
+
+def adjust(
+    observations: Observations, start: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+) -> Bundle:
+    """Return the cameras and points with the least energy near a start.
+
+    Args:
+        observations: of all photos.
+        start: cameras and points.
+        reference: index of the camera whose pose stays.
+        settings: of the energy.
+    """
+    state = start
+    for factor in settings.rounds:
+        wide = replace(settings, outlier=settings.outlier * factor)
+        damping = 1e-3
+        normal, gradient, energy = _normal_equations(observations, state, reference, wide)
+        for _ in range(settings.steps):
+            step = -splu(csc_array(normal + diags_array(damping * normal.diagonal()))).solve(gradient)
+            trial = state.moved(step)
+            found = _normal_equations(observations, trial, reference, wide)
+            if found[2] >= energy:
+                damping *= 8
+                if damping > 1e6:
+                    break
+                continue
+            gain = energy - found[2]
+            state, (normal, gradient, energy), damping = trial, found, max(damping / 4, 1e-9)
+            if gain < 1e-5 * energy:
+                break
+    return state
+
+
+def uncertainties(
+    observations: Observations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+) -> tuple[PoseUncertainty, ...]:
+    """Return the standard deviations of each camera, from the curvature of the energy."""
+    normal, _, _ = _normal_equations(observations, state, reference, settings)
+    views = len(state.rotation)
+    columns = np.eye(normal.shape[0], 7 * views)
+    covariance = splu(csc_array(normal)).solve(columns)[: 7 * views]
+    found = []
+    for v in range(views):
+        own = covariance[6 * v : 6 * v + 6, 6 * v : 6 * v + 6]
+        # The centre is -R^T t: a rotation by w turns it by R^T (t x w).
+        moves = np.hstack([state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T])
+        found.append(
+            PoseUncertainty(
+                float(np.degrees(np.sqrt(np.trace(own[:3, :3])))),
+                float(np.sqrt(max(np.trace(moves @ own @ moves.T), 0.0))),
+                float(np.sqrt(covariance[6 * views + v, 6 * views + v])),
+            )
+        )
+    return tuple(found)
+
+
+def _normal_equations(
+    observations: Observations, state: Bundle, reference: int, settings: BundleSettings
+) -> tuple[csc_array, FloatArray, float]:
+    """Return normal matrix, gradient and energy, with Cauchy weights."""
+    size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
+    normal, gradient, energy = csc_array((size, size)), np.zeros(size), 0.0
+    for block in _blocks(observations, state, reference, settings):
+        square = (block.residual**2).sum(1)
+        if block.robust:
+            limit = settings.outlier**2
+            if block.group is not None:
+                total, count = (np.bincount(block.group, weights) for weights in (square, None))
+                square = (total / np.maximum(count, 1))[block.group]
+            weight = 1 / (1 + square / limit)
+            energy += float(limit * np.log1p(square / limit).sum())
+        else:
+            weight = np.ones(len(square))
+            energy += float(square.sum())
+        m, d, k = block.jacobian.shape
+        rows = np.repeat(np.arange(m * d), k)
+        columns = np.repeat(block.columns[:, None], d, axis=1).reshape(-1)
+        root = np.sqrt(weight)[:, None]
+        jacobian = coo_array(((root[..., None] * block.jacobian).reshape(-1), (rows, columns)), (m * d, size)).tocsc()
+        normal = normal + jacobian.T @ jacobian
+        gradient += jacobian.T @ (root * block.residual).reshape(-1)
+    return csc_array(normal), gradient, energy
+
+
+def _blocks(observations: Observations, state: Bundle, reference: int, settings: BundleSettings) -> list[_Block]:
+    views, people = observations.shown.shape
+    joints = state.points.shape[1]
+    first_point, first_turn = 7 * views, 7 * views + state.points.size
+    first_place = first_turn + state.place.size
+    turns = Rotation.from_matrix(state.turn.reshape(-1, 3, 3)).as_rotvec().reshape(-1)
+    blocks = [
+        # The frame is that of the reference camera.
+        _prior(np.zeros(6), 6 * reference, 1e-4),
+        _prior(state.log_focal, 6 * views, observations.focal_sigma),
+        _prior(turns, first_turn, np.radians(settings.body_turn_deg)),
+        # The place of a body is free; where a photo does not show the person, it is without meaning.
+        _prior(state.place.reshape(-1), first_place, 1e4),
+    ]
+    for v, p in zip(*np.nonzero(observations.shown), strict=True):
+        at = first_point + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
+        camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
+        local = state.points[p] @ state.rotation[v].T
+        turned = np.concatenate([-_cross(local), np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
+        local = local + state.translation[v]
+        by_point = np.broadcast_to(state.rotation[v], (joints, 3, 3))
+        uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
+        weight = np.sqrt(observations.confidence[v, p]) / (settings.keypoint * observations.size_px[v, p])
+        seen = weight > 0
+        jacobian = np.concatenate([by_local @ turned, by_local @ by_point, by_focal[..., None]], axis=2)
+        columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
+        residual = weight[:, None] * (uv - observations.points[v, p])
+        keypoints = _Block(residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen])
+        blocks.append(replace(keypoints, group=observations.limb[seen]))
+        body = observations.landmarks[v, p] - observations.landmarks[v, p].mean(axis=0)
+        body = body @ state.turn[v, p].T
+        middle = observations.landmarks[v, p].mean(axis=0) + state.place[v, p]
+        jacobian = np.concatenate([turned, by_point, _cross(body), -np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
+        own = 3 * (v * people + p) + np.broadcast_to(np.arange(3), (joints, 3))
+        columns = np.concatenate([camera, at, first_turn + own, first_place + own], axis=1)
+        landmarks = _Block((local - body - middle) / settings.body_m, jacobian / settings.body_m, columns)
+        blocks.append(replace(landmarks, group=observations.limb))
+    blocks.append(_bone_block(observations, state, first_point, settings))
+    blocks += _floor_blocks(observations, state, settings)
+    blocks += [_epipolar_block(match, observations, state, settings) for match in observations.background]
+    return blocks
+
+
+def _limb(name: str) -> int:
+    """Return the number of a keypoint's arm or leg, 0 for trunk and head."""
+    side, _, point = name.partition("_")
+    if side not in SIDES:
+        return 0
+    leg = point.startswith(("hip", "knee", "ankle", "heel", "foot", "big_toe", "small_toe"))
+    arm = point.startswith(("shoulder", "elbow", "wrist", "thumb", "index", "middle", "ring", "pinky"))
+    return 1 + SIDES.index(side) + 2 * leg if arm or leg else 0
+
+
+def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> _Block:
+    """Return the residuals of parameters (n,) from 0; their columns begin at ``first``."""
+    n = len(values)
+    slope = np.broadcast_to(1 / np.asarray(sigma, np.float64), (n,))
+    return _Block((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
+
+
+def _bone_block(observations: Observations, state: Bundle, first_point: int, settings: BundleSettings) -> _Block:
+    """Return the residuals of bone lengths."""
+    people, joints, _ = state.points.shape
+    a, b = observations.bones.T
+    along = state.points[:, b] - state.points[:, a]
+    length = np.maximum(np.linalg.norm(along, axis=-1), 1e-3)
+    sigma = np.where(np.isnan(observations.bone_sigma), settings.bone, observations.bone_sigma)[:, None]
+    residual = np.log(length / observations.bone_m) / sigma
+    slope = along / length[..., None] ** 2 / sigma[..., None]
+    person = joints * np.arange(people)[:, None]
+    columns = first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
+    jacobian = np.concatenate([-slope, slope], axis=-1)
+    return _Block(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
+
+
+def _floor_blocks(observations: Observations, state: Bundle, settings: BundleSettings) -> list[_Block]:
+    """Return the residuals of the floors' normals of each two photos."""
+    known = np.flatnonzero(np.isfinite(observations.up).all(1))
+    unit = np.radians(settings.floor_deg) * np.sqrt(max(len(known), 1))
+    blocks = []
+    for a, b in itertools.combinations(known, 2):
+        motion = state.rotation[b] @ state.rotation[a].T
+        turned = motion @ observations.up[a]
+        jacobian = np.hstack([motion @ _cross(observations.up[a]), -_cross(turned)]) / unit
+        columns = np.concatenate([np.arange(6 * a, 6 * a + 3), np.arange(6 * b, 6 * b + 3)])
+        blocks.append(_Block((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
+    return blocks
+
+
+def _projection(local: FloatArray, K: FloatArray, log_focal: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return pixels (n, 2) of points (n, 3), and their derivatives (n, 2, 3) and (n, 2) by point and log focal."""
+    z = np.maximum(local[:, 2], _NEAREST_M)
+    focal = np.exp(log_focal) * np.array([K[0, 0], K[1, 1]])
+    from_centre = focal * local[:, :2] / z[:, None]
+    slope = np.zeros((len(local), 2, 3))
+    slope[:, 0, 0], slope[:, 1, 1] = focal[0] / z, focal[1] / z
+    slope[:, :, 2] = -from_centre / z[:, None]
+    return from_centre + K[:2, 2], slope, from_centre
+
+
+def _rotations(rotvecs: FloatArray) -> FloatArray:
+    """Return the rotations (..., 3, 3) of rotation vectors (..., 3)."""
+    turns: FloatArray = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix()
+    return turns.reshape(*rotvecs.shape, 3)
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Return the matrices (..., 3, 3) of the cross products with vectors (..., 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
+
+
+def _epipolar_block(match: PixelMatches, observations: Observations, state: Bundle, settings: BundleSettings) -> _Block:
+    """Return the distances of matched pixels from their epipolar lines (Sampson), with derivatives by differences."""
+    views = len(state.rotation)
+    a, b = match.views
+    columns = np.concatenate([np.arange(6 * a, 6 * a + 6), np.arange(6 * b, 6 * b + 6), [6 * views + a, 6 * views + b]])
+    base = sampson(match, observations.K, state)
+    jacobian = np.zeros((len(base), len(columns)))
+    size = 7 * views + state.points.size + 2 * state.place.size
+    for k, column in enumerate(columns):
+        step = np.zeros(size)
+        step[column] = 1e-6
+        jacobian[:, k] = (sampson(match, observations.K, state.moved(step)) - base) / 1e-6
+    unit = settings.epipolar_px * observations.K[a, 0, 2] / 500
+    # All pixels of a pair together count as much as a few people: their errors have common causes.
+    unit *= max(1.0, np.sqrt(len(base) / 40))
+    every = np.broadcast_to(columns, (len(base), len(columns)))
+    return _Block(base[:, None] / unit, jacobian[:, None] / unit, every)
+
+
+def sampson(match: PixelMatches, K: FloatArray, state: Bundle) -> FloatArray:
+    """Return the signed distances (n,) of matched pixels from their epipolar lines, px, to first order."""
+    a, b = match.views
+    motion = state.pose(b).after(state.pose(a).inverse())
+    essential = _cross(motion.translation / max(float(np.linalg.norm(motion.translation)), 1e-9)) @ motion.rotation
+    inverse = [np.linalg.inv(_zoomed(K[v], state.log_focal[v])) for v in (a, b)]
+    fundamental = inverse[1].T @ essential @ inverse[0]
+    one, two = (np.column_stack([points, np.ones(len(points))]) for points in (match.first, match.second))
+    line_two, line_one = one @ fundamental.T, two @ fundamental
+    scale = np.sqrt((line_two[:, :2] ** 2).sum(1) + (line_one[:, :2] ** 2).sum(1))
+    distance: FloatArray = (two * line_two).sum(1) / np.maximum(scale, 1e-12)
+    return distance
+
+
+def _zoomed(K: FloatArray, log_focal: float) -> FloatArray:
+    """Return a camera matrix with its focal lengths multiplied."""
+    zoomed = K.copy()
+    zoomed[0, 0] *= np.exp(log_focal)
+    zoomed[1, 1] *= np.exp(log_focal)
+    return zoomed

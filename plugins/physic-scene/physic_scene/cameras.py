@@ -1,0 +1,195 @@
+"""Cameras and people of the chosen photos: start, bundle adjustment, and what does not fit it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_core.types.short_repr import ShortRepr
+from physic_scene.bodies import FittedBodies, fit_bodies
+from physic_scene.bundle import Bundle, Observations, PoseUncertainty, adjust, uncertainties
+from physic_scene.rigid import Pose
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import BoolArray, FloatArray, IntArray
+    from physic_scene.observations import PhotoPeople
+    from physic_scene.scene import SceneSettings
+    from physic_scene.selection import ChosenPhotos
+
+__all__ = ["FitSettings", "SolvedScene", "solve_cameras"]
+
+_KNOWN_BONE = 0.01
+_SEEN = 0.3  # confidence of a keypoint
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Limits of what fits one moment.
+
+    Attributes:
+        keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
+            stature in px.
+        stature: error of the logarithm of a person's estimated stature, for the scale.
+        distance: error of the logarithm of the distances in one photo alone, for the scale.
+    """
+
+    keypoint: float = 0.15
+    stature: float = 0.06
+    distance: float = 0.2
+
+
+@dataclass(frozen=True)
+class SolvedScene(ShortRepr):
+    """Cameras and bodies of one moment, in the frame of the reference camera, metres.
+
+    Attributes:
+        chosen: photos in the solution, and those left out.
+        reference: index into ``chosen.photos``.
+        rows: (P, V) row of each solved person in each photo, -1 where not shown.
+        moved: (M, V) the same for people who moved between the photos, who are not solved.
+        observations: of the solved people.
+        bundle: cameras and points.
+        sigmas: uncertainty of each camera.
+        bodies: of the solved people.
+        errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
+    """
+
+    chosen: ChosenPhotos
+    reference: int
+    rows: IntArray
+    moved: IntArray
+    observations: Observations
+    bundle: Bundle
+    sigmas: tuple[PoseUncertainty, ...]
+    bodies: FittedBodies
+    errors: FloatArray
+
+
+def solve_cameras(
+    chosen: ChosenPhotos, statures: Sequence[float], model: BodyModel, settings: SceneSettings
+) -> SolvedScene:
+    """Return the cameras and people of one moment; photos and people that do not fit are left out.
+
+    Args:
+        chosen: photos that share people.
+        statures: known heights of the people of the first photo, metres: one for all, or from left to right.
+        model: body model, float64.
+        settings: of all steps.
+
+    Raises:
+        InputError: no two photos fit each other.
+    """
+    rows, moved = chosen.rows, chosen.rows[:0]
+    while True:
+        reference = _reference(rows)
+        people = [photo.people for photo in chosen.photos]
+        observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, statures)
+        start = Bundle.start(observations, _start_poses(chosen, reference))
+        bundle = adjust(observations, start, reference, settings.bundle)
+        errors = keypoint_errors(observations, bundle)
+        bad = errors > settings.fit.keypoint
+        view = _view_that_does_not_fit(bad, errors)
+        if view is not None:
+            if len(chosen.photos) == 2:
+                raise InputError(
+                    f"{chosen.photos[0].name} and {chosen.photos[1].name} show people in other places or poses: give "
+                    "photos that were taken at the same moment"
+                )
+            why = "its people are in other places or poses than in the other photos"
+            chosen = chosen.without(view, "does not fit", why)
+            rows, moved = chosen.rows, chosen.rows[:0]
+            continue
+        if bad.any() and len(rows) > 1:
+            worst = int(np.argmax(bad.sum(0) + np.nanmax(errors, axis=0)))
+            rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
+            continue
+        break
+    sigmas = uncertainties(observations, bundle, reference, settings.bundle)
+    bundle = bundle.scaled(_scale(people, rows, observations, bundle, settings.fit))
+    bodies = fit_bodies(people, rows, observations, bundle, model, (settings.bundle, settings.bodies))
+    return SolvedScene(chosen, reference, rows, moved, observations, bundle, sigmas, bodies, errors)
+
+
+def _scale(
+    people: Sequence[PhotoPeople], rows: IntArray, observations: Observations, bundle: Bundle, settings: FitSettings
+) -> float:
+    """Return the factor that brings people nearer to their distances in the photos alone; 1 with a known stature."""
+    if np.isfinite(observations.bone_sigma).any():
+        return 1.0
+    by_view = []
+    for v, photo in enumerate(people):
+        here = np.flatnonzero(rows[:, v] >= 0)
+        if len(here):
+            middle = bundle.pose(v).to_camera(bundle.points[here].mean(axis=1))[:, 2]
+            alone = photo.landmarks[rows[here, v]].mean(axis=1)[:, 2]
+            by_view.append(np.median(np.log(alone / np.maximum(middle, 0.1))))
+    sure, unsure = len(rows) / settings.stature**2, len(by_view) / settings.distance**2
+    return float(np.exp(unsure / (sure + unsure) * np.mean(by_view)))
+
+
+def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
+    """Return the median distances (V, P) of solved keypoints from the photos', as a share of the stature in px."""
+    errors = np.full(observations.shown.shape, np.nan)
+    for v, p in zip(*np.nonzero(observations.shown), strict=True):
+        local = bundle.pose(v).to_camera(bundle.points[p])
+        K = observations.K[v]
+        focal = np.exp(bundle.log_focal[v]) * np.array([K[0, 0], K[1, 1]])
+        uv = focal * local[:, :2] / np.maximum(local[:, 2:], 0.1) + K[:2, 2]
+        away = np.linalg.norm(uv - observations.points[v, p], axis=1) / observations.size_px[v, p]
+        seen = observations.confidence[v, p] >= _SEEN
+        errors[v, p] = np.median(away[seen]) if seen.any() else np.nan
+    return errors
+
+
+def _reference(rows: IntArray) -> int:
+    """Return the first photo that shows most people of the scene."""
+    return int(np.argmax((rows >= 0).sum(0)))
+
+
+def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:
+    """Return the worst photo of those in which most people do not fit; None if there is none."""
+    shown = np.isfinite(errors)
+    wrong = bad.sum(1) > 0.5 * np.maximum(shown.sum(1), 1)
+    if not wrong.any():
+        return None
+    return int(np.argmax(np.where(wrong, np.nanmean(np.where(shown, errors, 0), axis=1), -1)))
+
+
+def _start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
+    """Return poses of all cameras, along the pairs of photos with the highest scores."""
+    poses = {reference: Pose.identity()}
+    while len(poses) < len(chosen.photos):
+        _, a, b = max((match.score, a, b) for (a, b), match in chosen.matches.items() if (a in poses) != (b in poses))
+        motion = chosen.matches[a, b].motion
+        if a in poses:
+            poses[b] = motion.after(poses[a])
+        else:
+            poses[a] = motion.inverse().after(poses[b])
+    return [poses[v] for v in range(len(poses))]
+
+
+def _with_statures(
+    observations: Observations, chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float]
+) -> Observations:
+    """Return the observations with the bone lengths of people of known stature."""
+    first = chosen.photos[0]
+    if not any(statures) or first.index != 0:
+        return observations
+    people = first.people
+    order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows])
+    known = np.zeros(len(people))
+    known[order] = statures if len(statures) == len(people) else np.resize(statures, len(people))
+    bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
+    for p, row in enumerate(rows[:, 0]):
+        if row >= 0 and known[row] > 0:
+            estimated = np.mean(
+                [photo.people.stature[i] for photo, i in zip(chosen.photos, rows[p], strict=True) if i >= 0]
+            )
+            bone_m[p] *= known[row] / estimated
+            sigma[p] = _KNOWN_BONE
+    return replace(observations, bone_m=bone_m, bone_sigma=sigma)

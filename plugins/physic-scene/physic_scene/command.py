@@ -1,0 +1,144 @@
+"""The command ``physic scene``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from physic_core import Intrinsics
+    from physic_scene.types import SceneResult
+
+__all__ = ["scene"]
+
+
+@click.command()
+@click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
+@click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
+@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
+@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@click.option(
+    "--intrinsics",
+    metavar="fx,fy,cx,cy",
+    multiple=True,
+    help="Camera in px of the upright photo file, or - where unknown; once for each photo, in their order.",
+)
+@click.option(
+    "--stature",
+    metavar="METRES,...",
+    help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
+def scene(
+    photos: tuple[Path, ...],
+    out: Path,
+    overwrite: bool,
+    file: Path | None,
+    preset: str | None,
+    overrides: tuple[str, ...],
+    intrinsics: tuple[str, ...],
+    stature: str | None,
+    quiet: bool,
+) -> None:
+    """Reconstruct one moment from two to eight photos.
+
+    Writes the files of `physic run` for the photo that shows most people, cameras.json, scene_points.ply, and
+    photos.png with a row for each photo.
+    """
+    if file is not None and preset is not None:
+        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
+    cameras = _cameras(intrinsics, len(photos))
+    statures = _numbers(stature, "--stature") if stature is not None else ()
+    from physic_core import KnownSizes, load_config
+    from physic_core.cli.output import echo
+    from physic_core.errors import InputError
+    from physic_core.files.atomic import check_writable
+    from physic_scene.scene import Scene
+
+    try:
+        known = KnownSizes(stature=statures) if statures else None
+    except ValueError as error:
+        raise InputError(f"--stature: {error}") from error
+    if missing := [photo for photo in photos if not photo.exists()]:
+        raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
+    check_writable(out)
+    sized = _sized(photos, cameras)
+
+    def progress(name: str, done: int, total: int) -> None:
+        if not quiet:
+            echo(f"[{done + 1}/{total}] {name}", err=True)
+
+    with Scene(load_config(file, preset=preset, overrides=overrides)) as solver:
+        result = solver(photos, intrinsics=sized, known=known, progress=progress)
+    result.save(str(out), overwrite=overwrite)
+    for one in result.left_out:
+        echo(f"warning: {one.message}", err=True)
+    if not quiet:
+        echo(_table(result))
+        echo(str(out))
+
+
+def _numbers(text: str, option: str) -> tuple[float, ...]:
+    """Return numbers with commas between them."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError as error:
+        raise click.UsageError(f"{option} {text}: give numbers with commas between them") from error
+
+
+def _cameras(given: tuple[str, ...], photos: int) -> list[tuple[float, ...] | None]:
+    """Return fx, fy, cx, cy of each photo, None where unknown."""
+    if not given:
+        return [None] * photos
+    if len(given) != photos:
+        raise click.UsageError(f"--intrinsics: give it once for each of the {photos} photos, - where unknown")
+    found = [None if text == "-" else _numbers(text, "--intrinsics") for text in given]
+    if any(one is not None and len(one) != 4 for one in found):
+        raise click.UsageError("--intrinsics: give fx,fy,cx,cy in px, or -")
+    return found
+
+
+def _sized(photos: tuple[Path, ...], cameras: list[tuple[float, ...] | None]) -> list[Intrinsics | None] | None:
+    """Return the cameras with the sizes of their upright photos; None if no camera is known."""
+    if not any(cameras):
+        return None
+    from PIL import Image, ImageOps
+
+    from physic_core import Intrinsics
+    from physic_core.types import CameraTrust
+
+    found: list[Intrinsics | None] = []
+    for photo, camera in zip(photos, cameras, strict=True):
+        if camera is None:
+            found.append(None)
+            continue
+        with Image.open(photo) as image:
+            width, height = ImageOps.exif_transpose(image).size
+        fx, fy, cx, cy = camera
+        found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN))
+    return found
+
+
+def _table(result: SceneResult) -> str:
+    """Return a line for each camera."""
+    rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
+    for camera in result.cameras:
+        known = [str(person) for person in camera.people if person is not None]
+        own = camera.index == result.reference
+        rows.append(
+            (
+                camera.photo,
+                ", ".join(known),
+                "reference" if own else f"{camera.rotation_sigma_deg:.1f} deg",
+                "reference" if own else f"{camera.position_sigma_m:.2f} m",
+                f"{100 * camera.reprojection:.1f} % of stature",
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )

@@ -1,0 +1,136 @@
+"""The engine's preset "default" with the keypoints of other photos, for bodies whose place several photos show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import torch
+
+from physic_core.engine.joint.term import PosedBodies, Term
+from physic_core.engine.placement.method import Fit, PlacementMethod
+from physic_core.engine.placement.settings import PlacementSettings
+from physic_core.engine.presets.default import DefaultOptimisation
+from physic_core.engine.settings import EngineSettings
+from physic_core.errors import ConfigError
+from physic_core.geometry.camera import project
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+    from physic_core.engine.joint.context import JointContext
+    from physic_core.engine.joint.state import State
+    from physic_core.engine.placement.terms import PlacementProblem
+
+__all__ = ["OtherViews", "ViewsOptimisation", "ViewsPlacement", "with_other_views"]
+
+_SAME_M = 1e-3  # between the same vertex in single and in double precision
+
+
+@dataclass(frozen=True, eq=False)
+class OtherViews(ShortRepr):
+    """What W other cameras show of N people of the reference photo.
+
+    Attributes:
+        transl: (N, 3) metres, translation of each person's body at the start; it names the person.
+        vertex: (n, 3) metres, first vertex of each body whose place several photos show; it names the body.
+        rotation: (W, 3, 3) from the reference camera to the other camera.
+        translation: (W, 3) metres.
+        K: (W, 3, 3) px.
+        keypoints: (W, N, J, 2) px.
+        weight: (W, N, J), 0 where a photo does not show the person or the keypoint.
+        size_px: (W, N) stature in px.
+    """
+
+    transl: Tensor
+    vertex: Tensor
+    rotation: Tensor
+    translation: Tensor
+    K: Tensor
+    keypoints: Tensor
+    weight: Tensor
+    size_px: Tensor
+
+    def rows(self, transl: Tensor) -> Tensor:
+        """Return the person (B,) of each start translation (B, 3)."""
+        return torch.cdist(transl.to(self.transl), self.transl).argmin(1)
+
+
+@dataclass(frozen=True)
+class ViewsPlacement(PlacementSettings):
+    """Settings of stage 2 with people whose place is known."""
+
+    views: OtherViews | None = None
+    """What other cameras show."""
+
+    def method(self) -> PlacementMethod:
+        """Return the default method, which leaves people of known place there."""
+        return _KnownPlaces(self)
+
+
+class _KnownPlaces(PlacementMethod):
+    """Steps of stage 2 that do not move people whose place several photos show."""
+
+    def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
+        """Return x (4,), without a translation for people of known place."""
+        assert isinstance(self.settings, ViewsPlacement)
+        assert self.settings.views is not None
+        known = self.settings.views.vertex
+        if not bool((torch.linalg.vector_norm(known - person.vertices[0], dim=1) < _SAME_M).any()):
+            return super().finish(person, fit)
+        return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]])
+
+
+@dataclass(frozen=True)
+class ViewsOptimisation(DefaultOptimisation):
+    """Settings of stage 3 of preset "default", and the keypoints of other photos."""
+
+    views: OtherViews | None = None
+    """What other cameras show."""
+    views_sigma: float = 0.03
+    """Expected error of their keypoints, as a share of the stature in px: that of cameras and keypoints."""
+
+    def terms(self, context: JointContext, state: State) -> Sequence[Term]:
+        """Return the terms of preset "default", and that of the other photos."""
+        assert self.views is not None
+        return [*super().terms(context, state), OtherViewsTerm(self, self.views, context)]
+
+
+class OtherViewsTerm(Term):
+    """Reprojection term of all other cameras: projected landmarks against their keypoints."""
+
+    def __init__(self, settings: ViewsOptimisation, views: OtherViews, context: JointContext) -> None:
+        like, rows = context.problem.transl0, views.rows(context.problem.transl0)
+        self._settings = settings.reprojection
+        self._rotation, self._translation, self._K = (x.to(like) for x in (views.rotation, views.translation, views.K))
+        self._keypoints = views.keypoints[:, rows].to(like)
+        self._weight = views.weight[:, rows].to(like)
+        self._unit = settings.views_sigma * views.size_px[:, rows].to(like)
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """Return the energy "other views" (B,)."""
+        local = torch.einsum("wij,bkj->wbki", self._rotation, bodies.keypoints) + self._translation[:, None, None]
+        pixels = project(local, self._K[:, None, None])
+        away = (pixels - self._keypoints) / self._unit[..., None, None]
+        loss = self._settings.rho()(away.square().sum(-1))
+        return {"other views": self._settings.weight * (self._weight * loss).sum((0, 2))}
+
+
+def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSettings:
+    """Return settings of preset "default" with other photos.
+
+    Raises:
+        ConfigError: the settings are of another preset.
+    """
+    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementSettings:
+        raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
+
+    def taken(part: object) -> dict[str, object]:
+        return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
+
+    joint = ViewsOptimisation(**taken(settings.joint), views=views)  # type: ignore[arg-type]
+    placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
+    return EngineSettings(scene=settings.scene, placement=placement, joint=joint, contact=settings.contact)

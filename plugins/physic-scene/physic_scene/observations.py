@@ -1,0 +1,153 @@
+"""What one photo shows of its people, as matching and camera solution use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import torch
+
+from physic_core.body.landmarks import keypoints_on_body
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.types import CameraTrust, Keypoints
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import BoolArray, FloatArray, Person, Reconstruction, Skeleton
+
+__all__ = ["COLOUR_GROUPS", "PhotoPeople", "observe"]
+
+COLOUR_GROUPS = (
+    ("torso",),
+    ("head",),
+    ("left_upper_arm", "right_upper_arm"),
+    ("left_upper_leg", "right_upper_leg"),
+    ("left_lower_leg", "right_lower_leg"),
+    ("left_foot", "right_foot"),
+)
+"""Body parts whose mean colours are compared."""
+
+_FOCAL_SIGMA = {CameraTrust.KNOWN: 0.003, CameraTrust.ESTIMATED: 0.12, CameraTrust.GUESSED: 0.25}
+"""Standard deviation of log(focal length) where the camera does not state one."""
+
+_FEWEST_PIXELS = 12  # of a body part, for its colour
+
+
+@dataclass(frozen=True)
+class PhotoPeople:
+    """The N people of one photo who have a body, with J keypoints, in the frame of its camera, metres.
+
+    Attributes:
+        rows: (N,) index of each person in the result of the photo.
+        K: (3, 3) px.
+        focal_sigma: standard deviation of log(focal length).
+        skeleton: of the keypoints.
+        points: (N, J, 2) px.
+        confidence: (N, J) in [0, 1]; 0 for keypoints that are not seen.
+        landmarks: (N, J, 3) the keypoints on the bodies.
+        joints: (N, 55, 3).
+        rotations: (N, 55, 3, 3) of each joint relative to its parent.
+        betas: (N, K) shape.
+        stature: (N,) metres.
+        colours: (N, G, 3) mean CIELAB of each of COLOUR_GROUPS, NaN where it is not seen.
+        size_px: (N,) stature in px.
+        up: (3,) normal of the floor, NaN without one.
+    """
+
+    rows: tuple[int, ...]
+    K: FloatArray
+    focal_sigma: float
+    skeleton: Skeleton
+    points: FloatArray
+    confidence: FloatArray
+    landmarks: FloatArray
+    joints: FloatArray
+    rotations: FloatArray
+    betas: FloatArray
+    stature: FloatArray
+    colours: FloatArray
+    size_px: FloatArray
+    up: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
+    """Return what the result of one photo says about its people.
+
+    Args:
+        result: of one photo.
+        model: body model of its people, float64.
+    """
+    rows = tuple(i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all())
+    people = [result.people[i] for i in rows]
+    found = Keypoints(
+        np.stack([p.keypoints for p in people]) if people else np.zeros((0, 17, 2)),
+        np.stack([p.keypoint_confidence for p in people]) if people else np.zeros((0, 17)),
+        result.skeleton if people else "coco17",
+    )
+    found = keypoints_on_body(found)
+    rotations, betas, transl = _parameters(people, model)
+    with torch.inference_mode():
+        body = model(rotations, betas, transl)
+        landmarks = model.landmarks(body, found.joint_set).numpy()
+        stature = model.stature(betas).numpy()
+    size = np.array([result.intrinsics.width, result.intrinsics.height])
+    inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
+    finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
+    joints, floor = body.joints.numpy(), result.scene.floor
+    return PhotoPeople(
+        rows=rows,
+        K=result.intrinsics.matrix,
+        focal_sigma=result.intrinsics.focal_sigma or _FOCAL_SIGMA[result.intrinsics.trust],
+        skeleton=found.joint_set,
+        points=np.nan_to_num(np.asarray(found.points, np.float64)),
+        confidence=np.where(inside & finite, found.confidence, 0.0),
+        landmarks=landmarks,
+        joints=joints,
+        rotations=rotations.numpy(),
+        betas=betas.numpy(),
+        stature=stature,
+        colours=np.array([_colours(result, person, model) for person in people]).reshape(-1, len(COLOUR_GROUPS), 3),
+        size_px=result.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
+        up=np.full(3, np.nan) if floor is None else np.asarray(floor.normal, np.float64),
+    )
+
+
+def _parameters(people: list[Person], model: BodyModel) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return rotations (N, 55, 3, 3), betas (N, K) and translations (N, 3)."""
+    if not people:
+        return model.zero_pose(0)
+    rotations = torch.cat([rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people])
+    betas, transl = (
+        torch.from_numpy(np.concatenate([getattr(p.parameters, name) for p in people])).double()
+        for name in ("betas", "transl")
+    )
+    return rotations, betas, transl
+
+
+def _colours(result: Reconstruction, person: Person, model: BodyModel) -> FloatArray:
+    """Return the mean CIELAB (G, 3) of a person's body parts, from the pixels of their mask under each part."""
+    K, vertices = result.intrinsics.matrix, np.asarray(person.vertices, np.float64)
+    uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
+    height, width = person.mask.shape
+    inside: BoolArray = ((uv >= 0) & (uv < [width, height])).all(1) & (vertices[:, 2] > 0.1)
+    own = np.zeros(len(uv), bool)
+    own[inside] = person.mask[uv[inside, 1], uv[inside, 0]]
+    # Of several vertices at a pixel, the nearest is the one that the photo shows.
+    nearest = np.full((height, width), np.inf)
+    np.minimum.at(nearest, (uv[own, 1], uv[own, 0]), vertices[own, 2])
+    own[own] = vertices[own, 2] < nearest[uv[own, 1], uv[own, 0]] + 0.05
+    lab = cv2.cvtColor(
+        np.asarray(result.image)[None, uv[own, 1], uv[own, 0]].astype(np.float32) / 255, cv2.COLOR_RGB2LAB
+    )
+    part = model.part_of_vertex.numpy()[own]
+    means = np.full((len(COLOUR_GROUPS), 3), np.nan)
+    for row, names in enumerate(COLOUR_GROUPS):
+        here = np.isin(part, [model.part_names.index(name) for name in names])
+        if here.sum() >= _FEWEST_PIXELS:
+            means[row] = np.median(lab[0, here], axis=0)
+    return means

@@ -1,0 +1,177 @@
+"""The solution in the reference photo: the engine's four stages from the bodies, camera and scale of all photos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core import Pipeline
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.configuration.resolve import ResolvedPipeline, resolve
+from physic_core.discovery.plugins import discover
+from physic_core.types import Bodies, BodyParameters, CameraTrust, DepthMap, Intrinsics, PeoplePrompt
+from physic_core.types.short_repr import ShortRepr
+from physic_scene.energy import OtherViews, with_other_views
+from physic_scene.given import SolvedBodies, SolvedDepth
+
+if TYPE_CHECKING:
+    from physic_core import Config
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.settings import EngineSettings
+    from physic_core.types import FloatArray, Reconstruction
+    from physic_scene.cameras import SolvedScene
+
+__all__ = ["ReferenceInput", "scene_scales", "solve_reference", "solved_camera"]
+
+_STATURE_SIGMA = 0.06  # of log(stature) of one person, whose mean gives the scale
+_OTHER_SIGMA = 0.03  # of the scale by everything else
+
+
+@dataclass(frozen=True)
+class ReferenceInput(ShortRepr):
+    """What the engine gets for the reference photo.
+
+    Attributes:
+        result: of the photo alone.
+        camera: solved.
+        bodies: of all people of the photo.
+        depth: of its scene, at the solved scale.
+        views: what the other photos show of these people.
+    """
+
+    result: Reconstruction
+    camera: Intrinsics
+    bodies: Bodies
+    depth: DepthMap
+    views: OtherViews
+
+    @classmethod
+    def of(cls, solved: SolvedScene, model: BodyModel) -> ReferenceInput:
+        """Return the input of the engine from the solved cameras and bodies."""
+        v = solved.reference
+        photo, camera = solved.chosen.photos[v], solved_camera(solved, v)
+        result, people = photo.result, photo.people
+        rows = {people.rows[row]: p for p, row in enumerate(solved.rows[:, v]) if row >= 0}
+        parameters = _joined_parameters(result, solved, rows, model)
+        scale = scene_scales(solved)[v]
+        depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
+        sigma = float(np.hypot(_STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
+        return cls(
+            result=result,
+            camera=camera,
+            bodies=Bodies(parameters, model.name),
+            depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(solved.chosen.photos)} photos",)),
+            views=_other_views(solved, rows, parameters, model),
+        )
+
+
+@dataclass(frozen=True)
+class _PlanWithViews(ResolvedPipeline):
+    """Backends and settings of a run whose engine uses other photos."""
+
+    solved: EngineSettings | None = None
+
+    @cached_property
+    def engine(self) -> EngineSettings:
+        """Settings of the engine."""
+        assert self.solved is not None
+        return self.solved
+
+
+def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
+    """Run the pipeline on the reference photo, with the bodies and the depth of all photos.
+
+    Args:
+        given: what all photos show.
+        config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
+    """
+    plain = config.model_copy(update={"photo": type(config.photo)()})
+    backends = {"body_estimator": SolvedBodies.of(given.bodies), "metric_depth": SolvedDepth.of(given.depth)}
+    plan = resolve(plain, discover(), backends)
+    own = _PlanWithViews(
+        backends=plan.backends,
+        photo=plan.photo,
+        body_model=plan.body_model,
+        device=plan.device,
+        config=plan.config,
+        solved=with_other_views(plan.engine, given.views),
+    )
+    prompt = None
+    if config.photo.person or config.photo.box or config.photo.masks:
+        prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
+    with Pipeline(own) as pipeline:
+        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt)
+    return replace(found, photo=given.result.photo, lens=given.result.lens)
+
+
+def solved_camera(solved: SolvedScene, view: int) -> Intrinsics:
+    """Return the camera of a photo with its solved focal length."""
+    before = solved.chosen.photos[view].result.intrinsics
+    factor = float(np.exp(solved.bundle.log_focal[view]))
+    return replace(
+        before,
+        fx=before.fx * factor,
+        fy=before.fy * factor,
+        source=before.source if before.known else "several photos",
+        trust=before.trust if before.known else CameraTrust.ESTIMATED,
+        focal_sigma=solved.sigmas[view].log_focal,
+    )
+
+
+def scene_scales(solved: SolvedScene) -> FloatArray:
+    """Return the factor (V,) from the scene of each photo alone to the solution: by the depths of the people."""
+    factors = np.ones(len(solved.chosen.photos))
+    for v, photo in enumerate(solved.chosen.photos):
+        here = np.flatnonzero(solved.rows[:, v] >= 0)
+        if len(here):
+            joints = solved.bundle.pose(v).to_camera(solved.bodies.joints[here, 0])
+            alone = photo.people.joints[solved.rows[here, v], 0]
+            factors[v] = np.exp(np.median(np.log(joints[:, 2] / alone[:, 2])))
+    return factors
+
+
+def _joined_parameters(
+    result: Reconstruction, solved: SolvedScene, rows: Mapping[int, int], model: BodyModel
+) -> BodyParameters:
+    """Return the parameters of all people of the reference photo: solved ones, and others as in the photo alone."""
+    parts = [
+        solved.bodies.parameters([rows[i]], model) if i in rows else person.parameters
+        for i, person in enumerate(result.people)
+    ]
+    return BodyParameters(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+
+
+def _other_views(
+    solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel
+) -> OtherViews:
+    """Return what the other photos show of the N people of the reference photo."""
+    others = [v for v in range(len(solved.chosen.photos)) if v != solved.reference]
+    seen, n = solved.observations, len(parameters)
+    shape = (len(others), n, seen.points.shape[2])
+    keypoints, weight, size = np.zeros((*shape, 2)), np.zeros(shape), np.ones(shape[:2])
+    for i, p in rows.items():
+        for w, v in enumerate(others):
+            if seen.shown[v, p]:
+                keypoints[w, i], weight[w, i], size[w, i] = seen.points[v, p], seen.confidence[v, p], seen.size_px[v, p]
+    K = seen.K.copy()
+    K[:, [0, 1], [0, 1]] *= np.exp(solved.bundle.log_focal)[:, None]
+    own = parameters[np.array(sorted(rows), np.int64)]
+    with torch.inference_mode():
+        rotations = rotations_from_parameters(own, dtype=torch.float64)
+        betas, transl = (torch.from_numpy(x).double() for x in (own.betas, own.transl))
+        vertex = model(rotations, betas, transl, vertex_ids=torch.tensor([0])).vertices[:, 0].clone()
+    return OtherViews(
+        transl=torch.from_numpy(parameters.transl).double(),
+        vertex=vertex,
+        rotation=torch.from_numpy(solved.bundle.rotation[others]),
+        translation=torch.from_numpy(solved.bundle.translation[others]),
+        K=torch.from_numpy(K[others]),
+        keypoints=torch.from_numpy(keypoints),
+        weight=torch.from_numpy(weight),
+        size_px=torch.from_numpy(size),
+    )

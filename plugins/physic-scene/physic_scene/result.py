@@ -1,0 +1,140 @@
+"""The result of several photos, from the solved cameras and the solution in the reference photo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_scene.reference import scene_scales, solved_camera
+from physic_scene.types import CameraPose, ScenePerson, SceneResult
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import FloatArray, Reconstruction, UInt8Array
+    from physic_scene.cameras import SolvedScene
+
+__all__ = ["assemble"]
+
+_POINTS = 60_000  # of the scene of each photo
+
+
+def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyModel) -> SceneResult:
+    """Return the result.
+
+    Args:
+        solved: cameras and people.
+        reconstruction: of the reference photo.
+        model: body model, float64.
+    """
+    photos, v = solved.chosen.photos, solved.reference
+    cameras = tuple(_cameras(solved))
+    people = _people(solved, reconstruction, model)
+    points, colors = _merged_points(reconstruction, cameras, photos[v].index)
+    moved = [f"person {i} moved between the photos, and is as one photo shows" for i, p in enumerate(people) if p.moved]
+    notes = (
+        f"cameras of {len(photos)} photos from {len(solved.rows)} people; the frame is that of {photos[v].name}",
+        *(one.message for one in solved.chosen.left_out),
+        *moved,
+    )
+    return SceneResult(
+        reconstruction=reconstruction,
+        reference=photos[v].index,
+        cameras=cameras,
+        people=people,
+        left_out=solved.chosen.left_out,
+        points=points,
+        colors=colors,
+        notes=notes,
+        diagnostics={
+            "matched_pixels": {
+                f"{photos[m.views[0]].name}, {photos[m.views[1]].name}": len(m.first) for m in solved.chosen.background
+            },
+            "matching_scores": {
+                f"{photos[a].name}, {photos[b].name}": round(match.score, 2)
+                for (a, b), match in solved.chosen.matches.items()
+            },
+        },
+    )
+
+
+def _cameras(solved: SolvedScene) -> list[CameraPose]:
+    """Return the camera of each photo."""
+    scales, found = scene_scales(solved), []
+    every = np.concatenate([solved.rows, solved.moved])
+    for v, photo in enumerate(solved.chosen.photos):
+        person = {photo.people.rows[row]: p for p, row in enumerate(every[:, v]) if row >= 0}
+        errors = solved.errors[v][np.isfinite(solved.errors[v])]
+        sigma, own = solved.sigmas[v], v == solved.reference
+        found.append(
+            CameraPose(
+                photo=photo.name,
+                index=photo.index,
+                intrinsics=solved_camera(solved, v),
+                rotation=solved.bundle.rotation[v],
+                translation=solved.bundle.translation[v],
+                rotation_sigma_deg=0.0 if own else sigma.rotation_deg,
+                position_sigma_m=0.0 if own else sigma.position_m,
+                focal_sigma=sigma.log_focal,
+                people=tuple(person.get(i) for i in range(len(photo.result.people))),
+                reprojection=float(np.median(errors)) if len(errors) else float("nan"),
+                scene_scale=float(scales[v]),
+                result=photo.result,
+            )
+        )
+    return found
+
+
+def _people(solved: SolvedScene, reconstruction: Reconstruction, model: BodyModel) -> tuple[ScenePerson, ...]:
+    """Return the people whom at least two photos show."""
+    photos, v = solved.chosen.photos, solved.reference
+    found = []
+    with torch.inference_mode():
+        body = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl)
+    vertices = body.vertices.float().numpy()
+    for p, row in enumerate(np.concatenate([solved.rows, solved.moved])):
+        shown = tuple(photos[w].index for w in np.flatnonzero(row >= 0))
+        moved = p >= len(solved.rows)
+        if row[v] >= 0:
+            own = photos[v].people.rows[row[v]]
+            person = reconstruction.people[own]
+            found.append(ScenePerson(shown, own, moved, person.parameters, person.vertices, person.joints))
+        elif not moved:
+            joints = solved.bodies.joints[p].astype(np.float32)
+            found.append(ScenePerson(shown, None, False, solved.bodies.parameters([p], model), vertices[p], joints))
+        else:
+            w = int(np.flatnonzero(row >= 0)[0])
+            person = photos[w].result.people[photos[w].people.rows[row[w]]]
+            pose = solved.bundle.pose(w)
+            found.append(
+                ScenePerson(
+                    shown,
+                    None,
+                    True,
+                    person.parameters,
+                    pose.to_common(person.vertices).astype(np.float32),
+                    pose.to_common(person.joints).astype(np.float32),
+                )
+            )
+    return tuple(found)
+
+
+def _merged_points(
+    reconstruction: Reconstruction, cameras: tuple[CameraPose, ...], reference: int
+) -> tuple[FloatArray, UInt8Array]:
+    """Return points (M, 3) and colours (M, 3) of the scenes of all photos in the reference frame."""
+    points, colors = [], []
+    for camera in cameras:
+        own = camera.index == reference
+        scene = reconstruction.scene if own else camera.result.scene
+        chosen = scene.valid & np.isfinite(scene.points).all(-1)
+        every = max(1, int(chosen.sum()) // _POINTS)
+        xyz: FloatArray = scene.points[chosen][::every].astype(np.float64)
+        if not own:
+            # The solved focal length moves points of the photo alone across the ray.
+            zoom = camera.result.intrinsics.fx / camera.intrinsics.fx
+            xyz = camera.to_reference(camera.scene_scale * xyz * [zoom, zoom, 1.0])
+        points.append(xyz.astype(np.float32))
+        colors.append(scene.colors[chosen][::every])
+    return np.concatenate(points), np.concatenate(colors)

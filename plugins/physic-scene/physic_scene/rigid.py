@@ -1,0 +1,78 @@
+"""Rotations and rigid motions between camera frames, as NumPy arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
+__all__ = ["Pose", "angle_deg", "fit_rotation", "mean_rotation"]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Pose of a camera: points x of the common frame are ``rotation @ x + translation`` in the camera's frame.
+
+    Attributes:
+        rotation: (3, 3).
+        translation: (3,) metres.
+    """
+
+    rotation: FloatArray
+    translation: FloatArray
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """Return the pose of the common frame itself."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @property
+    def centre(self) -> FloatArray:
+        """Camera centre (3,) in the common frame."""
+        return -self.rotation.T @ self.translation
+
+    def to_camera(self, points: FloatArray) -> FloatArray:
+        """Transform points (..., 3) of the common frame to the camera's frame."""
+        return points @ self.rotation.T + self.translation
+
+    def to_common(self, points: FloatArray) -> FloatArray:
+        """Transform points (..., 3) of the camera's frame to the common frame."""
+        return (points - self.translation) @ self.rotation
+
+    def after(self, first: Pose) -> Pose:
+        """Return the pose that applies ``first`` and then this one."""
+        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
+
+    def inverse(self) -> Pose:
+        """Return the motion from the camera's frame to the common frame."""
+        return Pose(self.rotation.T, self.centre)
+
+
+def fit_rotation(source: FloatArray, target: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the rotation (3, 3) with the least weighted squares of ``rotation @ source - target``; points (n, 3)."""
+    u, _, vt = np.linalg.svd((weight[:, None] * target).T @ source)
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation: FloatArray = (u * sign) @ vt
+    return rotation
+
+
+def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the robust mean (3, 3) of rotations (n, 3, 3): one step of reweighting drops far ones."""
+    mean = Rotation.from_matrix(rotations).mean(weight)
+    for _ in range(3):
+        away = (mean.inv() * Rotation.from_matrix(rotations)).magnitude()
+        mean = Rotation.from_matrix(rotations).mean(weight / np.maximum(away, np.radians(3)))
+    found: FloatArray = mean.as_matrix()
+    return found
+
+
+def angle_deg(one: FloatArray, two: FloatArray) -> FloatArray:
+    """Return the angles (...) between rotations (..., 3, 3), degrees."""
+    trace = np.einsum("...ij,...ij->...", one, two)
+    angle: FloatArray = np.degrees(np.arccos(np.clip((trace - 1) / 2, -1, 1)))
+    return angle

@@ -1,0 +1,137 @@
+"""Results of several photos of one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, UInt8Array
+
+__all__ = ["CameraPose", "LeftOut", "ScenePerson", "SceneResult"]
+
+
+@dataclass(frozen=True)
+class CameraPose(ShortRepr):
+    """One photo's camera in the frame of the reference camera.
+
+    Attributes:
+        photo: name of the photo.
+        index: of the photo, as it was given.
+        intrinsics: solved camera, px of ``result.image``.
+        rotation: (3, 3) from the reference frame to the frame of this camera.
+        translation: (3,) metres: a point x of the reference frame is ``rotation @ x + translation`` here.
+        rotation_sigma_deg: standard deviation of the rotation; 0 for the reference.
+        position_sigma_m: standard deviation of the camera centre; 0 for the reference.
+        focal_sigma: standard deviation of the logarithm of the focal length.
+        people: person of the scene for each person of this photo; None for a person whom no other photo shows.
+        reprojection: median distance of the solved keypoints from those of the photo, as a share of the stature in px.
+        scene_scale: factor from the scene of the photo alone to that of the solution.
+        result: reconstruction of the photo alone, in the frame of its camera.
+    """
+
+    photo: str
+    index: int
+    intrinsics: Intrinsics
+    rotation: FloatArray
+    translation: FloatArray
+    rotation_sigma_deg: float
+    position_sigma_m: float
+    focal_sigma: float
+    people: tuple[int | None, ...]
+    reprojection: float
+    scene_scale: float
+    result: Reconstruction
+
+    @property
+    def centre(self) -> FloatArray:
+        """Camera centre (3,) in the reference frame, metres."""
+        centre: FloatArray = -self.rotation.T @ self.translation
+        return centre
+
+    def to_reference(self, points: FloatArray) -> FloatArray:
+        """Transform points (..., 3) of this camera's frame to the reference frame."""
+        moved: FloatArray = (points - self.translation) @ self.rotation
+        return moved
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A photo that is no part of the solution.
+
+    Attributes:
+        photo: name of the photo.
+        index: of the photo, as it was given.
+        reason: one of "same photo", "mirrored", "other people", "no people", "does not fit".
+        message: the same as a sentence for the user.
+    """
+
+    photo: str
+    index: int
+    reason: str
+    message: str
+
+
+@dataclass(frozen=True)
+class ScenePerson(ShortRepr):
+    """One person of the scene, in the reference frame, metres.
+
+    Attributes:
+        views: index of the photos that show the person, as they were given.
+        row: index in ``SceneResult.reconstruction.people``; None for a person whom the reference photo does not show.
+        moved: whether the photos show the person in different poses or places; the body is then that of the reference
+            photo alone, or of the first photo that shows the person.
+        parameters: body, a batch of one.
+        vertices: (V, 3).
+        joints: (55, 3).
+    """
+
+    views: tuple[int, ...]
+    row: int | None
+    moved: bool
+    parameters: BodyParameters
+    vertices: FloatArray
+    joints: FloatArray
+
+
+@dataclass(frozen=True)
+class SceneResult(ShortRepr):
+    """Reconstruction of one moment from several photos, in the frame of the reference camera.
+
+    Attributes:
+        reconstruction: people, scene and contact as the reference photo shows them, solved with all photos.
+        reference: index of its photo, as it was given.
+        cameras: of the photos in the solution, in the order in which they were given.
+        people: whom at least two photos show; ``row`` joins them to ``reconstruction.people``.
+        left_out: photos that are no part of the solution.
+        points: (M, 3) float32 of the scenes of all photos, without people.
+        colors: (M, 3) uint8 of the points.
+        notes: sentences for the user.
+        diagnostics: numbers of matching and cameras.
+    """
+
+    reconstruction: Reconstruction
+    reference: int
+    cameras: tuple[CameraPose, ...]
+    people: tuple[ScenePerson, ...]
+    left_out: tuple[LeftOut, ...]
+    points: FloatArray
+    colors: UInt8Array
+    notes: tuple[str, ...]
+    diagnostics: dict[str, Any]
+
+    def save(self, folder: str, *, overwrite: bool = False) -> None:
+        """Write the files of ``Reconstruction.save``, ``cameras.json``, ``scene_points.ply`` and ``photos.png``.
+
+        Args:
+            folder: created if it does not exist.
+            overwrite: whether to replace the result of another photo.
+
+        Raises:
+            OutputError: the folder cannot be written, or a file of the user's would be lost.
+        """
+        from physic_scene.output import save_scene
+
+        save_scene(self, folder, overwrite=overwrite)
