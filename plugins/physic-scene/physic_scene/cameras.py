@@ -85,34 +85,49 @@ def solve_cameras(
         InputError: no two photos fit each other.
     """
     rows, moved = chosen.rows, chosen.rows[:0]
-    while True:
-        reference = _reference(rows)
-        people = [photo.people for photo in chosen.photos]
-        observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, statures)
-        start = Bundle.start(observations, _start_poses(chosen, reference))
-        bundle = adjust(observations, start, reference, settings.bundle)
-        errors = keypoint_errors(observations, bundle)
-        bad = errors > settings.fit.keypoint
-        view = _view_that_does_not_fit(bad, errors)
+    found = _adjusted(chosen, rows, statures, settings)
+    while (bad := found.errors > settings.fit.keypoint).any():
+        view = _view_that_does_not_fit(bad, found.errors)
+        if view is not None and len(chosen.photos) == 2:
+            raise InputError(
+                f"{chosen.photos[0].name} and {chosen.photos[1].name} show people in other places or poses: give "
+                "photos that were taken at the same moment"
+            )
         if view is not None:
-            if len(chosen.photos) == 2:
-                raise InputError(
-                    f"{chosen.photos[0].name} and {chosen.photos[1].name} show people in other places or poses: give "
-                    "photos that were taken at the same moment"
-                )
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
             rows, moved = chosen.rows, chosen.rows[:0]
-            continue
-        if bad.any() and len(rows) > 1:
-            worst = int(np.argmax(bad.sum(0) + np.nanmax(errors, axis=0)))
+        elif len(rows) > 1:
+            worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
             rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
-            continue
-        break
-    sigmas = uncertainties(observations, bundle, reference, settings.bundle)
-    bundle = bundle.scaled(_scale(people, rows, observations, bundle, settings.fit))
-    bodies = fit_bodies(people, rows, observations, bundle, model, (settings.bundle, settings.bodies))
-    return SolvedScene(chosen, reference, rows, moved, observations, bundle, sigmas, bodies, errors)
+        else:
+            break
+        found = _adjusted(chosen, rows, statures, settings)
+    people = [photo.people for photo in chosen.photos]
+    seen = found.observations
+    sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
+    bundle = found.bundle.scaled(_scale(people, rows, seen, found.bundle, settings.fit))
+    bodies = fit_bodies(people, rows, seen, bundle, model, (settings.bundle, settings.bodies))
+    return SolvedScene(chosen, found.reference, rows, moved, seen, bundle, sigmas, bodies, found.errors)
+
+
+@dataclass(frozen=True)
+class _Adjusted:
+    """Cameras and points of the people who are taken to hold still; errors as in :class:`SolvedScene`."""
+
+    reference: int
+    observations: Observations
+    bundle: Bundle
+    errors: FloatArray
+
+
+def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], settings: SceneSettings) -> _Adjusted:
+    reference = _reference(rows)
+    people = [photo.people for photo in chosen.photos]
+    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, statures)
+    start = Bundle.start(observations, _start_poses(chosen, reference))
+    bundle = adjust(observations, start, reference, settings.bundle)
+    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
 def _scale(
