@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import torch
 
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.placement.method import Fit, PlacementMethod
-from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.presets.default import DefaultOptimisation
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
@@ -60,26 +59,17 @@ class OtherViews(ShortRepr):
 
 
 @dataclass(frozen=True)
-class ViewsPlacement(PlacementSettings):
-    """Settings of stage 2 with people whose place is known."""
+class ViewsPlacement(PlacementMethod):
+    """Stage 2 of preset "default", which does not move people whose place several photos show."""
 
     views: OtherViews | None = None
     """What other cameras show."""
 
-    def method(self) -> PlacementMethod:
-        """Return the default method, which leaves people of known place there."""
-        return _KnownPlaces(self)
-
-
-class _KnownPlaces(PlacementMethod):
-    """Steps of stage 2 that do not move people whose place several photos show."""
-
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), without a translation for people of known place."""
-        assert isinstance(self.settings, ViewsPlacement)
-        assert self.settings.views is not None
-        known = self.settings.views.vertex
-        if not bool((torch.linalg.vector_norm(known - person.vertices[0], dim=1) < _SAME_M).any()):
+        assert self.views is not None
+        away = torch.linalg.vector_norm(self.views.vertex - person.vertices[0], dim=1)
+        if not bool((away < _SAME_M).any()):
             return super().finish(person, fit)
         return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]])
 
@@ -125,7 +115,7 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
     Raises:
         ConfigError: the settings are of another preset.
     """
-    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementSettings:
+    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementMethod:
         raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
 
     def taken(part: object) -> dict[str, object]:
@@ -133,4 +123,4 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
 
     joint = ViewsOptimisation(**taken(settings.joint), views=views)  # type: ignore[arg-type]
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
-    return EngineSettings(scene=settings.scene, placement=placement, joint=joint, contact=settings.contact)
+    return replace(settings, placement=placement, joint=joint)
