@@ -157,7 +157,7 @@ class TestDoubtful:
 class TestRefused:
     """Never a focal length that nothing tells."""
 
-    def test_mirrored_points(self):
+    def test_mirrored_points_are_refused(self):
         points = seen_by(100.0, depth_of_a_scene(60, 80)) * [-1, -1, 1]
         with pytest.raises(BackendError, match="no focal length fits the point map: its points do not lie like"):
             recover_camera(points, np.ones((60, 80), bool))

@@ -39,7 +39,7 @@ def test_two_checkouts_with_packages_of_one_name_do_not_meet(tmp_path: Path) -> 
             assert net.late() == net.WORD
 
 
-def test_nothing_stays_behind(tmp_path: Path) -> None:
+def test_a_checkout_leaves_no_module_and_no_path_behind(tmp_path: Path) -> None:
     path, modules = list(sys.path), set(sys.modules)
     side = checkout(tmp_path, {"core/net.py": "import json, utils", "utils.py": "A = 1"})
     side.load()
@@ -125,7 +125,7 @@ def test_another_version_of_a_checkout_is_recognised_by_missing_names(tmp_path: 
         side.attribute("Net")
 
 
-def test_an_installed_package_needs_no_folder() -> None:
+def test_an_installed_package_needs_no_checkout() -> None:
     side = Checkout("", name="json", package="json.decoder", homepage="https://python.org")
     assert side.missing() == ()
     assert side.attribute("JSONDecoder").__name__ == "JSONDecoder"

@@ -67,7 +67,7 @@ def test_each_grid_puts_the_box_where_its_networks_learned_it() -> None:
     points=st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=5),
     mirrored=st.booleans(),
 )
-def test_points_come_back(
+def test_points_of_the_crop_map_back_to_the_photo(
     grid: PixelAlignment, box: tuple[float, ...], points: list[tuple[float, float]], mirrored: bool
 ) -> None:
     corners = np.array([box[0], box[1], box[0] + box[2], box[1] + box[3]])

@@ -40,7 +40,7 @@ def test_peaks_within_noise_stay_within_half_a_cell() -> None:
     assert np.linalg.norm(found - true, axis=-1).max() < 0.5
 
 
-def test_refining_equals_transformers() -> None:
+def test_refined_peaks_are_those_of_transformers() -> None:
     pytest.importorskip("transformers")
     from transformers.models.vitpose.image_processing_pil_vitpose import (
         get_keypoint_predictions,

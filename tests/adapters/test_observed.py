@@ -31,7 +31,7 @@ def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton: str) -> N
     assert seen(skeleton, "left_wrist") == {"left_wrist", *fingers}
 
 
-def test_neighbours_go_together() -> None:
+def test_neighbouring_joints_are_observed_together() -> None:
     assert seen("coco17", "left_ankle") == {"left_ankle", "left_foot"}
     assert seen("coco23", "left_ankle") == {"left_ankle"}
     assert seen("coco17", "left_hip", "right_hip") == {"left_hip", "right_hip", "pelvis", "spine1", "spine2"}

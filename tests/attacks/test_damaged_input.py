@@ -14,7 +14,7 @@ CASES = 100
 
 
 @pytest.mark.parametrize("target", all_targets(), ids=lambda target: target.name)
-def test_seeds_pass(target: Target, tmp_path: Path):
+def test_undamaged_files_are_read(target: Target, tmp_path: Path):
     seeds = target.make_seeds(tmp_path / "seeds")
     assert seeds
     for i, seed in enumerate(seeds):
@@ -23,7 +23,7 @@ def test_seeds_pass(target: Target, tmp_path: Path):
 
 
 @pytest.mark.parametrize("target", all_targets(), ids=lambda target: target.name)
-def test_mutated_seeds(target: Target, tmp_path: Path):
+def test_damaged_files_are_read_or_refused(target: Target, tmp_path: Path):
     for case, data in target.mutated(tmp_path / "seeds", 0, CASES):
         folder = tmp_path / str(case)
         folder.mkdir()
@@ -42,5 +42,5 @@ def test_mutated_seeds(target: Target, tmp_path: Path):
         for file in target.corpus()
     ],
 )
-def test_what_failed_once(target: Target, file: Path, tmp_path: Path):
+def test_files_that_once_broke_a_reader_are_read_or_refused(target: Target, file: Path, tmp_path: Path):
     target.attack(file.read_bytes(), tmp_path)

@@ -160,7 +160,7 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
     return out
 
 
-def test_a_file_of_the_user_in_the_folder_of_a_photo_costs_that_photo_alone(result: Reconstruction, tmp_path: Path):
+def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: Reconstruction, tmp_path: Path):
     folder = tmp_path / photo_folder("one")
     folder.mkdir(parents=True)
     job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))

@@ -130,7 +130,7 @@ def test_joints_without_truth_do_not_count(truth, joints):
     assert (found["mpjpe_mm"], found["joints"]) == (pytest.approx(0), 11)
 
 
-def test_floors(truth):
+def test_a_floor_has_errors_of_height_and_tilt(truth):
     tilt = np.radians(5)
     plane = np.array([0.0, -np.cos(tilt), np.sin(tilt), 1.35])
     found = truth.measures.floor_errors(plane, UP, 1.5)
@@ -180,7 +180,7 @@ def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
     assert truth.measures.true_contact(forces).tolist() == [[True, False, False, False], [False, True, False, False]]
 
 
-def test_scores_of_contact(truth):
+def test_known_labels_have_the_known_precision_recall_and_balanced_accuracy(truth):
     predicted, facts = [True, True, True, False, False], [True, True, False, True, False]
     found = truth.measures.detection_scores(predicted, facts)
     assert found == {
@@ -392,7 +392,7 @@ def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
 
-def test_limbs_of_parkour(truth, joints):
+def test_limbs_of_parkour_films_have_contact_labels(truth, joints):
     names = [name.replace("left_", "l_").replace("right_", "r_") for name in truth.joints.LIMB_JOINTS]
     facts = {
         "joints": dict(zip(names, (joints @ np.diag([1, -1, -1])).tolist(), strict=True)),

@@ -92,7 +92,7 @@ def test_vertices_find_their_places_on_the_other_body(
 
 
 @pytest.mark.parametrize("shape", [0, 1])
-def test_left_stays_left(shape: int, embedded: BodyModel, other_model: BodyModel) -> None:
+def test_left_vertices_map_to_left_vertices(shape: int, embedded: BodyModel, other_model: BodyModel) -> None:
     """On bodies of another shape too: no vertex of a limb lies on a limb of the other side."""
     betas = torch.from_numpy(np.random.default_rng(shape).standard_normal((1, embedded.num_betas))).float()
     with torch.no_grad():

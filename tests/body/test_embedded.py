@@ -66,7 +66,7 @@ def test_weights_are_a_partition_of_unity(embedded: BodyModel) -> None:
     assert int((weights > 0).sum(0).max()) <= 4
 
 
-def test_cavities_are_inner(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(embedded: BodyModel, rest: np.ndarray) -> None:
     outer = embedded.outer.numpy()
     assert (~outer).sum() == 1278
     inner = rest[~outer]
@@ -109,7 +109,7 @@ def test_contact_sets_lie_where_they_should(embedded: BodyModel, rest: np.ndarra
     assert all(0.2 < length < 0.3 for length in lengths)
 
 
-def test_soles_are_level(embedded: BodyModel, rest: np.ndarray) -> None:
+def test_soles_are_level_in_the_t_pose(embedded: BodyModel, rest: np.ndarray) -> None:
     """Heel and ball of a standing body touch the same floor."""
     for side in ("left", "right"):
         sole = rest[embedded.contact_sets[f"{side}_sole"].numpy()]

@@ -32,7 +32,7 @@ def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in SIZES}
 
 
-def test_blazepose_order() -> None:
+def test_blazepose_points_have_their_published_order() -> None:
     points = SKELETONS["blazepose33"].names
     known = {0: "nose", 2: "left_eye_surface", 5: "right_eye_surface", 8: "right_ear_surface", 11: "left_shoulder"}
     known |= {16: "right_wrist", 17: "left_pinky1", 20: "right_index1", 21: "left_thumb2", 23: "left_hip"}
@@ -51,7 +51,7 @@ def test_whole_body_order_is_that_of_coco_wholebody() -> None:
     assert {i: points[i] for i in known} == known
 
 
-def test_halpe_order() -> None:
+def test_halpe_points_have_their_published_order() -> None:
     points = SKELETONS["halpe26"].names
     assert points[:17] == SKELETONS["coco17"].names
     assert points[20:] == (

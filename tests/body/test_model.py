@@ -135,7 +135,7 @@ def test_a_vertex_subset_equals_the_whole(embedded: BodyModel, ids: list[int]) -
 
 
 @pytest.mark.parametrize("size", [0.0, 0.3])
-def test_gradients_are_right(embedded64: BodyModel, size: float) -> None:
+def test_gradients_of_posing_are_those_of_finite_differences(embedded64: BodyModel, size: float) -> None:
     """At rest (size 0) too: that is where fits start."""
     torch.manual_seed(0)
     ids = torch.randint(0, embedded64.num_vertices, (5,))
@@ -160,7 +160,7 @@ def test_gradients_are_right(embedded64: BodyModel, size: float) -> None:
         ("expression", (1, 10), "(1, 0)"),
     ],
 )
-def test_refuses_wrong_shapes(embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str) -> None:
+def test_inputs_of_wrong_shape_are_refused(embedded: BodyModel, name: str, shape: tuple[int, ...], wanted: str) -> None:
     arguments = dict(zip(("rotations", "betas", "transl"), embedded.zero_pose(), strict=True))
     with pytest.raises(BodyModelError) as caught:
         embedded(**{**arguments, name: torch.zeros(shape)})

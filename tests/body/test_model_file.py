@@ -314,7 +314,7 @@ class _Runs:
 
 
 @pytest.mark.parametrize("layout", [SMPL, MANO])
-def test_nothing_is_run(tmp_path: Path, layout: Any) -> None:
+def test_reading_a_model_file_runs_no_code(tmp_path: Path, layout: Any) -> None:
     path = tmp_path / "MODEL.pkl"
     path.write_bytes(pickle.dumps({**mano_arrays(), "bs_type": _Runs()}))
     with pytest.raises(BodyModelError, match="which could run code: it is not opened"):

@@ -15,7 +15,7 @@ from physic_core.body.parameters import parameters_from_rotations, rotations_fro
 from physic_core.errors import BodyModelError
 
 
-def test_round_trip(random_pose: dict[str, Tensor]) -> None:
+def test_parameters_and_rotations_convert_back_and_forth(random_pose: dict[str, Tensor]) -> None:
     parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
     assert len(parameters) == 3
     assert parameters.expression.shape == (3, 0)
@@ -50,7 +50,7 @@ def test_every_field_holds_its_joints(joint: str, field: str, first: int) -> Non
     assert total == pytest.approx(0.6, abs=1e-5)
 
 
-def test_half_turns_survive() -> None:
+def test_half_turns_convert_back_and_forth() -> None:
     """At pi the sign of the rotation vector is open, the rotation is not."""
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
     rotations[0, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))  # upright in the camera's frame

@@ -61,7 +61,7 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
 
 
 @pytest.mark.parametrize("correctives", [False, True])
-def test_slope_against_differences(correctives):
+def test_the_gradient_is_that_of_finite_differences(correctives):
     kinematics, skin = small_body(bind=True, correctives=correctives)
     tree = JointTree(kinematics)
     inputs = [x.requires_grad_() for x in pose(1)]

@@ -97,7 +97,7 @@ def test_the_published_pickle_is_read(light: dict[str, Any], chumpy: None, tmp_p
     assert found["kintree_table"][0].tolist()[:4] == [-1, 0, 0, 0]
 
 
-def test_agrees_with_smplfitter(npz: Path, arrays: dict[str, Any]) -> None:
+def test_a_smpl_file_poses_as_in_smplfitter(npz: Path, arrays: dict[str, Any]) -> None:
     import torch
     from smplfitter.pt import BodyModel as Peer
 
@@ -179,7 +179,9 @@ def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
         ({"J_regressor": "none", "weights": None}, " lacks the arrays J_regressor, weights"),
     ],
 )
-def test_refuses_other_files(change: dict[str, Any], words: str, light: dict[str, Any], tmp_path: Path) -> None:
+def test_files_of_other_models_are_refused(
+    change: dict[str, Any], words: str, light: dict[str, Any], tmp_path: Path
+) -> None:
     path = pickled(tmp_path / "SMPL.pkl", {**light, **change})
     with pytest.raises(BodyModelError) as caught:
         read_smpl(path)

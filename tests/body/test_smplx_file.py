@@ -103,7 +103,9 @@ def test_never_unpickles(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("vertices", "whose"), [(6890, "a SMPL"), (778, "a MANO"), (5023, "a FLAME")])
-def test_refuses_the_family(tmp_path: Path, vertices: int, whose: str) -> None:
+def test_files_of_related_models_are_refused_by_their_number_of_vertices(
+    tmp_path: Path, vertices: int, whose: str
+) -> None:
     path = tmp_path / "model.npz"
     np.savez(path, v_template=np.zeros((vertices, 3)))
     with pytest.raises(BodyModelError) as caught:
@@ -111,7 +113,7 @@ def test_refuses_the_family(tmp_path: Path, vertices: int, whose: str) -> None:
     assert str(caught.value) == f"{path} is {whose} file ({vertices} vertices), not SMPL-X: {ADVICE}"
 
 
-def test_refuses_missing_arrays(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
+def test_a_smplx_file_without_an_array_is_refused(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
     path = tmp_path / "model.npz"
     np.savez(path, v_template=smplx_arrays["v_template"], f=smplx_arrays["f"])
     with pytest.raises(BodyModelError) as caught:
@@ -133,7 +135,7 @@ def test_refuses_missing_arrays(tmp_path: Path, smplx_arrays: dict[str, Any]) ->
         ("kintree_table", np.zeros((2, 55), int), "kintree_table is not the joint tree of SMPL-X"),
     ],
 )
-def test_refuses_wrong_shapes(
+def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
     tmp_path: Path, smplx_arrays: dict[str, Any], name: str, wrong: np.ndarray, message: str
 ) -> None:
     path = tmp_path / "model.npz"

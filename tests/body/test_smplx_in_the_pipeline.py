@@ -53,7 +53,9 @@ def test_the_ruler_and_the_contact_priors_know_other_bodies(world: World, file: 
         assert len(touching) > 0.5 * len(was) * 10475 / len(plain.people[0].contact)
 
 
-def test_a_body_known_by_its_joints_alone_is_as_high(embedded: BodyModel, other_model: BodyModel, maps: None) -> None:
+def test_a_body_given_by_joints_alone_has_the_same_height(
+    embedded: BodyModel, other_model: BodyModel, maps: None
+) -> None:
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
     world = build_world("stand", 0, (160, 120))
     told = Bodies(world.parameters, "embedded")

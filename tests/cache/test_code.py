@@ -84,7 +84,7 @@ def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
     assert told != other
 
 
-def test_bases_count(site: Path):
+def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
     write(site / "base.py", SOURCE)
     write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
     importlib.invalidate_caches()

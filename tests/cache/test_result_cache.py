@@ -161,7 +161,7 @@ NAMESAKE = dataclass(frozen=True)(type("DepthMap", (DepthMap,), {"__annotations_
     ],
     ids=["subclass", "namesake", "a set", "objects"],
 )
-def test_what_no_interface_speaks_of_is_not_kept_and_stays_as_it_is(cache: ResultCache, folder: Path, answer: DepthMap):
+def test_outputs_of_undocumented_types_are_returned_and_not_cached(cache: ResultCache, folder: Path, answer: DepthMap):
     cache.write(ask(cache), answer)
     assert not folder.exists()
     same = canonicalize(answer)

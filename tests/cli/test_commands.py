@@ -471,7 +471,7 @@ def test_check_prints_ok_or_the_faults():
 
 
 @pytest.mark.parametrize("preset", preset_names())
-def test_show_prints_toml_that_comes_to_the_same(preset: str):
+def test_config_show_prints_toml_that_gives_the_same_config(preset: str):
     config = load_config(
         preset=preset, overrides=["inpainter.options={a=[1, 2.5], b={c='ü\"\\n'}}", "photo.focal_px=9"]
     )
@@ -564,7 +564,7 @@ def _tables(text: str) -> dict[str, dict[str, str]]:
     return found
 
 
-def test_init_never_overwrites():
+def test_config_init_never_overwrites_a_file():
     Path("mine.toml").write_text("mine")
     assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
     assert Path("mine.toml").read_text() == "mine"

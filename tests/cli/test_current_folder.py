@@ -94,7 +94,7 @@ def poisoned(names: dict[str, list[str]], tmp_path: Path) -> Path:
     return folder
 
 
-def test_the_poison_works(poisoned: Path):
+def test_a_module_of_the_current_folder_would_be_noticed(poisoned: Path):
     python(poisoned, "-c", "import physic_mine", code=1)
     assert (poisoned.parent / "marker").read_text() == "physic_mine\n"
 

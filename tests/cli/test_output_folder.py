@@ -106,7 +106,7 @@ def test_the_result_of_another_photo_is_refused_before_computing_and_replaced_wi
     assert folder_of(run("b.jpg", "-o", "out", "--overwrite")) == "out"
 
 
-def test_the_result_of_the_photos_pixels_is_the_photos_own(asked: list[Path]):
+def test_a_result_of_the_same_pixels_counts_as_that_of_the_photo(asked: list[Path]):
     pixels = np.full((70, 80, 3), 9, np.uint8)
     Image.fromarray(pixels).save("a.png")
     empty_reconstruction(photo=image_digest(pixels)).save("out", preview=False)

@@ -48,7 +48,7 @@ def test_the_default_names_the_embedded_backend_everywhere():
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_holds(name: str):
+def test_every_preset_is_a_valid_config(name: str):
     assert isinstance(load_config(preset=name), Config)
 
 
@@ -327,7 +327,7 @@ def test_a_preset_that_does_not_exist_says_which_do():
     )
 
 
-def test_an_extends_without_a_file_names_the_config_that_states_it(write):
+def test_a_missing_file_of_extends_is_reported_with_the_config_that_names_it(write):
     assert refusal(write('extends = "splendid"\n')) == (
         "config.toml extends 'splendid': no preset named 'splendid'; there are: best, embedded, light-cpu, mock, open, "
         "paper"
@@ -464,7 +464,7 @@ def test_a_chain_of_many_files_is_refused(write):
     assert refusal("0.toml").endswith("more than 16 files extend each other; the last is 16.toml")
 
 
-def test_infinities_are_kept(write):
+def test_infinite_settings_are_kept(write):
     config = load_config(write("[engine.scene]\nfar_m = inf\n[inpainter.options]\na = -inf\n"))
     assert config.as_dict()["engine"]["scene"] == {"far_m": float("inf")}
     assert config.as_dict()["inpainter"]["options"] == {"a": float("-inf")}

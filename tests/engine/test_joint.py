@@ -215,7 +215,7 @@ def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
     assert error_mm(tied, standing) > 2 * error_mm(result, standing)
 
 
-def test_the_people_are_a_ruler_for_the_scene(standing):
+def test_known_bodies_correct_the_scale_of_the_scene(standing):
     """A scene that came out 12 % too large shrinks until its people stand in it."""
     problem = standing.problem
     large = replace(

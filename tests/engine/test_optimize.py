@@ -113,7 +113,7 @@ def test_the_optimiser_avoids_nan():
     assert trace.end["bowl"] < trace.start["bowl"]
 
 
-def test_adam_keeps_the_best_of_a_path_that_leaves_the_numbers():
+def test_adam_returns_its_best_step_before_the_energy_became_nan():
     energy = Bowl(wall=2.3)
     trace = ADAM.minimise(energy)
     assert torch.isfinite(energy.state.pack()).all()

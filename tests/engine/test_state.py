@@ -98,7 +98,7 @@ def test_each_group_strays_in_its_own_columns(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_gradient_through_unpacking(kind):
+def test_the_gradient_of_unpacking_is_exact(kind):
     state = kind(*start(people=1), frozen=["hands"])
     state.load(state.pack() + 0.1 * torch.randn(len(state.pack()), generator=torch.Generator().manual_seed(0)))
     names = state.free

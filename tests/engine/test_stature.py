@@ -31,7 +31,7 @@ def test_stature_is_linear_in_shape(body):
         assert stature(other).item() == pytest.approx(body.stature(other).item(), abs=3e-3)
 
 
-def test_gradient(body):
+def test_the_gradient_of_the_stature_term_is_exact(body):
     model = body.to(dtype=torch.float64)
     stature = linearise_stature(model, torch.zeros(2, body.num_betas, dtype=torch.float64))
     betas = (

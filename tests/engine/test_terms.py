@@ -116,7 +116,7 @@ def test_gradient_of_balance():
 # ---- values
 
 
-def test_reprojection_by_hand():
+def test_reprojection_of_known_points_has_the_known_energy():
     projected = torch.tensor([[[10.0, 10.0], [23.0, 24.0]]])
     observed = torch.tensor([[[10.0, 10.0], [20.0, 20.0]]])
     weight = torch.tensor([[1.0, 0.5]])

@@ -24,7 +24,7 @@ DOCUMENT = {"answer": [1, 2.5, "é", None, True]}
 
 
 @pytest.mark.parametrize("stored", ["", "iuf"])
-def test_reading_undoes_writing(tmp_path: Path, stored: str):
+def test_an_archive_reads_back_as_it_was_written(tmp_path: Path, stored: str):
     write_archive(tmp_path / "new" / "a.npz", ARRAYS, DOCUMENT, stored=stored)
     arrays, document = read_archive(tmp_path / "new" / "a.npz")
     assert document == DOCUMENT

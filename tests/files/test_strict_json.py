@@ -17,7 +17,7 @@ def test_nan_and_infinities_are_written_by_name_and_read_back():
     assert repr(from_json(json.loads(json.dumps(to_json(value), allow_nan=False)))) == repr(value)
 
 
-def test_arrays_scalars_paths_and_keys_become_what_json_has():
+def test_arrays_scalars_paths_and_keys_become_types_of_json():
     value = {1: np.float32(0.5), "b": np.arange(3), "c": (1, True), "d": Path("x/y"), "e": np.array([np.nan, 2.0])}
     assert to_json(value) == {"1": 0.5, "b": [0, 1, 2], "c": [1, True], "d": "x/y", "e": ["NaN", 2.0]}
     assert type(to_json(np.float64(2.0))) is float

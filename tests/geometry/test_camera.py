@@ -45,13 +45,13 @@ def test_a_resized_camera_sees_the_same_point_on_the_same_spot_of_the_picture() 
 
 
 @given(number, number, st.floats(0.05, 60.0))
-def test_unproject_inverts_project(x: float, y: float, z: float) -> None:
+def test_unprojected_pixels_project_back(x: float, y: float, z: float) -> None:
     point = torch.tensor([x, y, z], dtype=torch.float64)
     again = unproject(project(point, K), point[2], K)
     torch.testing.assert_close(again, point)
 
 
-def test_gradients() -> None:
+def test_gradients_of_projection_are_exact() -> None:
     points = torch.tensor([[0.3, -0.2, 1.5], [1.0, 0.4, 4.0]], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda p: project(p, K), points)
     depth = torch.tensor([1.5, 3.0], dtype=torch.float64, requires_grad=True)

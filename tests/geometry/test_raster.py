@@ -104,7 +104,7 @@ def test_a_person_behind_the_camera_hides_nothing(bodies):
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_cuda_equals_cpu(bodies):
+def test_cuda_draws_the_same_pixels_as_the_cpu(bodies):
     vertices, model = bodies
     want, _ = hidden_by_raster(vertices, model.faces)
     got, _ = hidden_from_camera(vertices.cuda(), model.faces.cuda())

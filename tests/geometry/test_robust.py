@@ -29,7 +29,7 @@ def test_is_the_square_near_zero(name, c):
 
 
 @pytest.mark.parametrize("name", LOSSES)
-def test_gradient_is_right(name):
+def test_the_gradient_of_each_loss_is_exact(name):
     squared = torch.tensor([0.0, 1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(partial(LOSSES[name], c=1.3), (squared,))
 

@@ -65,14 +65,14 @@ def test_something_that_is_not_a_file():
     assert message_of("/dev/null") == message
 
 
-def test_zero_bytes(tmp_path):
+def test_an_empty_file_is_refused(tmp_path):
     path = tmp_path / "empty.jpg"
     path.write_bytes(b"")
     assert message_of(path) == f"cannot read the photo {path}: the file is empty (0 bytes); copy it again"
 
 
 @pytest.mark.parametrize("content", [b"%PDF-1.7 no image", b"\xff\xd8", bytes(range(256)) * 20])
-def test_not_an_image(tmp_path, content):
+def test_a_file_that_is_no_image_is_refused(tmp_path, content):
     path = tmp_path / "letter.jpg"
     path.write_bytes(content)
     assert message_of(path) == (
@@ -81,7 +81,7 @@ def test_not_an_image(tmp_path, content):
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
-def test_a_truncated_photo(tmp_path, suffix):
+def test_a_truncated_photo_is_refused(tmp_path, suffix):
     path = tmp_path / f"photo.{suffix}"
     noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
     Image.fromarray(noise).save(path)
@@ -139,7 +139,7 @@ def test_heic_without_its_package(tmp_path, monkeypatch):
     )
 
 
-def test_eight_pixels(tmp_path):
+def test_a_photo_of_eight_pixels_is_refused(tmp_path):
     path = tmp_path / "tiny.png"
     Image.new("RGB", (8, 8)).save(path)
     assert message_of(path) == (
@@ -148,7 +148,7 @@ def test_eight_pixels(tmp_path):
 
 
 @pytest.mark.parametrize("side", [13_000, 30_000])
-def test_more_pixels_than_can_be_held(tmp_path, side):
+def test_a_photo_of_too_many_pixels_is_refused(tmp_path, side):
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
@@ -158,7 +158,7 @@ def test_more_pixels_than_can_be_held(tmp_path, side):
     assert message_of(path) == (f"cannot use the photo {path}: it has more than 150 megapixels; give a smaller version")
 
 
-def test_thirty_two_bits(tmp_path):
+def test_pixels_of_32_bits_are_refused(tmp_path):
     path = tmp_path / "counts.tiff"
     Image.fromarray(np.full((HEIGHT, WIDTH), 1 << 20, np.int32)).save(path)
     assert message_of(path) == f"cannot use the photo {path}: its pixels have 32 bits; save it with 8 bits a channel"
@@ -189,7 +189,7 @@ def test_a_plain_photo_comes_as_it_is_without_notes(tmp_path, suffix):
     assert (photo.intrinsics, photo.notes) == (None, ())
 
 
-def test_cmyk(tmp_path):
+def test_cmyk_is_converted_with_a_note(tmp_path):
     path = tmp_path / "print.jpg"
     Image.fromarray(corners()).convert("CMYK").save(path, quality=95)
     photo = read_photo(path)
@@ -197,7 +197,7 @@ def test_cmyk(tmp_path):
     assert photo.notes == ("CMYK colours were converted to RGB without a colour profile",)
 
 
-def test_grey(tmp_path):
+def test_a_grey_photo_becomes_rgb_with_a_note(tmp_path):
     path = tmp_path / "grey.png"
     grey = corners()[..., 0] // 2
     Image.fromarray(grey).save(path)
@@ -206,7 +206,7 @@ def test_grey(tmp_path):
     assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
 
 
-def test_black_and_white(tmp_path):
+def test_a_black_and_white_photo_becomes_rgb_with_a_note(tmp_path):
     path = tmp_path / "fax.png"
     Image.fromarray(corners()[..., 0] > 0).save(path)
     photo = read_photo(path)
@@ -214,7 +214,7 @@ def test_black_and_white(tmp_path):
     assert photo.notes == ("the photo is grey: its one channel stands for red, green and blue",)
 
 
-def test_sixteen_bit_grey(tmp_path):
+def test_16_bit_grey_is_scaled_to_8_with_a_note(tmp_path):
     path = tmp_path / "deep.png"
     deep = np.linspace(0, 65535, HEIGHT * WIDTH).round().astype(np.uint16).reshape(HEIGHT, WIDTH)
     Image.fromarray(deep).save(path)
@@ -226,7 +226,7 @@ def test_sixteen_bit_grey(tmp_path):
     )
 
 
-def test_sixteen_bit_rgb(tmp_path):
+def test_16_bit_rgb_is_scaled_to_8_with_a_note(tmp_path):
     import cv2
 
     path = tmp_path / "deep.png"
@@ -255,7 +255,7 @@ def test_an_alpha_channel_that_hides_nothing_goes_silently(tmp_path):
     assert photo.notes == ()
 
 
-def test_grey_with_alpha(tmp_path):
+def test_grey_with_alpha_is_laid_over_mid_grey(tmp_path):
     path = tmp_path / "grey.png"
     pixels = np.zeros((HEIGHT, WIDTH, 2), np.uint8)
     pixels[..., 0], pixels[:10, :, 1] = 200, 255
@@ -269,7 +269,7 @@ def test_grey_with_alpha(tmp_path):
     )
 
 
-def test_palette(tmp_path):
+def test_a_palette_becomes_rgb_without_a_note(tmp_path):
     path = tmp_path / "palette.png"
     Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4).save(path)
     photo = read_photo(path)

@@ -275,7 +275,7 @@ def test_a_result_of_schema_version_1(tmp_path, reconstruction):
     assert (loaded.grade, loaded.people[0].grade) == (None, None)
 
 
-def test_another_schema_version(tmp_path, reconstruction):
+def test_a_result_of_another_schema_version_is_refused(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"schema_version": 3', b'"schema_version": 99'))
@@ -286,7 +286,7 @@ def test_another_schema_version(tmp_path, reconstruction):
 
 
 @pytest.mark.parametrize("content", [b"[]", b"{}", b'{"schema": "other"}'])
-def test_some_other_json(tmp_path, content):
+def test_a_json_file_that_is_no_result_is_refused(tmp_path, content):
     path = tmp_path / "reconstruction.json"
     path.write_bytes(content)
     assert message_of(tmp_path) == (
@@ -337,7 +337,7 @@ def test_missing_arrays_are_named(tmp_path, reconstruction):
 
 
 @pytest.mark.parametrize("share", [0.3, 0.999])
-def test_truncated_arrays(tmp_path, reconstruction, share):
+def test_truncated_arrays_are_refused(tmp_path, reconstruction, share):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.npz"
     content = path.read_bytes()

@@ -24,7 +24,7 @@ def pairs(matching):
     return dict(zip(matching.truth.tolist(), matching.predicted.tolist(), strict=True))
 
 
-def test_overlap_by_hand():
+def test_known_boxes_have_the_known_overlap():
     iou = mask_iou(columns((0, 4), (2, 6), (3, 3)), columns((0, 4), (10, 12), (5, 5)))
     np.testing.assert_allclose(iou, [[1, 0, 0], [2 / 6, 0, 0], [0, 0, 0]])
 

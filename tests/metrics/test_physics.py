@@ -34,7 +34,7 @@ def test_a_ball_in_the_floor_has_the_volume_of_its_cap(ball, sunk):
     assert plain.share == pytest.approx(sunk / (2 * RADIUS), rel=0.1)
 
 
-def test_depths_by_hand():
+def test_known_points_have_the_known_depths():
     distance = np.array([[0.2, -0.01, -0.03, np.inf, np.nan], [0.1, 0.0, 0.3, np.inf, np.nan]])
     answer = penetration(distance, np.full((2, 5), 0.5))
     np.testing.assert_allclose(answer.max_depth, [0.03, 0])

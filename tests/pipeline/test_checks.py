@@ -283,7 +283,7 @@ def test_one_seen_ankle_is_enough_of_a_leg() -> None:
         ),
     ],
 )
-def test_warnings(changes: dict[str, Any], warning: str) -> None:
+def test_a_failed_check_of_a_photo_is_a_warning_that_says_what_to_do(changes: dict[str, Any], warning: str) -> None:
     assert warning_messages(run_checks(*case(**changes))) == (warning,)
 
 

@@ -273,7 +273,7 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
         ("known_length=[1, 2, 1, 2, 3]", "a known length needs two different pixels (got (1.0, 2.0) and (1.0, 2.0))"),
     ],
 )
-def test_impossible_sizes(setting: str, message: str) -> None:
+def test_an_impossible_size_is_refused(setting: str, message: str) -> None:
     with pytest.raises(ConfigError) as error:
         load_config(preset="mock", overrides=[f"photo.{setting}"])
     assert message in str(error.value)
@@ -302,7 +302,7 @@ def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
     assert "'1,2,3' is not five numbers with commas between them: x1,y1,x2,y2,metres" in wrong.output
 
 
-def test_people_of_a_selection_keep_their_sizes() -> None:
+def test_chosen_people_keep_the_sizes_given_for_them() -> None:
     from physic_core.engine.known_sizes import KnownDistances, KnownGeometry
 
     distances = KnownDistances(

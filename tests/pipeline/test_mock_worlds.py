@@ -150,7 +150,7 @@ def test_the_floor_is_found(cases):
         assert abs(found.offset / true.offset - 1) < 0.1
 
 
-def test_contact_is_found(cases):
+def test_contact_of_worlds_is_found(cases):
     scores = []
     for case in cases:
         for person, truth in zip(case.result.people, case.world.contact, strict=True):

@@ -144,7 +144,7 @@ SLOW = {"physic-embedded": pytest.mark.slow}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in ALL])
-def test_a_built_wheel(name: str, tmp_path: Path):
+def test_a_built_wheel_holds_its_package_and_its_notices(name: str, tmp_path: Path):
     """Its package alone, licence and notices, nothing of tests or other folders, and no more bytes than known."""
     (wheel,) = WheelBuilder(str(ALL[name])).build(directory=str(tmp_path))
     package = name.replace("-", "_")

@@ -146,7 +146,7 @@ def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make)
 # --- the files --------------------------------------------------------------------------------------------------------
 
 
-def test_the_files(files):
+def test_the_scene_and_each_person_have_a_glb_file(files):
     assert list(files) == ["scene.glb", "person_0.glb", "person_1.glb", "combined.glb"]
     for content in files.values():
         extras = tree_of(content)["scenes"][0]["extras"]

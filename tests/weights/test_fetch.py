@@ -124,7 +124,7 @@ def test_a_server_without_range_requests_restarts_the_download(server: Any, own_
     assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT
 
 
-def test_a_part_of_another_version_is_dropped(server: Any, own_cache: Path, no_pause: None):
+def test_a_partial_download_of_another_version_is_discarded(server: Any, own_cache: Path, no_pause: None):
     """Without a published hash only the server's tag can tell that the rest belongs to what has come."""
     url = server.add("/model.onnx", CONTENT, cut=[262_144, 0], etag='"one"')
     unhashed = weights(WeightFile("model.onnx", source=url))

@@ -58,7 +58,7 @@ def test_the_same_call_scores_nothing_and_gives_the_same(root: Path):
         assert (root.parent / "out" / name).read_bytes() == content, name
 
 
-def test_what_changed_is_scored_again(root: Path):
+def test_only_changed_results_are_scored_again(root: Path):
     call(root)
     write_plain(root.parent / "theirs", "p1", joints=TRUE[None] + [0.05, 0, 0], joint_names=np.array(LIMB_JOINTS))
     assert unchanged(2) in call(root)

@@ -206,7 +206,7 @@ def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Pat
         ),
     ],
 )
-def test_wrong_arguments(arguments: tuple[str, ...], code: int, message: str):
+def test_an_argument_that_cannot_be_used_is_an_error(arguments: tuple[str, ...], code: int, message: str):
     done = physic("export", *arguments)
     assert done.exit_code == code
     assert done.output.splitlines()[-1] == message

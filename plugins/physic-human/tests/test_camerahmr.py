@@ -132,7 +132,9 @@ def test_bodies_are_seen_where_the_crop_has_them(made: Callable[..., CameraHmr],
     np.testing.assert_allclose(bodies.mesh.rest, smpl_arrays()["v_template"], atol=1e-6)
 
 
-def test_its_own_focal_length_goes_to_the_network_and_not_to_the_place(made: Callable[..., CameraHmr]) -> None:
+def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_body(
+    made: Callable[..., CameraHmr],
+) -> None:
     backend = made(focal="own", focal_channels="bgr")
     image = np.zeros((200, 300, 3), np.uint8)
     image[:] = [200, 100, 10]

@@ -240,7 +240,9 @@ def test_the_published_config_of_hamer_loads_without_the_files_of_its_training(h
     assert settings.MODEL.BBOX_SHAPE == [192, 256]
 
 
-def test_hamer_needs_no_discriminator_and_all_else(make_hamer: Callable[[dict[str, torch.Tensor]], Hamer]) -> None:
+def test_hamer_loads_without_discriminator_and_needs_all_other_weights(
+    make_hamer: Callable[[dict[str, torch.Tensor]], Hamer],
+) -> None:
     discriminator = {"discriminator.weight": torch.zeros(3, 2), "discriminator.bias": torch.zeros(3)}
     assert make_hamer({"gain": torch.ones(1), **discriminator})._checkout_network.network.gain == 1
     with pytest.raises(BackendError, match=r"is missing 1 of 3 parameters of the network, gain, \.\.\."):

@@ -27,16 +27,16 @@ def depth(dtype="float32", shape=("batch", "height", "width"), name="depth"):
 
 
 class TestOneSignature:
-    def test_by_name(self, file):
+    def test_a_port_is_found_by_its_name(self, file):
         found = match(file(IMAGE, {**depth(), "extra": ("float32", ())}), [WANTED_IMAGE], [PortSpec("depth")])
         assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", "depth")
         assert list(found.outputs) == ["depth"]
 
-    def test_by_alias(self, file):
+    def test_a_port_is_found_by_an_alias(self, file):
         found = match(file(IMAGE, depth(name="z")), [WANTED_IMAGE], [PortSpec("depth", ("distance", "z"))])
         assert found.outputs["depth"].name == "z"
 
-    def test_own_name_goes_before_aliases(self, file):
+    def test_the_name_of_a_port_precedes_its_aliases(self, file):
         outputs = {**depth(name="z"), **depth()}
         assert match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", ("z",))]).outputs["depth"].name == "depth"
 
@@ -79,7 +79,7 @@ class TestOneSignature:
             (PortSpec("x", shape=("n",)), "float32", (), False),
         ],
     )
-    def test_type_and_shape(self, file, wanted, dtype, shape, fits):
+    def test_a_port_of_another_type_or_shape_is_refused(self, file, wanted, dtype, shape, fits):
         network = file({"x": (dtype, shape)}, depth())
         if fits:
             assert match(network, [wanted], []).inputs["x"].shape == shape
@@ -114,7 +114,7 @@ SIGNATURES = {
 
 
 class TestSeveralSignatures:
-    def test_first_that_fits(self, file):
+    def test_the_first_signature_that_fits_is_used(self, file):
         assert match_signature(file(IMAGE, depth()), SIGNATURES)[0] == "depth"
         other = file({"pixel_values": ("float32", ("b", 3, "h", "w"))}, depth(name="predicted_depth"))
         name, found = match_signature(other, SIGNATURES)

@@ -124,7 +124,7 @@ def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, photo, mask, gain
     assert (filled[~mask] == bright[~mask]).all()
 
 
-def test_lama_as_torchscript(script, photo, mask):
+def test_lama_runs_from_a_torchscript_file(script, photo, mask):
     """130 x 90 px are padded to multiples of 8; the mask is 1 in the hole."""
     filled = opened(Lama, LamaOptions(weights=str(script))).infer(photo, mask)
     assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()

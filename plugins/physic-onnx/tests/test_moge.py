@@ -340,7 +340,7 @@ class TestOddAnswers:
         assert found.notes == ("MoGe-2 ran on CPU",)
 
     @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
-    def test_scale_that_is_none_is_refused(self, answering, wall, scale):
+    def test_a_scale_that_is_not_a_positive_number_is_refused(self, answering, wall, scale):
         backend, photo = answering(Moge2Depth, wall, scale=scale)
         with pytest.raises(BackendError, match="returned a scale of"):
             backend.infer(photo, Hints())

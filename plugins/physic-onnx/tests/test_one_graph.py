@@ -25,13 +25,13 @@ def depth_file(graph, node, tmp_path) -> Path:
 
 
 class TestFile:
-    def test_folder_with_one_graph_stands_for_it(self, depth_file):
+    def test_a_folder_with_one_graph_is_taken_as_that_graph(self, depth_file):
         (depth_file.parent / "notes.txt").write_text("mine")
         assert find_graph_file(str(depth_file.parent)) == depth_file
         assert find_graph_file(str(depth_file)) == depth_file
 
     @pytest.mark.parametrize("count", [0, 2])
-    def test_folder_with_none_or_several_is_refused(self, tmp_path, count):
+    def test_a_folder_without_exactly_one_graph_is_refused(self, tmp_path, count):
         for i in range(count):
             (tmp_path / f"{i}.onnx").write_bytes(b"0")
         held = "0.onnx, 1.onnx" if count else "none"

@@ -101,7 +101,7 @@ class TestSam2:
     pytestmark = needs("sam2-hiera-tiny")
 
     @pytest.mark.parametrize("name", ["stand", "group", "sit_on_chair"])
-    def test_people_of_worlds(self, sam2, name):
+    def test_people_of_worlds_are_segmented(self, sam2, name):
         world = build_world(name, 0, (320, 240))
         sam2._detector.boxes = world.boxes
         people = sam2.infer(world.image)

@@ -152,7 +152,7 @@ def told_boxes(boxes, scores, graph, node, path):
 
 @pytest.mark.parametrize("signature", FEATURES)
 @pytest.mark.parametrize("size", [(320, 640), (640, 400)])
-def test_a_box_is_answered_in_place(folder, graph, node, tmp_path, signature, size):
+def test_the_mask_of_a_box_lies_at_that_box(folder, graph, node, tmp_path, signature, size):
     """From the photo to the square, as a prompt of the signature, and back: the mask is the box, to a cell's width.
 
     Were labels, coordinates, the order of sides or the choice among the masks wrong, it were another.
@@ -205,7 +205,7 @@ def test_sam3_s_tracker_sees_minus_1_to_1(told_network, shown):
     assert encoder.fed["pixel_values"] == pytest.approx(1.0)
 
 
-def test_prompts_of_transformers_js(told_network, shown):
+def test_files_of_transformers_js_get_prompts_in_their_layout(told_network, shown):
     """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is left to chance."""
     asked = []
 
@@ -251,7 +251,7 @@ def test_providers_without_empty_arrays_get_a_padding_point(told_network, shown)
     assert decoder.fed["input_labels"].tolist() == [[[-1]]]
 
 
-def test_prompts_of_samexporter(told_network, shown):
+def test_files_of_samexporter_get_prompts_in_their_layout(told_network, shown):
     """A box is two points, labelled 2 and 3, and others come after them; labels are floats."""
     asked = []
 

@@ -55,7 +55,7 @@ class TestRunning:
         assert answer.dtype == ("float64" if dtype == "float64" else "float32")
         np.testing.assert_array_equal(answer, 2.5)
 
-    def test_views_with_strides_of_their_own_are_fed_right(self, doubler):
+    def test_non_contiguous_arrays_are_passed_correctly(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         image = np.random.default_rng(0).random((1, 4, 5, 3)).astype(np.float32)[:, ::-1]
         (answer,) = network.run({"image": image.transpose(0, 3, 1, 2), "count": np.array(0)}, ["sum"])

@@ -25,7 +25,7 @@ def faults(schema: dict[str, Any], text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_every_preset_holds(schema, name: str):
+def test_every_preset_fulfils_the_schema(schema, name: str):
     jsonschema.Draft202012Validator(schema).validate(load_config(preset=name).as_dict())
 
 

@@ -122,7 +122,7 @@ def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_pat
         DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
 
 
-def test_metric_weights_are_refused_where_relative_ones_are_wanted(saved: Callable[..., Path]) -> None:
+def test_metric_weights_are_refused_for_relative_depth(saved: Callable[..., Path]) -> None:
     with pytest.raises(BackendError, match="are metric, expected relative ones: they are for the metric_depth"):
         DepthAnythingRelative(RelativeOptions(weights=str(saved("depth_anything", "metric")))).load()
     with pytest.raises(BackendError, match="are relative, expected metric ones: they are for the relative_pointmap"):

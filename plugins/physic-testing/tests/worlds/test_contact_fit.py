@@ -72,7 +72,7 @@ def test_a_converged_person_who_is_lifted_converges_again() -> None:
     assert max(off[0], off[2]) < 0.012  # nothing but the plan says where on a floor somebody stands
 
 
-def test_settling_draws_nothing() -> None:
+def test_settling_uses_no_random_numbers() -> None:
     plan, settled = _standing()
     again = fit_contacts(_model(), plan)
     assert np.array_equal(again.pose, settled.pose)

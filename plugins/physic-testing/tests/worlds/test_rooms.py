@@ -28,7 +28,7 @@ def surface_samples(room: Room, count: int = 4000) -> np.ndarray:
     return a[face] + s * (b - a)[face] + t * (c - a)[face]
 
 
-def test_distances_by_hand():
+def test_distances_to_a_known_room_are_exact():
     points = np.array([[-1.0, 0.3, 1.0], [0.5, 0.7, 0.2], [0.5, 0.45, 0.2], [0.0, -0.1, 0.0], [1.9, 1.0, 0.0]])
     np.testing.assert_allclose(ROOM.signed_distance(points), [0.3, 0.2, -0.05, -0.1, 0.1], atol=1e-12)
     np.testing.assert_allclose(
