@@ -15,7 +15,6 @@ __all__ = [
     "Positive",
     "PositiveCount",
     "PositiveOrInfinite",
-    "RobustKind",
     "Share",
 ]
 
@@ -35,4 +34,3 @@ PointCount = Annotated[int, Interval(ge=50, le=100_000)]
 FrozenGroups = Annotated[
     tuple[Literal["root", "pose", "hands", "betas", "translation", "scale", "offset"], ...], MaxLen(7)
 ]
-RobustKind = Literal["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"]

@@ -38,7 +38,6 @@ def given(make_stage):
         floor_normal=UP,
         floor_offset=problem.floor_offset,
         floor_points=torch.zeros(0, 3),
-        floor_inlier_share=1.0,
         K=problem.K.double(),
         alignment=Alignment(1.0, 0.0, "scale", 1.0, 0.0),
         floor=PlaneFit(UP, problem.floor_offset, is_floor, 1.0, 0.0, "floor mask"),

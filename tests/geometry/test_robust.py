@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import get_args
 
 import pytest
 import torch
 
-from physic_core.engine.bounds import RobustKind
 from physic_core.errors import PhysicError
 from physic_core.geometry.robust import barron, cauchy, geman_mcclure, loss_with_slope, pseudo_huber, robust_loss
 
@@ -34,7 +32,7 @@ def test_the_gradient_of_each_loss_is_exact(name):
     assert torch.autograd.gradcheck(partial(LOSSES[name], c=1.3), (squared,))
 
 
-@pytest.mark.parametrize("kind", get_args(RobustKind))
+@pytest.mark.parametrize("kind", ["square", "absolute", "pseudo_huber", "cauchy", "geman_mcclure", "barron"])
 @pytest.mark.parametrize("c", [0.5, 3.0])
 def test_with_its_derivative_in_units_of_its_scale(kind, c):
     squared = torch.tensor([1e-6, 0.3, 4.0, 900.0], dtype=torch.float64, requires_grad=True)

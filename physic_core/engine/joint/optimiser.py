@@ -43,14 +43,12 @@ class MinimisationResult:
         end: term -> weighted energy at the end.
         evaluations: number of evaluations of energy and gradient.
         steps: number of steps of the optimiser.
-        totals: the energy after each refresh and at the end; a refresh may change the energy.
     """
 
     start: Mapping[str, float]
     end: Mapping[str, float]
     evaluations: int
     steps: int
-    totals: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -58,15 +56,11 @@ class Block:
     """Result of the steps between two refreshes.
 
     Attributes:
-        before: energy before the steps.
-        after: energy after them.
         evaluations: number of evaluations of energy and gradient.
         steps: number of steps that were taken.
         converged: whether further steps would change little.
     """
 
-    before: float
-    after: float
     evaluations: int
     steps: int
     converged: bool = False
@@ -86,7 +80,6 @@ def join_results(
         second.end,
         first.evaluations + second.evaluations,
         first.steps + second.steps,
-        (*first.totals, *second.totals),
     )
 
 
@@ -130,8 +123,7 @@ class OptimiserSettings(ABC):
         if progress is not None:
             progress(1.0)
         evaluations, taken = sum(block.evaluations for block in blocks), sum(block.steps for block in blocks)
-        totals = (*(block.before for block in blocks), math.fsum(end.values()))
-        return MinimisationResult(start, end, evaluations, taken, totals)
+        return MinimisationResult(start, end, evaluations, taken)
 
 
 @dataclass(frozen=True)
@@ -192,7 +184,7 @@ def _lbfgs_block(energy: Energy, tolerance: float, history: LbfgsHistory, steps:
             break
     state.load(here)
     converged = values[0] - value < tolerance * abs(values[0])
-    return Block(values[0], value, evaluations, taken, converged)
+    return Block(evaluations, taken, converged)
 
 
 def _backtrack(

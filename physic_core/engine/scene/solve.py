@@ -65,7 +65,6 @@ class SceneState(ShortRepr):
         floor_normal: (3,) unit, up, or None without a floor.
         floor_offset: height of the camera over the floor, metres; 0 without a floor.
         floor_points: (M, 3) on the floor, within the extent of the scene.
-        floor_inlier_share: share of the candidate pixels on the best plane, accepted or not.
         K: (3, 3) px, float64.
         alignment: of the relative point map to the metric depth.
         floor: fitted floor plane, or None.
@@ -79,7 +78,6 @@ class SceneState(ShortRepr):
     floor_normal: Tensor | None
     floor_offset: float
     floor_points: Tensor
-    floor_inlier_share: float
     K: Tensor
     alignment: Alignment
     floor: PlaneFit | None = None
@@ -133,7 +131,6 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         floor_normal=None if floor is None else floor.normal,
         floor_offset=0.0 if floor is None else floor.offset,
         floor_points=floor_points,
-        floor_inlier_share=search.inlier_share,
         K=camera,
         alignment=alignment,
         floor=floor,

@@ -64,28 +64,28 @@ def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) 
     parameters = state.parameters()
     held: Tensor | None = None
     good = state.pack()
-    totals: list[float] = []
+    taken = 0
     for _ in range(steps):
-        total, broken = _differentiate(energy, parameters)
+        broken = _differentiate(energy, parameters)
         if bool(broken.any()):
             state.load_people(good, broken)
             held = broken if held is None else held | broken
-            total, broken = _differentiate(energy, parameters)
+            broken = _differentiate(energy, parameters)
             if bool(broken.any()):
                 break
-        totals.append(total)
+        taken += 1
         good = state.pack()
         optimiser.step()
         if held is not None:
             state.load_people(good, held)
-    total, broken = _differentiate(energy, parameters)
+    broken = _differentiate(energy, parameters)
     if bool(broken.any()):
         state.load_people(good, broken)
-    return Block(totals[0] if totals else total, total, len(totals) + 1, len(totals))
+    return Block(taken + 1, taken)
 
 
-def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Tensor]:
-    """Compute the gradients; return the energy, and which people (B,) bool have non-finite energy or gradients."""
+def _differentiate(energy: Energy, parameters: list[Tensor]) -> Tensor:
+    """Compute the gradients; return which people (B,) bool have non-finite energy or gradients."""
     energies = energy()
     total = total_energy(energies)
     gradients = torch.autograd.grad(total, parameters, allow_unused=True)
@@ -95,4 +95,4 @@ def _differentiate(energy: Energy, parameters: list[Tensor]) -> tuple[float, Ten
         # The scale is shared: a non-finite gradient of it stops all people.
         fine = torch.isfinite(p.grad)
         broken = broken | ~(fine.reshape(len(p), -1).all(1) if p.ndim else fine | broken.any())
-    return float(total.detach()), broken
+    return broken
