@@ -11,7 +11,7 @@ import pytest
 
 from physic_core.adapters.chumpy_free import chumpy_free_copy
 from physic_core.errors import BodyModelError
-from physic_testing.body_files import mano_arrays, smpl_arrays, write_published
+from physic_testing.body_files import mano_arrays, write_published
 
 
 @pytest.fixture
@@ -48,13 +48,6 @@ def test_the_published_file_cannot_be_unpickled_here_and_its_copy_can(mano: Path
         assert copy.name.startswith("MANO_RIGHT-"), "smplx tells right hands by this name"
     assert copy.parent == cache
     assert copy.is_file()
-
-
-def test_smpl_is_copied_from_either_form(tmp_path: Path, cache: Path) -> None:
-    np.savez(tmp_path / "SMPL.npz", **smpl_arrays())
-    for path in (tmp_path / "SMPL.npz", write_published(tmp_path / "SMPL.pkl", smpl_arrays())):
-        with chumpy_free_copy(path, "smpl") as copy:
-            require_same(unpickled(copy), smpl_arrays())
 
 
 class Runs:
@@ -95,15 +88,6 @@ def test_a_damaged_copy_is_made_anew(damage: str, mano: Path, cache: Path) -> No
     with chumpy_free_copy(mano, "mano") as again:
         assert again == copy
         assert again.read_bytes() == whole
-
-
-def test_a_relative_cache_is_found_from_anywhere(mano: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some published code is run from the root of its checkout."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PHYSIC_CACHE", "kept")
-    with chumpy_free_copy("MANO_RIGHT.pkl", "mano") as copy:
-        monkeypatch.chdir("/")
-        assert copy.is_file()
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -180,15 +180,6 @@ def test_shards_have_journals_of_their_own_that_are_read_together(tmp_path: Path
     assert Counter(found["id"] for found in last_rows(tmp_path)) == {"a": 1, "b": 1, "both": 1}
 
 
-def test_a_clock_that_goes_back_does_not_bring_an_earlier_row_back(tmp_path: Path):
-    days = ["2026-01-09", "2026-01-03", "2026-01-01"]
-    for value, day in enumerate(days):
-        with Journal(tmp_path / "journal.jsonl") as journal:
-            journal.append(row("a", f"{day}T00:00:00", value=value))
-    assert read_rows(tmp_path)["a"]["value"] == 2
-    assert [(found["value"], found["run"]) for found in last_rows(tmp_path)] == [(2, 3)]
-
-
 @pytest.mark.parametrize("names", [("1-of-2", "2-of-2"), ("2-of-2", "1-of-2")])
 def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_path: Path, names: tuple[str, str]):
     for value, name in enumerate(names):

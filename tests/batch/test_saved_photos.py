@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction, load_people, load_reconstruction, save_reconstruction
-from physic_core.batch.contact_sheet import contact_sheet, write_contact_sheet
+from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
@@ -99,14 +99,6 @@ def test_save_levels_write_these_files(result: Reconstruction, tmp_path: Path, s
     save_photo(result, tmp_path / "photo", saving)
     assert {path.name for path in tmp_path.glob("photo/*")} == set(files)
     assert not saving.main_file or saving.main_file in files
-
-
-@pytest.mark.parametrize("level", ["numbers", "people"])
-def test_a_smaller_level_removes_the_files_of_a_larger_one(result: Reconstruction, tmp_path: Path, level: str):
-    save_photo(result, tmp_path / "photo", Saving("full", exact=True))
-    save_photo(result, tmp_path / "photo", Saving(level), overwrite=False)
-    save_photo(result, tmp_path / "alone", Saving(level))
-    assert {path.name for path in tmp_path.glob("photo/*")} == {path.name for path in tmp_path.glob("alone/*")}
 
 
 def test_people_are_arrays_that_numpy_reads_too(result: Reconstruction, tmp_path: Path):
@@ -254,9 +246,3 @@ def test_a_result_without_its_thumbnail_stays_on_the_page(result: Reconstruction
     (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")
     thumbnail.unlink()
     assert '"thumbnail": "", "state": "done"' in write_contact_sheet(tmp_path).read_text()
-
-
-def test_the_contact_sheet_says_what_it_leaves_out(batch: Path):
-    write_contact_sheet(batch, limit=1)
-    assert "2 more photos are in the summary table only." in (batch / "contact-sheet.html").read_text()
-    assert "more photos" not in contact_sheet([])

@@ -24,7 +24,6 @@ from physic_core.discovery.readiness import readiness
 from physic_core.discovery.registry import BackendOffer, BackendRecord, BrokenPlugin, Origin, Registry
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
-from physic_setup.template import config_template
 
 from .results import empty_reconstruction
 
@@ -413,36 +412,6 @@ def test_details_of_a_class_that_is_broken_keep_the_rest():
     ]
 
 
-def test_details_describe_the_kinds_of_options(site):
-    site.install(
-        "physic-rich",
-        "from typing import Literal\n"
-        "from pydantic import BaseModel, Field\n"
-        "from physic_core.interfaces import Inpainter, Options\n"
-        "class Part(BaseModel):\n    x: int = 1\n"
-        "class O(Options):\n"
-        "    a: int | None = Field(None, ge=1, description='A.')\n"
-        "    b: Literal['fast', 'best'] = Field('fast', description='B.')\n"
-        "    c: list[float] = Field(default_factory=lambda: [1.0], description='C.')\n"
-        "    d: Part = Field(Part(), description='D.')\n"
-        "    e: str = Field(description='E.')\n"
-        "    f: dict[str, bool] = Field({}, description='F.')\n"
-        "class Rich(Inpainter):\n    Options = O\n    def infer(self, image, mask): return image\n",
-    )
-    registry = Registry(
-        [BackendOffer(BackendRecord("inpainter", "rich", "physic_rich:Rich", api=1), A)], installed=False
-    )
-    assert details(registry, "rich").splitlines()[-7:] == [
-        "  options",
-        "    a  whole number >= 1 or unset  default None       A.",
-        "    b  fast | best                 default 'fast'     B.",
-        "    c  list of number              default [1.0]      C.",
-        "    d  table                       default Part(x=1)  D.",
-        "    e  text                        required           E.",
-        "    f  table                       default {}         F.",
-    ]
-
-
 def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins")
@@ -522,46 +491,6 @@ def _keys(table, settings):
     values = {f.name: getattr(settings, f.name) for f in fields(settings)}
     inner = [_keys(f"{table}.{name}", value) for name, value in values.items() if is_dataclass(value)]
     return {(table, name) for name, value in values.items() if not is_dataclass(value)}.union(*inner)
-
-
-def test_init_lists_every_key_with_its_meaning():
-    text = config_template("embedded", discover())
-    keys = {(table, key) for table, keys in _tables(text).items() for key in keys}
-    plan = resolve(load_config(), discover())
-    for stage in ("scene", "placement", "joint", "contact"):
-        assert _keys(f"engine.{stage}", getattr(plan.engine, stage)) <= keys
-    for interface, chosen in plan.backends.items():
-        assert {(f"{interface}.options", name) for name in chosen.provenance.options} <= keys
-    for name in ("photo", "body_model", "run"):
-        assert {(name, key) for key in type(getattr(plan.config, name)).model_fields} <= keys
-    for name, lines in _tables(text).items():
-        assert all(meaning for meaning in lines.values()), name
-    assert (
-        "## longer photos are reduced to this long side, px; 640-1920 (whole number >= 128, <= 10000)\n"
-        "# max_side = 1280\n" in text
-    )
-    assert "0 moves none (number >= 0, <= 1e+08)\n# carve_m = 0.5\n" in text
-    assert "## focal_px, not set: focal length, px of the upright photo file (number >= 1, <= 1e+06 or unset)\n" in text
-    assert max(map(len, text.splitlines())) <= 121
-
-
-def _tables(text: str) -> dict[str, dict[str, str]]:
-    """Table -> key -> the explanation above it, of what `config init` writes."""
-    found: dict[str, dict[str, str]] = {}
-    table, meaning = "", ""
-    for line in text.splitlines():
-        if head := re.fullmatch(r"# \[([\w.]+)\]", line):
-            table, meaning = head[1], ""
-            found[table] = {}
-        elif unset := re.match(r"## (\w+), not set: (.+)", line):
-            found[table][unset[1]] = unset[2]
-            meaning = ""
-        elif line.startswith("## "):
-            meaning += line
-        elif value := re.match(r"# (\w+) = ", line):
-            found[table][value[1]] = meaning
-            meaning = ""
-    return found
 
 
 def test_config_init_never_overwrites_a_file():

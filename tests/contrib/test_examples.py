@@ -62,10 +62,3 @@ def test_the_frozen_example_stays_as_it_was():
     for file in sorted(f for f in FROZEN.rglob("*") if f.is_file() and "__pycache__" not in f.parts):
         digest.update(file.relative_to(FROZEN).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     assert digest.hexdigest() == "1bb9c9ab1ee5a1aefc5207ecca74c03bef68b93d69d90f560e4eb959c2e3fb6a"
-
-
-@pytest.mark.parametrize("name", ["physic-example-depth", "physic-example-inpaint"])
-def test_an_example_is_short(name: str):
-    """An evening's work: what an author has to read is not more than this."""
-    files = (ROOT / "contrib" / name).glob("physic_*/[a-z]*.py")
-    assert sum(len(file.read_text().splitlines()) for file in files) < 100

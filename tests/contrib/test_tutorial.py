@@ -68,9 +68,3 @@ def test_the_example_is_what_the_tutorial_makes():
     assert backend == (example / "stature.py").read_text()
     own = (example / "__init__.py").read_text()
     assert hook == own.replace("physic_example_depth.stature", "physic_stature.metric_depth")
-
-
-def test_links_of_the_pages_of_contrib_exist():
-    for page in (PAGE, *PAGE.parent.glob("*/README.md")):
-        for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
-            assert (page.parent / target).exists(), f"{page}: {target}"

@@ -15,11 +15,9 @@ from physic_core import engine_preset
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.term import Snapshot
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.geometry.robust import robust_loss
 from physic_paper.released.reprojection import near_mask
-from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confident_keypoints
 
 from .adjusted import adjusted, term_of
@@ -79,34 +77,6 @@ def test_static_contacts_need_no_prior(standing):
 def test_the_union_of_masks_makes_hidden_people_visible(behind):
     own, union = (JointEnergy(behind.problem, joint).visibility for joint in (PAPER, RELEASE))
     assert union.in_mask[1].float().mean() > own.in_mask[1].float().mean() + 0.1
-
-
-def on_points(problem):
-    """The problem with samples of the floor."""
-    x, z = torch.meshgrid(torch.linspace(-2, 2, 161), torch.linspace(0.3, 6, 229), indexing="ij")
-    points = torch.stack([x, torch.full_like(x, problem.floor_offset), z], -1).reshape(-1, 3)
-    return replace(problem, floor_points=points)
-
-
-def test_contact_by_angle_side_and_mean(standing):
-    low = on_points(replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, 0.01, 0.0])))
-    energy = JointEnergy(low, PAPER)
-    snapshot = Snapshot(energy.visibility, energy.contacts, energy.context.start.vertices, 1.0)
-
-    def weights(**options):
-        term = PointContactTerm(energy.context, 1.0, 0.15, partial(robust_loss, "square", c=1.0), **options)
-        term.refresh(snapshot)
-        return term.weights["contact"]
-
-    plain, steep = weights(), weights(max_angle_deg=30.0)
-    square = energy.contacts.facing_scene.abs() >= np.cos(np.radians(30.0))
-    assert torch.equal(steep > 0, (plain > 0) & square)
-    above = weights(outside_only=True) > 0
-    assert (energy.contacts.signed[above] > 0).all()
-    assert (plain[energy.contacts.signed <= 0] > 0).any()
-    mean = weights(mean=True)
-    torch.testing.assert_close(mean.sum(1), torch.ones(1))
-    torch.testing.assert_close(mean, plain / plain.sum())
 
 
 def test_contact_vertices_may_penetrate_in_the_released_code_alone(make_stage):

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from physic_core import engine_preset
-from physic_core.engine.placement import method, place, solvers
+from physic_core.engine.placement import method, solvers
 from physic_core.engine.placement.human_points import (
     PhotoPoints,
     align_photo_points_to_scene,
@@ -418,17 +418,6 @@ def test_a_person_who_stands_on_the_floor_is_grounded() -> None:
         assert placed.diagnostics[0]["foot_height_m"] == pytest.approx(0.0, abs=0.01)
 
 
-def test_near_the_camera_less_is_well_above_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One is 4 m away, the other 5 m, and the floor 40 cm below both."""
-    with monkeypatch.context() as patch:
-        patch.setattr(method, "_STAND_REACH_SHARE", 0.09)
-        placed = Picture().place(**over_floor(0.4))
-    assert placed.grounded.tolist() == [False, True]
-    assert placed.diagnostics[0]["foot_height_m"] is None
-    assert placed.diagnostics[1]["foot_height_m"] is not None
-    assert Picture().place(**over_floor(0.4)).grounded.tolist() == [True, True]
-
-
 def test_a_person_without_points_feet_or_floor_counts_as_grounded() -> None:
     picture = Picture()
     picture.points[0] = picture.points[0][:0]
@@ -437,24 +426,3 @@ def test_a_person_without_points_feet_or_floor_counts_as_grounded() -> None:
     assert error_cm(placed).max() < 1
     assert Picture().place(**over_floor(0.6) | {"feet_seen": ~BOTH}).grounded.tolist() == [True, True]
     assert Picture().place().grounded.tolist() == [True, True]
-
-
-def test_another_floor_moves_only_those_who_stand_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    picture = Picture(farther=1.15)
-    bodies = PosedBodies(
-        VERTICES + START[:, None], NORMALS.expand(2, -1, -1), LANDMARKS + START[:, None], START, soles=SOLES
-    )
-    feet_seen = torch.tensor([True, False])
-    seen = PeopleObservations(picture.keypoints, picture.confidence, picture.points, picture.masks, feet_seen)
-    on_floor = place_bodies(bodies, seen, picture.K, FLOOR["floor"], DEFAULT)
-    without = place_bodies(bodies, seen, picture.K, None, DEFAULT)
-    assert [p.on_floor for p in on_floor.people] == [True, False]
-    assert not torch.equal(on_floor.transl[0], without.transl[0])
-    solved = []
-    solve = place._place_person
-    monkeypatch.setattr(place, "_place_person", lambda *given: solved.append(given) or solve(*given))
-    kept = [None if person.on_floor else person for person in on_floor.people]
-    again = place_bodies(bodies, seen, picture.K, None, DEFAULT, kept)
-    assert len(solved) == 1
-    assert torch.equal(again.transl, without.transl)
-    assert again.diagnostics == without.diagnostics

@@ -11,14 +11,10 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.contact.distance import surface_distances
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.geometry.camera import project
-from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.types import SKELETONS, Skeleton, skeleton_named
-from physic_paper.grid_search import GridSearch
-from physic_paper.outliers import image_outliers
-from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
+from physic_core.types import SKELETONS, skeleton_named
+from physic_paper.released.pointmap import published_floor_grid, published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
-from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals, visible_part_shares
+from physic_paper.released.visibility import visible_part_shares
 
 RELEASE, PAPER = engine_preset("release"), engine_preset("paper")
 
@@ -77,25 +73,6 @@ def test_a_hand_that_is_unsure_in_the_mean_counts_nothing(skeleton: str) -> None
     assert all(w > 0 for j, w in enumerate(got) if j not in left)
 
 
-def test_keypoints_count_up_to_16_px_round_all_masks() -> None:
-    points = torch.tensor([[[73.0, 50.0], [74.0, 50.0], [125.0, 75.0], [126.0, 50.0], [math.nan, 50.0]]])
-    assert weights(Skeleton("own", tuple("abcde")), [1.0] * 5, points) == [0.0, 10.0, 10.0, 0.0, 0.0]
-
-
-def test_a_keypoint_pulls_alike_in_every_joint_set(standing) -> None:
-    problem, found = standing.problem, {}
-    body = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    for skeleton in ("coco17", "coco23", "blazepose33", "wholebody69"):
-        keypoints = project(problem.model.landmarks(body, skeleton), problem.K)
-        confidence = torch.ones(keypoints.shape[:2])
-        row = SKELETONS[skeleton].names.index("left_knee")
-        keypoints[0, row] += torch.tensor([16.0, -6.0])
-        given = released(problem, keypoints=keypoints, keypoint_confidence=confidence, skeleton=SKELETONS[skeleton])
-        found[skeleton] = float(JointEnergy(given, RELEASE.joint)()["reprojection"].detach())
-    width, height = 320, 240
-    assert list(found.values()) == pytest.approx([1e4 * 10 * (16 / width + 6 / height) / (2 * 133)] * 4, rel=1e-4)
-
-
 @pytest.mark.parametrize("preset", ["paper", "release"])
 def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: str) -> None:
     problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.03, 0.0]))
@@ -105,55 +82,6 @@ def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset: 
     values = [float(JointEnergy(p, engine_preset(preset).joint)()["contact"].detach()) for p in (sure, less)]
     assert values[0] > 0
     assert values[0] == values[1]
-
-
-def test_the_robust_loss_takes_each_axis_by_itself(standing) -> None:
-    problem = released(standing.problem, transl0=standing.problem.transl0 - torch.tensor([0.0, 0.05, 0.0]))
-    energy = JointEnergy(problem, RELEASE.joint)
-    value = float(energy()["contact"].detach())
-    vertices = problem.model(problem.rotations0, problem.betas0, problem.transl0).vertices[:, energy.context.ids]
-    way = (vertices - energy.contacts.points).double()
-    active = energy.weights["contact"] > 0
-    assert active.any()
-    by_hand = (torch.sqrt(way[active].square() + 1) - 1).sum()
-    assert value == pytest.approx(0.7 * float(by_hand), rel=1e-5)
-    by_distance = (torch.sqrt(way[active].square().sum(-1) + 1) - 1).sum()
-    assert float(by_hand) > float(by_distance)
-
-
-def test_the_mesh_is_held_without_its_root_and_with_its_pelvis(standing) -> None:
-    problem = released(standing.problem)
-    energy = JointEnergy(problem, RELEASE.joint)
-    weight = energy.weights["regularisation"]
-    assert set(weight.unique().tolist()) == {0.0, 12.0}
-    before = float(energy()["regularisation"].detach())
-    with torch.no_grad():
-        energy.state.values["betas"][0, 0] += 1.0
-    after = float(energy()["regularisation"].detach())
-    model, rotations = problem.model, problem.rotations0.clone()
-    rotations[:, 0] = torch.eye(3)
-    betas = problem.betas0.clone()
-    betas[0, 0] += 1.0
-    zero = torch.zeros_like(problem.transl0)
-    moved = (model(rotations, betas, zero).vertices - model(rotations, problem.betas0, zero).vertices)[
-        :, energy.context.ids
-    ]
-    assert before == 0
-    assert after == pytest.approx(45 * float((weight * moved.square().sum(-1)).sum()), rel=1e-4)
-
-
-def test_masks_and_facing_are_looked_at_once_where_the_keypoints_put_the_body(standing) -> None:
-    problem = released(standing.problem)
-    there = JointEnergy(problem, RELEASE.joint).visibility
-    beside = problem.transl0 + torch.tensor([0.4, 0.0, 0.0])
-    energy = JointEnergy(replace(problem, transl0=beside, keypoint_transl=problem.transl0), RELEASE.joint)
-    assert not torch.equal(
-        JointEnergy(replace(problem, transl0=beside), RELEASE.joint).visibility.in_mask, there.in_mask
-    )
-    for _ in range(2):
-        assert torch.equal(energy.visibility.in_mask, there.in_mask)
-        assert torch.equal(energy.visibility.facing, there.facing)
-        energy.refresh()
 
 
 def test_a_part_is_seen_where_rays_meet_it_first() -> None:
@@ -169,16 +97,6 @@ def test_a_part_is_seen_where_rays_meet_it_first() -> None:
     assert float(shares[1]) <= 0.2  # the four behind are hidden; the one beside is on the silhouette
 
 
-def test_normals_are_means_of_faces_whatever_their_size_and_face_the_axis() -> None:
-    """A small face that looks at the camera and a large one that looks sideways."""
-    vertices = torch.tensor([[0.0, 0, 2], [0, 0.1, 2], [0.1, 0, 2], [0, 3.0, 2], [0, 0, 5.0]])
-    faces = torch.tensor([[0, 1, 2], [0, 4, 3]])
-    normal = mean_face_normals(vertices, faces)[0]
-    torch.testing.assert_close(normal, torch.tensor([-1.0, 0.0, -1.0]) / math.sqrt(2))
-    assert is_opposite_optical_axis(normal, 46.0)
-    assert not is_opposite_optical_axis(normal, 44.0)
-
-
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
     problem = released(standing.problem, scene_points=torch.zeros(0, 3), scene_normals=torch.zeros(0, 3))
     over = torch.tensor([[[0.0, problem.floor_offset - 0.01, 3.0], [30.0, problem.floor_offset - 0.01, 3.0]]])
@@ -186,18 +104,6 @@ def test_a_floor_of_samples_is_touched_where_its_samples_are(standing) -> None:
         method = engine_preset(preset).contact
         distance = surface_distances(over, method.surfaces(problem, over, 1.0), method.measure).nearest
         assert (distance[0] < 0.02).tolist() == expected
-
-
-def test_the_grid_takes_the_point_nearest_to_the_closest_node() -> None:
-    """Nodes at -0.2, 0.4, 1.0, 1.6, 2.2: a vertex at 0.3 takes the point that is nearest to 0.4."""
-    points = torch.tensor([[0.0, 0, 0], [0.7, 0, 0], [2.0, 2, 2]])
-    grid = GridSearch(points, torch.zeros_like(points), radius=9.0, cells=5)
-    exact = NearestPointSearch(points, torch.zeros_like(points), radius=9.0)
-    vertices = torch.tensor([[0.3, 0.0, 0.0], [-5.0, 0.0, 0.0]])
-    assert exact.query(vertices).index.tolist() == [0, 0]
-    found = grid.query(vertices)
-    assert found.index.tolist() == [1, 0]  # outside of the box the search is exact
-    assert found.distance.tolist() == pytest.approx([0.4, 5.0], abs=1e-6)
 
 
 def test_floor_samples_span_the_scene_in_x_and_z() -> None:
@@ -223,23 +129,3 @@ def test_normals_are_those_of_four_crosses_and_look_at_the_camera() -> None:
     valid[3, 4] = False
     assert published_normals(points, valid)[3, 4].eq(0).all()
     assert published_normals(1e-4 * points, torch.ones_like(valid)).eq(0).all()  # too near for its threshold
-
-
-def test_points_whose_normal_is_turned_from_their_neighbours_go() -> None:
-    points = torch.rand(50, 3, generator=torch.Generator().manual_seed(0))
-    normals = torch.tensor([0.0, 0.0, -1.0]).repeat(50, 1)
-    normals[7], normals[9] = torch.tensor([0.8, 0.0, -0.6]), torch.tensor([0.7, 0.0, -0.714])
-    normals[11] = 0.0
-    assert published_normal_outliers(points, normals, 20).nonzero().flatten().tolist() == [7, 11]
-    assert not published_normal_outliers(points[:1], normals[:1], 20).any()
-
-
-def test_outliers_count_the_point_itself_among_its_neighbours() -> None:
-    """Of 40 rows k is 2, the point and one neighbour: two points far from all others keep each other."""
-    rows, columns = torch.meshgrid(torch.arange(40.0), torch.arange(60.0), indexing="ij")
-    points = torch.stack([columns, rows, torch.full_like(rows, 50.0)], -1)
-    points[0, :2] += torch.tensor([0.0, 0.0, 40.0])
-    points[-1, -1] += torch.tensor([0.0, 0.0, 30.0])
-    drop = image_outliers(points.reshape(-1, 3), 40, 60).reshape(40, 60)
-    assert drop.sum() == 1
-    assert drop[-1, -1]

@@ -95,15 +95,6 @@ def test_invalid_pixels_neither_get_a_normal_nor_spoil_a_neighbours() -> None:
     torch.testing.assert_close(found[9:12, 9:12], expected)
 
 
-def test_normals_of_tall_maps_do_not_depend_on_the_strips_that_they_are_computed_in(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    points, valid = depth_to_pointmap(1 + 0.1 * random(ROWS, COLUMNS), K), random(ROWS, COLUMNS, seed=1) > 0.1
-    at_once = pointmap_normals(points, valid)
-    monkeypatch.setattr("physic_core.geometry.pointmap._STRIP_ROWS", 7)
-    assert torch.equal(pointmap_normals(points, valid), at_once)
-
-
 depths = arrays("float64", (6, 7), elements=st.sampled_from([1.0, 1.02, 1.04, 1.06, 1.2, 3.0]))
 masks = arrays("bool", (6, 7))
 

@@ -11,7 +11,6 @@ import pytest
 from PIL import Image
 
 from physic_core.errors import InputError
-from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import read_photo, read_source
 from physic_core.io.result_folder import file_digest
 
@@ -82,15 +81,3 @@ def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(tm
     found = read_source(path)
     assert found.image.max() == 10
     assert found.digest.split()[0] == expected
-
-
-def test_masks_of_many_people_in_a_large_file_are_refused(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr("physic_core.io.people_prompt._MAX_BYTES", 1_000)
-    path = tmp_path / "masks.png"
-    Image.fromarray(np.arange(40, dtype=np.uint8).reshape(5, 8)).save(path)
-    with pytest.raises(InputError) as caught:
-        read_masks(path)
-    assert str(caught.value) == (
-        f"cannot use the masks {path}: 39 masks of 8 x 5 px take 0.0 GB; "
-        "give a smaller photo with masks of its size, or fewer people"
-    )

@@ -20,14 +20,11 @@ from physic_core.cli import main
 from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, body_point, stature_factor
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError
-from physic_core.pipeline.known_sizes import bodies_of_stature, check_people_in_scene, statures_of_people
+from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.types import Bodies, People
 from physic_testing.worlds import World, build_world
 
 SIZE = (160, 120)
-NO_LENGTHS = KnownDistances(
-    torch.zeros(0), torch.zeros(0, 2).long(), torch.zeros(0, 2, 3), torch.zeros(0, 2, 3), torch.zeros(0).long()
-)
 MODEL = load_body("embedded")
 
 
@@ -162,34 +159,6 @@ def test_a_contradiction_on_the_command_line_has_exit_code_2_and_is_a_failed_row
     assert "the photo contradicts the camera height 4 m" in row["message"]
 
 
-def test_people_in_a_scene_of_known_scale() -> None:
-    known = KnownGeometry(torch.tensor([math.nan] * 3), 1.5, NO_LENGTHS)
-    given, estimated = np.array([np.nan, np.nan, 1.8]), torch.tensor([1.7, 1.7, 1.8])
-    warning = (
-        "in a scene of the given size the photo shows person 0 as 2.55 m tall: check the size, and in the preview "
-        "whether the floor lies under the person's feet"
-    )
-    assert check_people_in_scene(known, given, estimated, torch.tensor([1.5, math.nan, 1.05])) == [warning]
-    assert check_people_in_scene(known, None, estimated, torch.ones(3)) == []
-    # One of three may be a poster or a wrong detection; most may not.
-    assert len(check_people_in_scene(known, None, estimated, torch.tensor([1.6, 1.0, 1.0]))) == 1
-    with pytest.raises(
-        ConfigError, match=r"shows person 0 as 2\.72 m tall, person 1 as 2\.72 m tall; beside .* 0\.937 m"
-    ):
-        check_people_in_scene(known, None, estimated, torch.tensor([1.6, 1.6, 1.0]))
-    with pytest.raises(ConfigError, match=r"shows person 0 as 0\.34 m tall; .* the camera height 7\.5 m"):
-        check_people_in_scene(known, given, estimated, torch.tensor([0.2, math.nan, 1.0]))
-
-
-def test_the_config_overrides_the_argument(stand: World) -> None:
-    known = KnownSizes(stature=(1.5,), camera_height=1.5)
-    result = run(stand, known, "photo.stature=1.9", "photo.camera_height=1.6")
-    assert {name: given for name, (given, _) in given_and_result(result).items()} == {
-        "the stature of person 0": 1.9,
-        "the camera height": 1.6,
-    }
-
-
 # ---- statures of several people --------------------------------------------------------------------------------------
 
 
@@ -303,7 +272,6 @@ def test_sizes_on_the_command_line(tmp_path, stand: World) -> None:
 
 
 def test_chosen_people_keep_the_sizes_given_for_them() -> None:
-    from physic_core.engine.known_sizes import KnownDistances, KnownGeometry
 
     distances = KnownDistances(
         torch.tensor([1.0, 2.0]),

@@ -12,8 +12,7 @@ from physic_core import load_config, load_reconstruction, reconstruct
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, NoPersonError
-from physic_core.pipeline.unknown_scale import guess_metric_depth
-from physic_core.types import Intrinsics, Plane, Pointmap, UnposedPerson
+from physic_core.types import UnposedPerson
 from physic_mock import backends
 from physic_testing.worlds import World, build_world
 
@@ -83,20 +82,6 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
     assert not any("the scale is unknown" in warning for warning in measured.warnings)
     with pytest.raises(BackendError, match="MemoryError"):
         reconstruct(world.empty_image, config, registry=registry_with("metric_depth", Broken))
-
-
-def test_without_a_floor_the_median_depth_is_assumed() -> None:
-    z = np.array([[1.0, 2.0], [4.0, 9.0]], np.float32)
-    valid = np.array([[True, True], [True, False]])
-    scene = Pointmap(np.stack([z, z, z], -1), valid, "scale")
-    camera = Intrinsics.from_focal(2.0, 2, 2)
-    depth, warning = guess_metric_depth(scene, None, camera)
-    assert depth.depth[valid].tolist() == [1.5, 3.0, 6.0]
-    assert np.isnan(depth.depth[1, 1])
-    assert (depth.scale_sigma, depth.intrinsics) == (None, camera)
-    assert "the median depth is assumed 3 m" in warning
-    on_floor, _ = guess_metric_depth(scene, Plane(np.array([0.0, -1.0, 0.0]), 0.5), camera)
-    assert on_floor.depth[valid].tolist() == [3.0, 6.0, 12.0]
 
 
 class SeesBox(backends.MockSegmenter):

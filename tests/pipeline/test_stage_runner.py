@@ -93,13 +93,6 @@ def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: lis
     assert events[5:] == ["close a", "close b"]
 
 
-def test_a_backend_that_was_never_called_is_neither_loaded_nor_closed(events: list[str]):
-    stages = StageRunner("cpu", 1)
-    resolved(Counting())
-    stages.close()
-    assert events == []
-
-
 @pytest.mark.parametrize("low_memory", [True, False])
 def test_a_used_backend_is_closed_after_its_last_call(events: list[str], low_memory: bool):
     stages = StageRunner("cpu", 3, low_memory=low_memory, close_used=not low_memory)

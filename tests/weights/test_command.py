@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -238,72 +233,3 @@ def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin: Any, o
     assert physic("verify", "free").stdout.startswith(
         f"DIFFERS  free free.onnx: it has 7 bytes instead of {len(CONTENT)}\n"
     )
-
-
-def test_ctrl_c_ends_with_a_message_and_keeps_the_partial_download(
-    plugin: Any, server: Any, own_cache: Path, tmp_path: Path
-):
-    """The whole way: a process of its own, a server that falls silent halfway, and SIGINT."""
-    page = server.pages["/free.onnx"]
-    page.stall = 524_288
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-c",
-        # Whoever started us may ignore SIGINT, and every process inherits that.
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-        "from physic_core.cli import main; main()",
-        "weights",
-        "fetch",
-        "free",
-    ]
-    environment = os.environ | {"PYTHONPATH": str(plugin.folder)}
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-    ) as running:
-        part = own_cache / "free" / "free.onnx.part"
-        try:
-            for _ in range(600):
-                if part.is_file() and part.stat().st_size >= 262_144:
-                    break
-                time.sleep(0.05)
-            running.send_signal(signal.SIGINT)
-            out, err = running.communicate(timeout=30)
-        finally:
-            running.kill()
-    assert (running.returncode, out) == (130, "")
-    assert err == (
-        "free: free.onnx (1.05 MB)\nfree: interrupted; the partial download is kept, and the next one resumes\n"
-    )
-    here = part.stat().st_size
-    page.stall = None
-    assert physic("fetch", "free").exit_code == 0
-    assert server.ranges("/free.onnx") == ["", f"bytes={here}-"]
-    assert (own_cache / "free" / "free.onnx").read_bytes() == CONTENT
-
-
-@pytest.mark.parametrize(
-    "variables",
-    [
-        {},
-        {"XDG_CACHE_HOME": "/x"},
-        {"XDG_CACHE_HOME": "/x", "HF_HOME": "~/h"},
-        {"HF_HOME": "/h", "HUGGINGFACE_HUB_CACHE": "/old"},
-        {"HUGGINGFACE_HUB_CACHE": "/old", "HF_HUB_CACHE": "$HOME/new"},
-    ],
-    ids=lambda v: " ".join(v) or "none",
-)
-def test_the_hubs_cache_is_where_its_library_has_it(variables: dict[str, str]) -> None:
-    code = (
-        "import sys\n"
-        "from physic_core.weights.folders import _hub_folder\n"
-        "ours = _hub_folder('owner/name')\n"
-        "assert 'huggingface_hub' not in sys.modules\n"
-        "from pathlib import Path\n"
-        "from huggingface_hub.constants import HF_HUB_CACHE\n"
-        "assert ours == Path(HF_HUB_CACHE, 'models--owner--name'), (ours, HF_HUB_CACHE)\n"
-    )
-    names = ("XDG_CACHE_HOME", "HF_HOME", "HUGGINGFACE_HUB_CACHE", "HF_HUB_CACHE")
-    kept = {name: value for name, value in os.environ.items() if name not in names}
-    subprocess.run([sys.executable, "-c", code], env=kept | variables, timeout=60, check=True)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -239,58 +236,3 @@ def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
 
 
 # ---- as the user runs it ---------------------------------------------------------------------------------------------
-
-
-def test_mirror_cache_token_and_offline_switch_are_those_of_the_environment(
-    server: Any, site: Any, tmp_path: Path, lists: Any
-):
-    source = Hub(server).add("model.onnx", CONTENT)
-    folder = lists.add("mirrored", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": source})
-    site.install(
-        "physic-mirror",
-        "from physic_core import hookimpl\n"
-        "@hookimpl\n"
-        "def physic_backends(): return []\n"
-        f"@hookimpl\ndef physic_weights(): return {str(folder)!r}\n",
-    )
-    home = tmp_path / "hf"
-    environment = os.environ | {
-        "PYTHONPATH": str(site.folder),
-        "PHYSIC_PLUGINS": "physic-mirror,physic-setup",
-        "HF_HOME": str(home),
-        "HF_ENDPOINT": server.address,
-        "HF_TOKEN": "hf_mine",
-    }
-
-    def physic(*arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
-        command = [
-            sys.executable,
-            "-W",
-            "error",
-            "-c",
-            "from physic_core.cli import main; main()",
-            "weights",
-            *arguments,
-        ]
-        return subprocess.run(command, capture_output=True, text=True, timeout=60, env=environment | more, check=False)
-
-    offline = physic("fetch", "mirrored", HF_HUB_OFFLINE="1")
-    assert (offline.returncode, offline.stdout) == (4, "")
-    assert offline.stderr.startswith(f"mirrored: {source}: HF_HUB_OFFLINE is set")
-    assert server.asked == []
-    done = physic("fetch", "mirrored")
-    there = home / "hub" / "models--owner--net" / "snapshots" / COMMIT / "model.onnx"
-    assert (done.returncode, done.stdout) == (0, f"mirrored: model.onnx downloaded to {there}\n"), done.stderr
-    assert done.stderr == "mirrored: model.onnx (1.05 MB)\n"
-    tokens = {
-        headers.get("authorization", headers.get("Authorization"))
-        for _, path, headers in server.asked
-        if "resolve" in path
-    }
-    assert tokens == {"Bearer hf_mine"}
-    server.close()
-    assert physic("where", "mirrored", HF_HUB_OFFLINE="1").stdout == f"{there}\n"
-    assert (
-        physic("verify", HF_HUB_OFFLINE="1").stdout
-        == "ok       mirrored model.onnx\n1 file: 1 ok, 0 differ, 0 missing\n"
-    )

@@ -136,18 +136,6 @@ def test_the_pipeline_is_called_as_in_the_released_code(told):
     assert OmniEraserOptions().seed == 42
 
 
-@pytest.mark.parametrize(
-    ("offload", "call"),
-    [("none", ("to", "cuda")), ("model", ("model", "cuda")), ("sequential", ("sequential", "cuda"))],
-)
-def test_the_offload_option_chooses_the_memory_mode(told, offload, call, monkeypatch):
-    """Cards of 24 GB hold FLUX only in parts."""
-    monkeypatch.setattr("physic_core.adapters.devices.check_device", lambda device: None)
-    backend = OmniEraser(OmniEraserOptions(**told, offload=offload))
-    backend.load("cuda")
-    assert [one for one in backend._pipeline.calls if one[0] in ("to", "model", "sequential")] == [call]
-
-
 def test_the_same_seed_paints_the_same(told):
     photo = np.random.default_rng(0).integers(0, 255, (60, 90, 3), np.uint8)
     backends = [loaded(told, seed=seed) for seed in (7, 7, 8)]
@@ -156,15 +144,6 @@ def test_the_same_seed_paints_the_same(told):
     assert (one == again).all()
     assert (one != other).any()
     assert (torch.get_rng_state() == state).all(), "the common generator is left as it was"
-
-
-def test_the_lora_and_the_folder_of_flux_are_handed_over(told):
-    calls = loaded(told)._pipeline.calls
-    assert calls[0] == ("from_pretrained", told["base"], torch.bfloat16, True)
-    name, folder, file = calls[1]
-    assert (name, file) == ("load_lora_weights", "pytorch_lora_weights.safetensors")
-    assert told["weights"] == f"{folder}/{file}"
-    assert calls[2] == ("to", "cpu")
 
 
 def test_a_widened_transformer_gives_the_same_output():

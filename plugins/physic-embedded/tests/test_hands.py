@@ -19,7 +19,6 @@ from physic_embedded.networks import hand_landmarks as module
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.hand_landmarks import (
-    HandLandmarks,
     find_hand,
     hand_search_square,
     predict_hand_landmarks,
@@ -158,18 +157,6 @@ def test_no_hand_is_found_where_there_is_none(estimator: EmbeddedHands, skeleton
     hands = estimator.infer(image, *arm(image, skeleton))
     assert violations(HandEstimator, hands, people=1) == []
     assert hands.confidence.max() == 0
-
-
-def test_a_hand_of_the_other_side_is_left_alone(estimator: EmbeddedHands) -> None:
-    look = HandLandmarks(np.array([[0.0, 0], [100, 80]]), np.zeros((21, 3)), presence=0.99, right=0.9, mirror_gap=0.01)
-    assert estimator._is_reliable(look, "right")
-    assert not estimator._is_reliable(look, "left")
-
-
-def test_small_unsteady_or_absent_hands_are_left_alone(estimator: EmbeddedHands) -> None:
-    corners = np.array([[0.0, 0], [100, 80]])
-    for points, presence, gap in ((corners / 5, 0.99, 0.01), (corners, 0.99, 0.2), (corners, 0.3, 0.01)):
-        assert not estimator._is_reliable(HandLandmarks(points, np.zeros((21, 3)), presence, 0.9, gap), "right")
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -17,7 +17,7 @@ from physic_evaluate.pickled import pickled_arrays
 from physic_evaluate.readers import open_reader
 from physic_evaluate.readers.base import ResultReader
 
-from .miniatures import Files, K, figures, run, write_plain
+from .miniatures import Files, K, write_plain
 from .test_readers import POSE, STANDING, WRITERS, frame_of
 
 Change = Callable[[Any], Any]
@@ -115,30 +115,3 @@ def photos(tmp_path: Path) -> Path:
         write_plain(tmp_path / "theirs", f"p{i}", joints=true[None], joint_names=np.array(LIMB_JOINTS))
     (folder / "truth.json").write_text(json.dumps([{"image": f"p{i}.png", **record} for i in range(2)]))
     return folder
-
-
-def test_an_error_of_the_program_ends_with_code_1_after_the_table(
-    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    from physic_evaluate.readers.plain import Plain
-
-    read = Plain.read
-
-    def broken(self: Plain, path: Path, frame: Any) -> Any:
-        return {}["spine"] if frame.id == "p1" else read(self, path, frame)
-
-    monkeypatch.setattr(Plain, "read", broken)
-    monkeypatch.setenv("PHYSIC_DEBUG", "1")
-    arguments = ("calibrated", str(photos), "-o", str(tmp_path / "out"), "--results")
-    done = run(*arguments, f"theirs=plain:{tmp_path / 'theirs'}")
-    assert done.exit_code == 1
-    assert "Error: 1 score failed by an error of this program, not of a file" in done.output
-    assert "p1 (theirs): KeyError: 'spine' (" in done.output
-    assert "Traceback" in done.output
-    assert "theirs: 1 of 2 frames without a result: p1 (unexpected error: KeyError: 'spine'" in done.output
-    assert figures(tmp_path / "out", "theirs")["found"] == 0.5
-    monkeypatch.setattr(Plain, "read", read)
-    done = run(*arguments, f"theirs=plain:{tmp_path / 'theirs'}")
-    assert done.exit_code == 0
-    assert "1 of 2 scores unchanged" in done.output
-    assert figures(tmp_path / "out", "theirs")["found"] == 1

@@ -102,16 +102,3 @@ def test_contact_of_the_coloured_mesh_and_the_camera(root: Path, files: Files):
     assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)  # type: ignore[union-attr]
     np.testing.assert_allclose(truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4)
     assert frames[0].labels == {"action": "lunge"}
-
-
-def test_a_camera_without_calibration_and_a_wrong_number_of_labels_are_named(root: Path, files: Files, tmp_path: Path):
-    (tmp_path / "list.txt").write_text(f"{SEQUENCE}/00042/10\n{SEQUENCE}/00042/0\n")
-    found = DATA_SET.frames(root, RichOptions(frames=str(tmp_path / "list.txt")), files.bodies)
-    assert "camera 10 of LectureHall_lunge has no calibration" in found.left_out[f"{SEQUENCE}/00042/10"]
-    assert len(found.frames) == 1
-    assert DATA_SET.check(tmp_path, RichOptions(), pictures=False) == [
-        f"{tmp_path}/bodies/test/*/*/*.pkl: bodies",
-        f"{tmp_path}/scan_calibration/*/calibration/*.xml: calibration of the cameras",
-        f"{tmp_path}/resource/gender.json: gender of the subjects, from rich_toolkit",
-        f"{tmp_path}/human_scene_contact/test/*/*/*.pkl: annotated contact; or --contact rule",
-    ]

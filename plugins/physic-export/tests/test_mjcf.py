@@ -112,27 +112,6 @@ def flat_spot(points: np.ndarray, people: list[np.ndarray]) -> np.ndarray:
     return candidates[int(np.argmin(spread))]
 
 
-def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(export("a.xml", rigid=True).files[0].read_text())
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
-    matrix = export_frame(result.scene.floor, "z").from_camera
-    for index, person in enumerate(result.people):
-        body = data.body(f"person_{index}")
-        np.testing.assert_allclose(body.xpos, transform_points(matrix, person.joints[0]), atol=1e-5)
-        assert model.body(f"person_{index}").mocapid[0] == index
-        skin = model.geom(f"person_{index}_skin").id
-        mesh = model.geom_dataid[skin]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        local = model.mesh_vert[first : first + count]
-        posed = local @ data.geom_xmat[skin].reshape(3, 3).T + data.geom_xpos[skin]
-        np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
-        collide = [i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")]
-        assert sum(model.geom_contype[i] > 0 for i in collide) == 14
-
-
 def joint_places(model, data, person: int) -> np.ndarray:
     """Positions (22, 3) of the bodies of a person."""
     names = [f"person_{person}", *(f"person_{person}_{name}" for name in JOINT_NAMES[1:22])]

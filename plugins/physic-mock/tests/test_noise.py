@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from physic_core.body import JOINT_INDEX
-from physic_core.types import SKELETONS, Hints, Keypoints, People
+from physic_core.types import Hints, Keypoints, People
 from physic_mock import NOISE_VERSION
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
-    MockKeypointDetector,
     MockMetricDepth,
     MockRelativePointmap,
 )
@@ -23,8 +22,7 @@ from physic_mock.body_noise import (
 from physic_mock.contact import ContactOptions
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions
-from physic_mock.keypoints import KeypointOptions
-from physic_mock.mask_noise import draw_floor_mask, remove_hands_and_feet
+from physic_mock.mask_noise import draw_floor_mask
 from physic_testing.worlds import build_world
 
 DRAWS = range(300)
@@ -98,21 +96,6 @@ def test_people_stray_along_their_line_of_sight(world, people):
     assert np.sqrt((across**2).sum(axis=1).mean() / 2) == pytest.approx(options.lateral_noise_m, rel=0.25)
 
 
-def test_stature_errs_by_its_own_share_whatever_the_shape_does(world, people):
-    import torch
-
-    from physic_core.body import load_body
-
-    model = load_body("embedded")
-    betas = np.concatenate([bodies_of(world, people, noise_seed=s).parameters.betas for s in range(60)])
-    with torch.no_grad():
-        stature = model.stature(torch.as_tensor(betas)).numpy()
-        true = float(model.stature(torch.as_tensor(world.parameters.betas.copy()))[0])
-    options = BodyOptions()
-    assert np.log(stature / true).std() == pytest.approx(options.stature_noise, rel=0.25)
-    assert (betas - world.parameters.betas)[:, 4:].std() == pytest.approx(options.shape_noise, rel=0.25)
-
-
 # --- contact ----------------------------------------------------------------------------------------------------------
 
 
@@ -183,19 +166,6 @@ def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(
 # --- masks and keypoints ----------------------------------------------------------------------------------------------
 
 
-def test_a_missed_foot_is_missing_and_nothing_else(world):
-    mask = world.masks[0]
-    without = remove_hands_and_feet(mask, world, 0, 1.0, 1.0, rng())
-    assert not (without & ~mask).any()
-    u, v = np.round(world.keypoints["coco17"][0, 15:17]).astype(int).T  # ankles
-    assert mask[v, u].all()
-    assert not without[v, u].any()
-    u, v = np.round(world.keypoints["coco17"][0, [5, 6, 13, 14]]).astype(int).T  # shoulders and knees
-    np.testing.assert_array_equal(without[v, u], mask[v, u])
-    assert 0.02 < 1 - without.sum() / mask.sum() < 0.25
-    np.testing.assert_array_equal(remove_hands_and_feet(mask, world, 0, 0.5, 0, rng()), mask)
-
-
 def test_a_floor_takes_in_and_leaves_out(world):
     floor = world.empty_floor_mask
     rough = draw_floor_mask(floor, 0, 8, 1, rng())
@@ -205,17 +175,3 @@ def test_a_floor_takes_in_and_leaves_out(world):
     np.testing.assert_array_equal(draw_floor_mask(floor, 0, 8, 0, rng()), floor)
     nothing = np.zeros_like(floor)
     np.testing.assert_array_equal(draw_floor_mask(nothing, 0, 8, 1, rng()), nothing)
-
-
-def test_left_and_right_of_a_limb_are_swapped_and_nothing_else(world, people):
-    options = KeypointOptions(skeleton="coco17", swapped=1, point_noise=0, hidden_noise=0)
-    points = MockKeypointDetector(options).infer(world.image, people).points[0]
-    true, names = world.keypoints["coco17"][0], SKELETONS["coco17"].names
-    for i, name in enumerate(names):
-        side, _, point = name.partition("_")
-        if point in ("elbow", "wrist", "knee", "ankle"):
-            np.testing.assert_array_equal(
-                points[i], true[names.index(f"{'right' if side == 'left' else 'left'}_{point}")]
-            )
-        else:
-            np.testing.assert_array_equal(points[i], true[i])

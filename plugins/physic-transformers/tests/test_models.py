@@ -12,7 +12,6 @@ import pytest
 
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints
-from physic_transformers import models
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
     DepthAnythingRelative,
@@ -20,8 +19,7 @@ from physic_transformers.depth_anything import (
     RelativeOptions,
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
-from physic_transformers.sam3 import Sam3, Sam3Options
+from physic_transformers.grounded_sam2 import GroundedSam2
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -129,37 +127,9 @@ def test_metric_weights_are_refused_for_relative_depth(saved: Callable[..., Path
         DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything", "relative")))).load()
 
 
-def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
-    folder = str(saved("depth_anything"))
-    with pytest.raises(DeviceError, match="'float16' needs a GPU"):
-        DepthAnythingMetric(MetricOptions(weights=folder, dtype="float16")).load()
-    backend = DepthAnythingMetric(MetricOptions(weights=folder, dtype="bfloat16"))
-    backend.load()
-    assert backend.network()._model.dtype.itemsize == 2
-    assert backend.infer(GREY, Hints()).depth.dtype == np.float32
-
-
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_read() -> None:
     with pytest.raises(DeviceError):
         DepthPro().load("cuda:99")
-
-
-def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
-    saved: Callable[..., Path], capfd: pytest.CaptureFixture[str]
-) -> None:
-    import torch
-    from transformers.utils import logging
-
-    bars, level = logging.is_progress_bar_enabled(), logging.get_verbosity()
-    options = GroundedSam2Options(detector=str(saved("grounding_dino")), masks=str(saved("sam2_video")))
-    backend = GroundedSam2(options)
-    capfd.readouterr()
-    backend.load()
-    backend.infer(GREY)
-    assert capfd.readouterr() == ("", "")
-    assert (logging.is_progress_bar_enabled(), logging.get_verbosity()) == (bars, level)
-    assert not backend.network("masks")._model.training
-    assert torch.is_grad_enabled()
 
 
 def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
@@ -171,35 +141,3 @@ def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
     assert prints[0] == prints[1] != ""
     (copy / "config.json").write_text((copy / "config.json").read_text() + "\n")
     assert DepthAnythingMetric(MetricOptions(weights=str(copy))).fingerprint() != prints[0]
-
-
-class TestPublishedLayouts:
-    """The repositories of SAM 2.1 and SAM 3 hold the models for videos, of which those for photos are a spec."""
-
-    def test_sam_2_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
-        folder = saved("sam2_video")
-        assert json.loads((folder / "config.json").read_text())["model_type"] == "sam2_video"
-        spec = models.ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video"))
-        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
-        from safetensors.numpy import load_file
-
-        published = load_file(folder / "model.safetensors")
-        own = network._model.state_dict()
-        assert set(own) < set(published)
-        for name, tensor in own.items():
-            np.testing.assert_array_equal(tensor.numpy(), published[name])
-
-    def test_sam_3_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
-        folder = saved("sam3_video")
-        assert json.loads((folder / "config.json").read_text())["model_type"] == "sam3_video"
-        spec = models.ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"))
-        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
-        from safetensors.numpy import load_file
-
-        published = load_file(folder / "model.safetensors")
-        for name, tensor in network._model.state_dict().items():
-            np.testing.assert_array_equal(tensor.numpy(), published[f"detector_model.{name}"])
-        backend = Sam3(Sam3Options(weights=str(folder), person_score=0))
-        assert backend.missing() == ()
-        backend.load()
-        backend.infer(GREY)

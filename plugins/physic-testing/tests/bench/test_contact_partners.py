@@ -92,17 +92,6 @@ def test_a_wrong_partner_is_found_and_not_right():
     assert counts["people_hits"] == before["people_hits"]
 
 
-def test_a_class_that_is_unknown_is_not_wrong_but_another_is():
-    world = build_world("hold_ball", 0, SIZE)
-    truth = true_contacts(world)
-    assert {p.surface for p in truth.partners if p.kind == "scene"} >= {"seat"}
-    unknown = tuple(replace(p, surface="") if p.surface == "seat" else p for p in truth.partners)
-    table = tuple(replace(p, surface="table") if p.surface == "seat" else p for p in truth.partners)
-    right = counted(world, truth)["partner_right"]
-    assert counted(world, replace(truth, partners=unknown))["partner_right"] == right
-    assert counted(world, replace(truth, partners=table))["partner_right"] < right
-
-
 def test_probabilities_are_calibrated_by_hand():
     world = build_world("hands_on_hips", 0, SIZE)
     truth = true_contacts(world)

@@ -206,11 +206,6 @@ class LoadsOnce(RightMetricDepth):
 
 FORM = "returns_valid_output"
 altered(RightMetricDepth, "depth as float16 text", FORM, lambda a, *_: replace(a, depth=a.depth.astype(str)))
-altered(RightMetricDepth, "whole numbers", FORM, lambda a, *_: replace(a, depth=a.depth.astype(np.int32)))
-altered(RightMetricDepth, "a batch axis", FORM, lambda a, *_: replace(a, depth=a.depth[None]))
-altered(RightMetricDepth, "NaN everywhere", FORM, lambda a, *_: replace(a, depth=a.depth * np.float32(np.nan)))
-altered(RightMetricDepth, "an array for a DepthMap", FORM, lambda a, *_: a.depth)
-altered(RightPointmap, "OpenGL points, z back", FORM, lambda a, *_: replace(a, points=a.points * [1, -1, -1]))
 altered(RightKeypoints, "confidence in percent", FORM, lambda a, *_: replace(a, confidence=100 * a.confidence))
 altered(
     RightSegmenter,
@@ -299,15 +294,6 @@ class Writing(RightMetricDepth):
         return answer
 
 
-@wrong("writes into the hints", "does_not_modify_its_input")
-class WritingHints(RightMetricDepth):
-    def infer(self, image, hints):
-        answer = super().infer(image, hints)
-        if hints.hole is not None:
-            hints.hole[0] = ~hints.hole[0]
-        return answer
-
-
 @wrong("hidden randomness", "is_deterministic")
 class Random(RightMetricDepth):
     def infer(self, image, hints):
@@ -370,20 +356,10 @@ def stretch(height: int, width: int, camera: Intrinsics) -> np.ndarray:
     return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
 
 
-def ray_length(answer: Any, image: Any, hints: Any) -> Any:
-    if hints.intrinsics is None:
-        return answer
-    return replace(answer, depth=(answer.depth * stretch(*answer.depth.shape, hints.intrinsics)).astype(np.float32))
-
-
 def only_corner(z: np.ndarray) -> np.ndarray:
     kept = np.full_like(z, np.nan)
     kept[: z.shape[0] // 3, : z.shape[1] // 3] = z[: z.shape[0] // 3, : z.shape[1] // 3]
     return kept
-
-
-def network_camera(answer: Any, *_: Any) -> Any:
-    return replace(answer, intrinsics=answer.intrinsics and answer.intrinsics.resized(518, 518))
 
 
 def normalised_camera(answer: Any, *_: Any) -> Any:
@@ -395,8 +371,6 @@ altered(RightMetricDepth, "transposed", "depth_is_not_transposed_or_flipped", of
 altered(RightMetricDepth, "upside down", "depth_is_not_transposed_or_flipped", of_depth(lambda z: z[::-1]))
 altered(RightMetricDepth, "disparity", "depth_grows_with_distance", of_depth(lambda z: np.median(z) ** 2 / z))
 altered(RightMetricDepth, "centimetres", "depth_is_in_metres", of_depth(lambda z: 100 * z))
-altered(RightMetricDepth, "ray length", "depth_is_along_z", ray_length)
-altered(RightMetricDepth, "the camera of the network's size", FORM, network_camera)
 altered(RightMetricDepth, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 altered(
     RightMetricDepth,
@@ -446,23 +420,9 @@ def on_rays(points: np.ndarray, z: np.ndarray) -> np.ndarray:
     return points * (z / points[..., 2])[..., None]
 
 
-def own_camera(answer: Any, *_: Any) -> Any:
-    return replace(answer, points=(answer.points * [1.3, 1.3, 1]).astype(np.float32))
-
-
-def shifted(answer: Any, image: Any, hints: Any) -> Any:
-    camera = hints.intrinsics or answer.intrinsics
-    moved = answer.points + answer.points[..., 2:] * np.array([0.5 / camera.fx, 0.5 / camera.fy, 0])
-    return replace(answer, points=moved.astype(np.float32))
-
-
 def ray_points(answer: Any, image: Any, hints: Any) -> Any:
     camera = hints.intrinsics or answer.intrinsics
     return replace(answer, points=(answer.points * stretch(*answer.valid.shape, camera)[..., None]).astype(np.float32))
-
-
-def hidden_shift(points: np.ndarray) -> np.ndarray:
-    return on_rays(points, points[..., 2] + 0.5 * np.median(points[..., 2]))
 
 
 def valid_corner(answer: Any, *_: Any) -> Any:
@@ -472,17 +432,11 @@ def valid_corner(answer: Any, *_: Any) -> Any:
 
 
 altered(RightPointmap, "only a corner", "points_cover_the_photo", valid_corner)
-altered(RightPointmap, "another word", FORM, lambda a, *_: replace(a, unknown="affine"))
 altered(RightPointmap, "transposed", "points_are_not_transposed_or_flipped", of_points(
     lambda p: on_rays(p, transposed(p[..., 2]))
 ))  # fmt: skip
 altered(RightPointmap, "disparity", "depth_grows_with_distance", of_points(lambda p: on_rays(p, 1 / p[..., 2])))
 altered(RightPointmap, "ray length", "z_is_not_ray_length", ray_points)
-altered(RightPointmap, "y up", "frame_is_opencv", of_points(lambda p: p * [1, -1, 1]))
-altered(RightPointmap, "a camera of its own", "given_camera_is_used", own_camera)
-altered(RightPointmap, "half a pixel off", "pixel_centres_are_integers", shifted)
-altered(RightPointmap, "a shift that it does not name", "unknown_names_the_ambiguity", of_points(hidden_shift))
-altered(RightPointmap, "the camera of the network's size", FORM, network_camera)
 altered(RightPointmap, "a focal length in shares of the width", "intrinsics_fit_the_photo", normalised_camera)
 restless(
     RightPointmap,
@@ -536,18 +490,11 @@ def shares(answer: Any, *_: Any) -> Any:
     return replace(answer, boxes=answer.boxes / [width, height, width, height])
 
 
-def loose(answer: Any, *_: Any) -> Any:
-    height, width = answer.masks.shape[1:]
-    return replace(answer, boxes=np.tile([0.0, 0.0, width, height], (len(answer), 1)))
-
-
 def floor_over_people(answer: Any, *_: Any) -> Any:
     return replace(answer, floor=None if answer.floor is None else answer.floor | answer.masks.any(axis=0))
 
 
 altered(RightSegmenter, "inverted masks", "masks_lie_on_people", inverted)
-altered(RightSegmenter, "boxes in shares of the size", "boxes_enclose_their_masks", shares)
-altered(RightSegmenter, "the photo as every box", "boxes_enclose_their_masks", loose)
 altered(
     RightSegmenter,
     "worst score first",
@@ -564,32 +511,6 @@ altered(RightSegmenter, "people who are floor", "floor_mask_excludes_people", fl
 
 
 # ---- inpainting ------------------------------------------------------------------------------------------------------
-
-
-@wrong("an inverted mask", "pixels_outside_the_mask_are_unchanged")
-class Inverting(RightInpainter):
-    def infer(self, image, mask):
-        self.look_up(image)
-        return np.where(~mask[..., None] & mask.any(), np.uint8(127), image)
-
-
-@wrong("a second compression", "pixels_outside_the_mask_are_unchanged")
-class Compressing(RightInpainter):
-    def infer(self, image, mask):
-        filled = super().infer(image, mask)
-        return filled // 4 * 4 if mask.any() else filled
-
-
-@wrong("nothing is removed", "hole_is_filled")
-class Idle(RightInpainter):
-    def infer(self, image, mask):
-        return super().infer(image, np.zeros_like(mask))
-
-
-@wrong("a fill in BGR", "fill_has_the_colours_around")
-class BlueFill(RightInpainter):
-    def infer(self, image, mask):
-        return np.where(mask[..., None], super().infer(image, mask)[..., ::-1], image)
 
 
 restless(
@@ -610,18 +531,6 @@ restless(
 
 # ---- keypoints -------------------------------------------------------------------------------------------------------
 
-_PAIRS = [0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(i + (1 if i % 2 else -1) for i in range(11, 33))]
-
-
-def turned_round(answer: Any, *_: Any) -> Any:
-    parameters = answer.parameters
-    if not len(parameters):
-        return answer
-    from scipy.spatial.transform import Rotation
-
-    root = Rotation.from_rotvec(parameters.global_orient) * Rotation.from_rotvec([0, np.pi, 0])
-    return replace(answer, parameters=replace(parameters, global_orient=root.as_rotvec().astype(np.float32)))
-
 
 def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
     """Rows by the people's boxes, whatever the order in which they were asked about."""
@@ -637,7 +546,6 @@ def sorted_rows(answer: Any, image: Any, people: Any, *_: Any) -> Any:
     return by_size(answer)
 
 
-altered(RightKeypoints, "an unknown skeleton", "returns_valid_output", lambda a, *_: replace(a, skeleton="openpose25"))
 altered(
     RightKeypoints,
     "points that lie nowhere on a body",
@@ -650,20 +558,6 @@ altered(
     "joints_lie_on_the_person",
     lambda a, *_: replace(a, points=a.points[..., ::-1].copy()),
 )
-altered(
-    RightKeypoints,
-    "px of the crop",
-    "joints_lie_on_the_person",
-    lambda a, image, people: replace(a, points=a.points - people.boxes[:, None, :2]),
-)
-altered(
-    RightKeypoints,
-    "sides exchanged",
-    "joints_are_in_order",
-    lambda a, *_: replace(a, points=a.points[:, _PAIRS], confidence=a.confidence[:, _PAIRS]),
-)
-altered(RightKeypoints, "world y up", "world_points_are_metres", lambda a, *_: replace(a, world=a.world * [1, -1, 1]))
-altered(RightKeypoints, "world centimetres", "world_points_are_metres", lambda a, *_: replace(a, world=100 * a.world))
 for right in (RightKeypoints, RightBodies, RightHands, RightContact):
     altered(right, "rows from left to right", "rows_follow_the_people", sorted_rows)
 
@@ -692,20 +586,7 @@ def placed(p: Any, move: Callable[[np.ndarray], np.ndarray]) -> dict[str, np.nda
     return {"transl": (p.transl + move(pelvis) - pelvis).astype(np.float32)}
 
 
-def head_down(p: Any) -> dict[str, np.ndarray]:
-    from scipy.spatial.transform import Rotation
-
-    root = Rotation.from_rotvec([np.pi, 0, 0]) * Rotation.from_rotvec(p.global_orient.reshape(-1, 3))
-    return {"global_orient": root.as_rotvec().astype(np.float32)} if len(p) else {}
-
-
 altered(RightBodies, "an unknown body", "body_model_is_known", lambda a, *_: replace(a, body_model="mhr"))
-altered(
-    RightBodies,
-    "ten shape components",
-    "body_model_is_known",
-    of_parameters(lambda p: {"betas": p.betas[:, :10].copy()}),
-)
 altered(RightBodies, "degrees", "angles_are_radians", of_parameters(lambda p: {"body_pose": np.degrees(p.body_pose)}))
 altered(RightBodies, "an OpenGL camera", "bodies_are_in_front", of_parameters(opengl))
 altered(
@@ -717,8 +598,6 @@ altered(
     "bodies_project_into_the_boxes",
     of_parameters(lambda p: placed(p, lambda pelvis: pelvis + np.array([1.5, 0, 0]))),
 )
-altered(RightBodies, "y up", "pose_is_not_turned_or_mirrored", of_parameters(head_down))
-altered(RightBodies, "facing away", "pose_is_not_turned_or_mirrored", turned_round)
 restless(
     RightBodies,
     "hints that are there",
@@ -727,25 +606,7 @@ restless(
     AttributeError("'NoneType' object has no attribute 'normal'"),
 )
 altered(RightHands, "degrees", "angles_are_radians", lambda a, *_: replace(a, rotvecs=np.degrees(a.rotvecs)))
-altered(
-    RightHands,
-    "hands exchanged",
-    "hands_are_those_of_the_person",
-    lambda a, *_: replace(a, rotvecs=a.rotvecs[:, ::-1].copy()),
-)
 altered(RightContact, "another mesh", "topology_is_that_of_the_bodies", lambda a, *_: replace(a, topology="smplx"))
-altered(
-    RightContact,
-    "vertices of another mesh",
-    "topology_is_that_of_the_bodies",
-    lambda a, *_: replace(a, probability=a.probability[:, :6890]),
-)
-altered(
-    RightContact,
-    "1 is no contact",
-    "contact_is_more_likely_where_bodies_touch",
-    lambda a, *_: replace(a, probability=1 - a.probability),
-)
 
 
 @wrong("a placeholder that looks at the image", "ignores_the_image")
@@ -766,11 +627,3 @@ class Inexact(RightMetricDepth):
     def infer(self, image, hints):
         answer = super().infer(image, hints)
         return replace(answer, depth=answer.depth * np.float32(1.05))
-
-
-altered(
-    RightKeypoints,
-    "people in reverse order",
-    "rows_follow_the_people",
-    lambda a, *_: replace(a, points=a.points[::-1].copy(), world=None),
-)

@@ -82,18 +82,11 @@ def against_the_forearm(told, image, people, keypoints):
 
 
 altered(OtherBodies, "joints without hips", "joints_suffice_to_convert_bodies", hipless)
-altered(OtherBodies, "joints in millimetres", "bodies_are_in_metres", lambda a, *_: replace(a, joints=1000 * a.joints))
 altered(
     OtherBodies,
     "joints about the pelvis",
     "bodies_are_in_front",
     lambda a, *_: replace(a, joints=a.joints - a.joints[:, :1]),
-)
-altered(
-    OtherBodies,
-    "joints of an OpenGL camera",
-    "bodies_are_in_front",
-    lambda a, *_: replace(a, joints=a.joints * np.float32([1, -1, -1])),
 )
 altered(
     SurfaceBodies,
@@ -106,12 +99,6 @@ altered(
     "a T-pose in millimetres",
     "rest_mesh_is_a_t_pose",
     lambda a, *_: replace(a, rest=replace(a.rest, vertices=1000 * a.rest.vertices)),
-)
-altered(
-    OtherContact,
-    "probabilities in another order than the mesh",
-    "contact_is_more_likely_where_bodies_touch",
-    lambda a, *_: replace(a, probability=a.probability[:, ::-1].copy()),
 )
 altered(WristHands, "wrists against the forearm", "wrists_are_in_the_cameras_frame", against_the_forearm)
 altered(

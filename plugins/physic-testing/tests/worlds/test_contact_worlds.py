@@ -91,16 +91,6 @@ def test_people_penetrate_neither_scene_nor_each_other(world: World) -> None:
                 assert apart.min() > -0.01
 
 
-def test_touched_parts_of_the_own_body_are_near(world: World) -> None:
-    outer = np.asarray(world.outer)
-    for i, touched in enumerate(world.touched_own_part):
-        for number in np.unique(touched[touched >= 0]):
-            chosen = np.flatnonzero(touched == number)
-            skin = _surface(world, i, _part(world.parts[number]) & outer)
-            assert _apart(skin, world.vertices[i, chosen].astype(float)).max() < CONTACT_DISTANCE + 0.01
-            assert not _part(world.parts[number])[chosen].any()
-
-
 def test_hands_on_hips_touch_the_trunk_and_nothing_else_does() -> None:
     world = build_world("hands_on_hips", 0, _SIZE)
     on_trunk = world.touched_own_part[0] == world.parts.index("torso")
@@ -115,21 +105,6 @@ def test_hands_on_hips_touch_the_trunk_and_nothing_else_does() -> None:
     assert (world.touched_own_part[0, _part("left_foot") | _part("right_foot")] == -1).all()
     assert not (world.touched_own_part == world.parts.index("head")).any()
     assert set(world.touched_person.ravel()) == set(world.touched_item.ravel()) == {-1}
-
-
-def test_hands_that_are_held_touch_each_other() -> None:
-    world = build_world("hold_hands", 0, _SIZE)
-    hands = {name: world.parts.index(name) for name in ("left_hand", "right_hand")}
-    for person, own, other in ((0, "left_hand", "right_hand"), (1, "right_hand", "left_hand")):
-        touching = world.touched_person[person] >= 0
-        assert (world.touched_person[person, touching] == 1 - person).all()
-        assert (world.touched_person_part[person, touching & _part(own)] == hands[other]).mean() > 0.9
-        assert (touching == (world.touched_person_part[person] >= 0)).all()
-        reach = _apart(
-            _surface(world, 1 - person, np.asarray(world.outer)), world.vertices[person, touching].astype(float)
-        )
-        assert reach.min() < 0.01
-        assert reach.max() < CONTACT_DISTANCE + 0.01
 
 
 def test_a_post_behind_the_back_carries() -> None:
