@@ -94,11 +94,8 @@ def _same_line(shown: str, measured: str) -> bool:
 
 
 def caption(numbers: Mapping[str, Any]) -> str:
-    """Return the line of a page: grade, focal length, and each person with the checks that fail."""
-    sentences = [
-        f"Grade: **{numbers['grade']}**{_failing(numbers)}",
-        f"Focal length {numbers['focal_px']} px",
-    ]
+    """Return the line of a page: grade, and each person with the checks that fail."""
+    sentences = [f"Grade: **{numbers['grade']}**{_failing(numbers)}"]
     for i, person in enumerate(numbers["people"]):
         distance = "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
         contact = f"{person['contact_percent']} % in contact"
