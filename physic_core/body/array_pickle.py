@@ -143,11 +143,15 @@ class _Array(PickledObject):
 
 
 class _FromBuffer(PickledObject):
-    """Placeholder of a numpy array in pickle protocol 5; its arguments are bytes, dtype, shape and order."""
+    """Placeholder of a numpy array in pickle protocol 5.
+
+    Its arguments are bytes, dtype, shape, order, and the order of the axes if they lie in memory in another one.
+    """
 
     def dense(self) -> NDArray[Any]:
-        data, kind, shape, order = self.arguments
-        return _decoded(data, kind, _shape(shape), order)
+        data, kind, shape, order, *axes = self.arguments
+        stored = _decoded(data, kind, _shape(shape), "F" if order == "F" else "C")
+        return stored.transpose(*axes) if axes else stored
 
 
 class _Scalar(PickledObject):

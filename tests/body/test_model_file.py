@@ -40,11 +40,13 @@ def mano_arrays() -> dict[str, np.ndarray]:
 def test_a_mano_file_is_read_in_its_own_types(tmp_path: Path, protocol: int, sparse: Any) -> None:
     arrays, path = mano_arrays(), tmp_path / "MANO_RIGHT.pkl"
     columns_first = np.asfortranarray(arrays["posedirs"])
+    axes_turned = np.ascontiguousarray(arrays["shapedirs"].transpose(1, 0, 2)).transpose(1, 0, 2)
     other_end = arrays["weights"].astype(">f8")
     published = {
         **arrays,
         "J_regressor": sparse(arrays["J_regressor"]),
         "posedirs": columns_first,
+        "shapedirs": axes_turned,
         "bs_type": "lrotmin",
     }
     path.write_bytes(pickle.dumps({**published, "weights": other_end, "one": np.float64(1)}, protocol=protocol))
