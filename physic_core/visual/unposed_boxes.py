@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ from PIL import ImageFont
 if TYPE_CHECKING:
     from PIL import ImageDraw
 
-    from physic_core.types import FloatArray, Reconstruction
+    from physic_core.types import Reconstruction
 
 __all__ = ["draw_unposed", "unposed_boxes"]
 
@@ -43,18 +43,11 @@ def draw_unposed(
         edges = np.array(box) * ([width / columns, height / rows] * 2)
         x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
         for start, end in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0))):
-            for dash in _dashes(np.array(start), np.array(end)):
-                pen.line(dash, fill=_RGB, width=2)
+            count = max(1, round(math.dist(start, end) / _DASH_PX))
+            spots = np.linspace(start, end, count + 1).tolist()
+            for dash in range(0, count, 2):
+                pen.line((*spots[dash], *spots[dash + 1]), fill=_RGB, width=2)
         wide = font.getlength(reason)
         if wide + 4 <= x1 - x0:  # in a smaller box of a crowd, the summary names the reason
             pen.rectangle((x0 + 1, y1 - _FONT_PX - 4, x0 + wide + 5, y1 - 1), fill=_BACKGROUND)
             pen.text((x0 + 3, y1 - 3), reason, font=font, fill=_RGB, anchor="ls")
-
-
-def _dashes(start: FloatArray, end: FloatArray) -> Iterator[tuple[float, float, float, float]]:
-    """Yield every second piece of a line."""
-    length = float(np.linalg.norm(end - start))
-    count = max(1, round(length / _DASH_PX))
-    for step in range(0, count, 2):
-        a, b = (start + (end - start) * min(1.0, (step + k) / count) for k in (0, 1))
-        yield float(a[0]), float(a[1]), float(b[0]), float(b[1])
