@@ -32,13 +32,11 @@ PIP_NAMES: Mapping[str, str] = {
     "PIL": "pillow",
     "cv2": "opencv-python-headless",
     "hydra": "hydra-core",
-    "omegaconf": "omegaconf",
     "pytorch_lightning": "pytorch-lightning",
     "skimage": "scikit-image",
     "sklearn": "scikit-learn",
     # The commit that MoGe's own pyproject.toml names; the package of that name on the index has another API.
     "utils3d": "git+https://github.com/EasternJournalist/utils3d.git@3fab839f0be9931dac7c8488eb0e1600c236e183",
-    "yacs": "yacs",
     "yaml": "pyyaml",
 }
 """Name of a module -> name of its pip package, where they differ."""

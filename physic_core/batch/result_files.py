@@ -59,7 +59,7 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
     """Return whether the files that the row of a finished photo names are there with their sizes.
 
     A file of another size counts if its digest is that of ``reconstruction.json``: a report that is added later
-    changes some. So do the files of a row of an older version, which states no sizes. The thumbnail does not count.
+    changes some. The thumbnail does not count.
 
     Args:
         out: folder of the batch.
@@ -73,7 +73,7 @@ def is_complete(out: Path, folder: str, row: Mapping[str, Any], saving: Saving, 
     different = [name for name in sizes if _size(out / folder / name) != sizes[name]]
     if saving.level == "summary":
         return not different  # the caller compares the digest of the one main file
-    names = different if sizes and not verify else {*sizes, *_names(out / folder)}
+    names = {*sizes, *_names(out / folder)} if verify else different
     return not names or _have_their_digests(out / folder, names)
 
 

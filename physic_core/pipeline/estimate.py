@@ -23,7 +23,6 @@ from physic_core.interfaces import (
     RelativePointmapRequest,
     SegmenterRequest,
 )
-from physic_core.interfaces.backend import contract_violations, interface_of
 from physic_core.interfaces.body_estimator import valid_bodies
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
@@ -230,13 +229,7 @@ class _BackendCalls:
         segmenter = self.backends["segmenter"]
         takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
         request = SegmenterRequest(image, prompt=prompt if takes_prompt else None)
-        people = self.stages.call_backend("people", segmenter, request, unchecked=("floor",))
-        if wrong := contract_violations(interface_of(type(segmenter.backend)), people, request):
-            self.stages.warn(
-                f"{segmenter.title}, stage 'people' returned what the interface does not allow: {'; '.join(wrong)}; "
-                "the floor is searched without its mask"
-            )
-            people = replace(people, floor=None)
+        people = self.stages.call_backend("people", segmenter, request)
         if prompt is not None and not takes_prompt:
             people = select_chosen(people, prompt)
         if people.keypoints is not None:

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from physic_core.discovery.error_text import traceback_text
@@ -91,13 +91,7 @@ class StageRunner:
         self.records.append(StageRecord(name, time.perf_counter() - start))
 
     def call_backend(
-        self,
-        name: str,
-        resolved: ResolvedBackend,
-        request: Request[Result],
-        *,
-        last: bool = True,
-        unchecked: tuple[str, ...] = (),
+        self, name: str, resolved: ResolvedBackend, request: Request[Result], *, last: bool = True
     ) -> Result:
         """Call a backend and check its result, or read the result from the cache.
 
@@ -106,7 +100,6 @@ class StageRunner:
             resolved: the backend; loaded at its first call.
             request: of the backend's interface.
             last: whether this is the last call of the backend in this run.
-            unchecked: fields of the result that the caller checks itself.
 
         Returns:
             The checked result.
@@ -122,11 +115,7 @@ class StageRunner:
         interface, title = interface_of(type(resolved.backend)), f"{resolved.title}, stage '{name}'"
         start, loading, cached, failed = time.perf_counter(), 0.0, False, True
 
-        def find_faults(result: object) -> list[str]:
-            if unchecked and isinstance(result, interface.Result):
-                result = replace(result, **dict.fromkeys(unchecked))  # type: ignore[type-var]
-            return contract_violations(interface, result, request)
-
+        find_faults = partial(contract_violations, interface, request=request)
         try:
             key = self._cache_key(title, resolved, request.arguments)
             result = self._read_cache(key, find_faults)

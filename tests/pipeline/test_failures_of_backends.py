@@ -174,12 +174,8 @@ def test_without_a_contact_prior_distances_tell_contact(world: World, change: Ca
     ],
     ids=["transposed", "NaN", "a word"],
 )
-def test_without_a_floor_mask_the_floor_is_still_searched(world: World, floor: object, fault: str) -> None:
-    result = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=floor))
+def test_an_invalid_floor_mask_ends_the_run(world: World, floor: object, fault: str) -> None:
+    with pytest.raises(BackendOutputError) as error:
+        run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=floor))
     title = WRONG.format("segmenter", "people")
-    assert (
-        f"{title} returned what the interface does not allow: {fault}; the floor is searched without its mask"
-        in result.warnings
-    )
-    plain = run(world, "segmenter", backends.MockSegmenter, lambda a: replace(a, floor=None))
-    np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
+    assert str(error.value) == f"{title} returned what the interface does not allow:\n  {fault}"
