@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["check_mask", "dilate_mask", "inpaint_masked"]
+__all__ = ["check_mask", "dilate", "dilate_mask", "inpaint_masked"]
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
@@ -55,11 +55,15 @@ def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
 
     The mask is unchanged if the result would cover the complete image.
     """
-    radius = round(share * max(mask.shape))
-    if not radius:
-        return mask
+    wider = dilate(mask, share * max(mask.shape))
+    return mask if wider.all() else wider
+
+
+def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
+    """Dilate a mask (H, W) by a disc of radius ``radius_px``, rounded."""
     import cv2
 
+    radius = round(radius_px)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
-    return mask if wider.all() else wider
+    return wider

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.adapters.inpainting import dilate
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import (
     BodyEstimatorRequest,
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
-__all__ = ["ChosenByUser", "Estimates", "dilate", "feet_pixels", "run_backends"]
+__all__ = ["ChosenByUser", "Estimates", "feet_pixels", "run_backends"]
 
 
 @dataclass(frozen=True)
@@ -328,16 +329,6 @@ def _no_bodies(model: BodyModel) -> Bodies:
     rotations, betas, transl = model.zero_pose(0)
     expression = betas.new_zeros(0, model.num_expression)
     return Bodies(parameters_from_rotations(rotations, betas, expression, transl), model.name)
-
-
-def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
-    """Dilate a mask (H, W) bool by a disc of radius ``radius_px``."""
-    import cv2
-
-    r = round(radius_px)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * r + 1, 2 * r + 1))
-    grown: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
-    return grown
 
 
 def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:

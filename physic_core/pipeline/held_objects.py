@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.types.skeletons import SIDES
+
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People
 
 __all__ = ["select_held_objects"]
 
-_SIDES = ("left", "right")
 _SEEN = 0.3  # least confidence of a keypoint
 _HAND_LENGTH = 0.4  # from the wrist to the middle of the fingers, as a share of the forearm in the photo
 _REACH = 0.12  # of the longer side of a person's box: half the length of a hand and the errors of keypoints
@@ -54,7 +55,7 @@ def _hands_and_laps(people: People, keypoints: Keypoints) -> list[tuple[FloatArr
             if keypoints.confidence[i, j] > _SEEN
         }
         points = []
-        for side in _SIDES:
+        for side in SIDES:
             wrist, elbow, hip, knee = (seen.get(f"{side}_{joint}") for joint in ("wrist", "elbow", "hip", "knee"))
             if wrist is not None:
                 forearm = np.zeros(2) if elbow is None else wrist - elbow

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core import body, load_config, reconstruct
+from physic_core.adapters.inpainting import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
@@ -18,7 +19,7 @@ from physic_core.errors import (
 )
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
-from physic_core.pipeline.estimate import dilate, feet_pixels
+from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.run import _with_camera
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
