@@ -21,9 +21,8 @@ from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
-from physic_core.geometry.floor import FloorEvidence
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.estimate import feet_pixels
+from physic_core.pipeline.estimate import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
 
 if TYPE_CHECKING:
@@ -45,18 +44,13 @@ _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 def scene_input(estimates: Estimates) -> SceneInput:
     """Return the input of stage 1."""
-    height, width = estimates.hole.shape
     return SceneInput(
         tensor(estimates.scene.points),
         tensor(estimates.scene.valid),
         estimates.scene.unknown,
         tensor(estimates.depth.depth),
         _cameras(estimates),
-        FloorEvidence(
-            mask=None if estimates.people.floor is None else tensor(estimates.people.floor),
-            hole=tensor(estimates.hole),
-            feet_px=tensor(feet_pixels(estimates.keypoints, height, width)),
-        ),
+        floor_evidence(estimates.people, estimates.hole, estimates.keypoints),
     )
 
 

@@ -55,10 +55,11 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.settings import EngineSettings
+    from physic_core.geometry.floor import FloorEvidence
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
-__all__ = ["ChosenByUser", "Estimates", "feet_pixels", "run_backends"]
+__all__ = ["ChosenByUser", "Estimates", "feet_pixels", "floor_evidence", "run_backends"]
 
 
 @dataclass(frozen=True)
@@ -352,22 +353,22 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
 def _relative_floor(
     scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, settings: EngineSettings
 ) -> Plane | None:
-    from physic_core.engine.scene.floor import fit_relative_floor
+    from physic_core.geometry.floor import fit_floor
+    from physic_core.geometry.tensors import tensor
+
+    if settings.scene.floor == "off":
+        return None
+    fit = fit_floor(tensor(scene.points), tensor(scene.valid), floor_evidence(people, hole, keypoints)).plane
+    return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
+
+
+def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
+    """Return what the photo shows of the floor: its mask, the inpainted pixels and the feet."""
     from physic_core.geometry.floor import FloorEvidence
     from physic_core.geometry.tensors import tensor
 
-    height, width = hole.shape
-    fit = fit_relative_floor(
-        tensor(scene.points),
-        tensor(scene.valid),
-        FloorEvidence(
-            mask=None if people.floor is None else tensor(people.floor),
-            hole=tensor(hole),
-            feet_px=tensor(feet_pixels(keypoints, height, width)),
-        ),
-        settings.scene.floor,
-    )
-    return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
+    mask = None if people.floor is None else tensor(people.floor)
+    return FloorEvidence(mask, tensor(hole), tensor(feet_pixels(keypoints, *hole.shape)))
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:

@@ -12,11 +12,10 @@ from physic_core import engine_preset
 from physic_core.engine.scene import cleaning
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.cleaning import edge_ratio
-from physic_core.engine.scene.floor import fit_relative_floor
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
-from physic_core.geometry.floor import FloorEvidence
+from physic_core.geometry.floor import FloorEvidence, fit_floor
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types import AffineAmbiguity
 
@@ -196,12 +195,11 @@ def test_disagreement_with_the_metric_depth_is_reported() -> None:
 
 
 def test_relative_floor_has_the_units_of_the_map() -> None:
-    fit = fit_relative_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET))
+    fit = fit_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
     assert fit is not None
     assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
     assert angle_deg(fit.normal, UP) < 0.1
-    assert fit_relative_floor(RAYS * 3.0, ALL, FloorEvidence()) is None
-    assert fit_relative_floor(RAYS * DEPTH[..., None], ALL, FloorEvidence(), "off") is None
+    assert fit_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None
 
 
 def test_floor_points_are_densest_where_the_feet_are() -> None:

@@ -1,4 +1,4 @@
-"""Floor plane of stage 1: of a relative point map, feet on it, and its diagnostics."""
+"""Floor plane of stage 1: feet on it, and its diagnostics."""
 
 from __future__ import annotations
 
@@ -8,23 +8,9 @@ from typing import Any
 from torch import Tensor
 
 from physic_core.geometry.camera import unproject
-from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit, fit_floor
+from physic_core.geometry.floor import FloorSearch, PlaneFit
 
-__all__ = ["feet_on_floor", "fit_relative_floor", "floor_diagnostics"]
-
-
-def fit_relative_floor(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, strategy: str = "disparity"
-) -> PlaneFit | None:
-    """Fit the floor to a relative point map of any unit; return None if no floor is found.
-
-    Args:
-        points: (H, W, 3), any unit.
-        valid: (H, W) bool.
-        evidence: of the floor.
-        strategy: see ``SceneSettings.floor``; all but "off" fit in inverse depth, since the scale is unknown.
-    """
-    return None if strategy == "off" else fit_floor(points, valid, evidence).plane
+__all__ = ["feet_on_floor", "floor_diagnostics"]
 
 
 def feet_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
