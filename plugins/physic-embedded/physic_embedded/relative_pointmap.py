@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -15,7 +15,7 @@ from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import Products, graph_name, open_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
@@ -66,7 +66,7 @@ class EmbeddedPointmapOptions(Options):
         0.85, gt=0.2, lt=5.0, description="focal length in long sides where neither file, user nor edges give one"
     )
     focal_from_edges: bool = Field(True, description="look for a focal length in the straight edges of the photo")
-    products: Literal["auto", "int8", "float32"] = Field(
+    products: Products = Field(
         "auto",
         description="arithmetic of the depth network's matrix products; auto is int8 on the CPU and float32 elsewhere",
     )
@@ -97,9 +97,8 @@ class EmbeddedPointmap(RelativePointmap):
     def load(self, device: str = "cpu") -> None:
         """Open the depth network and, if ``focal_from_edges`` is set, the line segment network."""
         if self._depth is None:
-            in_int8 = self.options.products == "int8" or (self.options.products == "auto" and device == "cpu")
-            name = "depth_anything_v2_vits_int8" if in_int8 else "depth_anything_v2_vits"
-            self._depth = open_session(name, self.options.threads, device)
+            graph = graph_name("depth_anything_v2_vits", self.options.products, device)
+            self._depth = open_session(graph, self.options.threads, device)
         if self._lines is None and self.options.focal_from_edges:
             self._lines = open_session("mlsd_large_512", self.options.threads, device)
 

@@ -15,7 +15,7 @@ from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import encode_image
-from physic_embedded.networks.sessions import PackagedNetworks
+from physic_embedded.networks.sessions import PackagedNetworks, Products
 from physic_embedded.segmentation.chosen import Scenery, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
@@ -74,6 +74,10 @@ class EmbeddedSegmenterOptions(Options):
     )
     floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
+    products: Products = Field(
+        default="auto",
+        description="Arithmetic of the mask network's matrix products; auto is int8 on the CPU and float32 elsewhere.",
+    )
     threads: int = Field(default=2, ge=0, le=256, description="Threads inside one operator; 0 lets onnxruntime choose.")
 
 
@@ -98,7 +102,7 @@ class EmbeddedSegmenter(Segmenter):
         Raises:
             DeviceError: the device is not there.
         """
-        self._networks.open(device, self.options.threads)
+        self._networks.open(device, self.options.threads, self.options.products)
 
     def close(self) -> None:
         """Close the networks."""

@@ -14,6 +14,7 @@ from onnx import numpy_helper
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_session
 from physic_embedded.relative_pointmap import EmbeddedPointmap
+from physic_embedded.segmenter import EmbeddedSegmenter
 
 PHOTO = Path(__file__).parents[3] / "examples" / "couple.jpg"
 NETWORK = "depth_anything_v2_vits_int8"
@@ -22,7 +23,11 @@ INT16 = np.iinfo(np.int16)
 
 @pytest.fixture(scope="module")
 def matrices() -> dict[str, NDArray[np.int8]]:
-    model = onnx.load(WEIGHTS_FOLDER / f"{NETWORK}.onnx")
+    return int8_matrices(NETWORK)
+
+
+def int8_matrices(network: str) -> dict[str, NDArray[np.int8]]:
+    model = onnx.load(WEIGHTS_FOLDER / f"{network}.onnx")
     weights = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     products = [node for node in model.graph.node if node.op_type == "DynamicQuantizeMatMul"]
     return {node.input[1]: weights[node.input[1]] for node in products}
@@ -46,9 +51,10 @@ def test_every_matrix_of_the_transformer_is_multiplied_in_int8(matrices: dict[st
     }
 
 
-def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(
-    matrices: dict[str, NDArray[np.int8]],
-) -> None:
+@pytest.mark.parametrize("network", sorted(path.stem for path in WEIGHTS_FOLDER.glob("*_int8.onnx")))
+def test_no_two_neighbours_overflow_16_bits_whatever_the_activations_are(network: str) -> None:
+    matrices = int8_matrices(network)
+    assert len(matrices) >= 40
     for name, matrix in matrices.items():
         groups = np.sort(matrix.astype(int).reshape(-1, 4, matrix.shape[1]), axis=1)
         largest = 255 * np.maximum(groups[:, 2:], 0).sum(axis=1).max()
@@ -69,6 +75,24 @@ def test_a_cpu_without_vnni_gives_the_exact_product(matrices: dict[str, NDArray[
 def test_the_emulation_saturates_where_the_scales_do_not_prevent_it() -> None:
     activations, matrix = np.full((1, 2), 255, np.uint8), np.full((2, 1), 127, np.int8)
     assert saturating_product(activations, matrix).item() == INT16.max
+
+
+def test_masks_in_int8_are_near_those_in_float32() -> None:
+    photo = cv2.imread(str(PHOTO))
+    assert photo is not None
+    image = np.ascontiguousarray(cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., ::-1])
+    exact, rounded = (
+        EmbeddedSegmenter(EmbeddedSegmenter.Options(products=how, threads=1)) for how in ("float32", "int8")
+    )
+    people = []
+    for segmenter in (exact, rounded):
+        segmenter.load()
+        people.append(segmenter.infer(image))
+    assert len(people[0]) == len(people[1]) == 2
+    for one, other in zip(people[0].masks, people[1].masks, strict=True):
+        overlap = (one & other).sum() / (one | other).sum()
+        print(f"masks in int8 and float32 overlap by {overlap:.4f}")
+        assert overlap > 0.97
 
 
 def test_disparities_in_int8_are_near_those_in_float32() -> None:

@@ -11,7 +11,9 @@ from physic_core.geometry.raster import rasterise
 from physic_core.types import Hints, Pointmap
 from physic_embedded.body_estimator import EmbeddedBodies
 
-from .test_bodies import ADULT, CAMERA, FLOOR, IMAGE, MODEL, PLACES, STANDS, WALKS, Truth, posed, truth
+from .test_bodies import ADULT, CAMERA, FLOOR, IMAGE, MODEL, PLACES, STANDS, WALKS, Truth, backend, posed, truth
+
+__all__ = ["backend"]
 
 K = CAMERA.matrix
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from physic_core.adapters import onnx_sessions
 from physic_core.errors import BackendError
@@ -13,11 +13,13 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-__all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "open_session", "weights_path"]
+__all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "Products", "graph_name", "open_session", "weights_path"]
 
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 """Folder of the packaged networks; its ``MANIFEST.json`` describes each of them."""
 
+Products = Literal["auto", "int8", "float32"]
+"""Arithmetic of matrix products with weights: auto is int8 on the CPU and float32 elsewhere."""
 
 _BROKEN = "Install physic-embedded again from its wheel."
 
@@ -33,10 +35,11 @@ class PackagedNetworks:
         self.names = names
         self._sessions: dict[str, OnnxSession] = {}
 
-    def open(self, device: str, threads: int) -> None:
+    def open(self, device: str, threads: int, products: Products = "auto") -> None:
         """Open every network on a device, unless they are open; see :func:`open_session`."""
         if not self._sessions:
-            self._sessions = {name: open_session(name, threads, device) for name in self.names}
+            graphs = {name: graph_name(name, products, device) for name in self.names}
+            self._sessions = {name: open_session(graph, threads, device) for name, graph in graphs.items()}
 
     def close(self) -> None:
         """Close every network."""
@@ -51,6 +54,12 @@ class PackagedNetworks:
         if name not in self._sessions:
             raise BackendError(f"network {name!r} is not loaded: call load() before infer()")
         return self._sessions[name]
+
+
+def graph_name(name: str, products: Products, device: str) -> str:
+    """Return the name of a network's graph with the wanted arithmetic; some networks have only float32."""
+    in_int8 = products == "int8" or (products == "auto" and device == "cpu")
+    return f"{name}_int8" if in_int8 and (WEIGHTS_FOLDER / f"{name}_int8.onnx").is_file() else name
 
 
 def weights_path(name: str) -> Path:

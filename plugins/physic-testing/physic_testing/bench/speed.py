@@ -1,5 +1,7 @@
 """Speed of the engine, as run-time ratios measured in one run (``physic bench speed``).
 
+Stage 3 is solved in float64, as in a run.
+
 Seconds depend on the machine and its load. The compared variants are therefore run in turns in each round, and a ratio
 is the median of the rounds' ratios, so that load affects both sides.
 """
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["SECTIONS", "SpeedReport", "SpeedRow", "format_report", "measure_speed"]
 
 SECTIONS: Mapping[str, str] = {
-    "floor": "Stage 3 against 100 forward and backward passes of the body model, one person",
+    "floor": "Stage 3 against 100 forward and backward passes of the body model in float32, one person",
     "nearest": "Nearest scene points of all vertices, 100 steps with their set-up",
     "people": "Stage 3 by people in the photo",
     "size": "Stage 3 by the photo's resolution, one person",
@@ -179,7 +181,8 @@ class _SpeedBenchmark:
         import torch
 
         problem, counts = self._problem(), _SolverCounts()
-        inputs = [t.clone().requires_grad_() for t in (problem.rotations0, problem.betas0, problem.transl0)]
+        start = (problem.rotations0, problem.betas0, problem.transl0)
+        inputs = [tensor.to(self.model.dtype, copy=True).requires_grad_() for tensor in start]
 
         def passes() -> None:
             for _ in range(PASSES):
@@ -225,7 +228,8 @@ class _SpeedBenchmark:
 
         if not torch.cuda.is_available():
             return [], ["CUDA: there is none on this machine, so it was not measured."]
-        here, there = self._problem(), replace(self._problem(), model=self.model.to("cuda")).to_model_dtype()
+        here = self._problem()
+        there = replace(here, model=here.model.to("cuda")).to_model_dtype()
 
         def on_device() -> None:
             _solve(there, self.settings)
@@ -238,10 +242,13 @@ class _SpeedBenchmark:
         return self._rows("cuda", runs, {}), []
 
     def _problem(self, people: int = 1, size: tuple[int, int] | None = None) -> JointProblem:
-        """Build a problem with the benchmark's size and seed."""
+        """Build a problem in float64 with the benchmark's size and seed."""
+        import torch
+
         from physic_testing.bench.synthetic_problems import make_joint_problem
 
-        return make_joint_problem(self.model, people, self.size if size is None else size, self.seed)
+        problem = make_joint_problem(self.model, people, self.size if size is None else size, self.seed)
+        return replace(problem, model=self.model.to(dtype=torch.float64)).to_model_dtype()
 
     def _compare(self, section: str, problems: Mapping[str, JointProblem]) -> tuple[list[SpeedRow], list[str]]:
         """Measure stage 3 on several problems."""
