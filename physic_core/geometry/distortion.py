@@ -5,7 +5,7 @@ A point (x, y) of the pinhole camera, in units of the focal length, appears in t
     x' = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
     y' = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
 
-with r^2 = x^2 + y^2. The undistorted picture keeps the camera matrix.
+with r^2 = x^2 + y^2. The undistorted picture keeps the camera matrix. Undistortion is kornia's calibration module.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from physic_core.errors import InputError
-from physic_core.types.camera import distortion_terms
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from physic_core.types import FloatArray, Intrinsics, UInt8Array
 
 __all__ = ["check_distortion", "undistort_image", "undistort_pixels"]
@@ -51,18 +53,25 @@ def undistort_image(image: UInt8Array, camera: Intrinsics, distortion: Sequence[
         camera: of the image.
         distortion: k1, k2, p1, p2, k3.
     """
-    import cv2
+    from kornia.geometry.calibration import undistort_image as undistort
 
-    straight: UInt8Array = cv2.undistort(image, camera.matrix, np.asarray(distortion, np.float64))
-    return straight
+    K, coefficients = _tensors(camera, distortion, torch.float64)
+    # Float32 pixels with a grid of float64 would be refused.
+    picture = torch.tensor(image).permute(2, 0, 1)[None].to(torch.float64)
+    found = undistort(picture, K[None], coefficients[None])[0]
+    pixels: UInt8Array = found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+    return pixels
 
 
 def undistort_pixels(pixels: FloatArray, camera: Intrinsics, distortion: Sequence[float]) -> FloatArray:
     """Return where pixels (N, 2) of the distorted picture are in the undistorted one, (N, 2) px."""
-    focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)
-    seen = (np.asarray(pixels, np.float64) - centre) / focal
-    found = seen
-    for _ in range(_ITERATIONS):
-        radial, shift = distortion_terms(found, distortion)
-        found = (seen - shift) / radial
-    return found * focal + centre
+    from kornia.geometry.calibration import undistort_points
+
+    K, coefficients = _tensors(camera, distortion, torch.float64)
+    points = torch.as_tensor(np.asarray(pixels, np.float64).reshape(1, -1, 2))
+    found: FloatArray = undistort_points(points, K[None], coefficients[None], num_iters=_ITERATIONS)[0].numpy()
+    return found
+
+
+def _tensors(camera: Intrinsics, distortion: Sequence[float], dtype: torch.dtype) -> tuple[Tensor, Tensor]:
+    return torch.from_numpy(camera.matrix).to(dtype), torch.tensor(list(distortion), dtype=dtype)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_core.types.arrays import FloatArray
 
-__all__ = ["CameraTrust", "Intrinsics", "Lens", "distortion_terms"]
+__all__ = ["CameraTrust", "Intrinsics", "Lens"]
 
 
 class CameraTrust(StrEnum):
@@ -122,23 +121,16 @@ class Lens:
         """
         import numpy as np
 
-        straight = (np.asarray(pixels, np.float64) - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-        radial, shift = distortion_terms(straight, self.distortion)
+        at = np.asarray(pixels, np.float64)
+        x, y = (at[..., 0] - camera.cx) / camera.fx, (at[..., 1] - camera.cy) / camera.fy
+        k1, k2, p1, p2, k3 = self.distortion
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * (k2 + square * k3))
         own = self.intrinsics
-        return (straight * radial + shift) * (own.fx, own.fy) + (own.cx, own.cy)
-
-
-def distortion_terms(points: FloatArray, distortion: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Return the radial factor (..., 1) and the tangential shift (..., 2) of a lens.
-
-    Args:
-        points: (..., 2) of the camera without distortion, in units of the focal length.
-        distortion: k1, k2, p1, p2, k3.
-    """
-    import numpy as np
-
-    k1, k2, p1, p2, k3 = distortion
-    square = (points * points).sum(-1, keepdims=True)
-    both = 2 * points.prod(-1, keepdims=True)
-    radial = 1 + square * (k1 + square * (k2 + square * k3))
-    return radial, both * (p1, p2) + (square + 2 * points * points) * np.array((p2, p1))
+        return np.stack(
+            [
+                own.fx * (x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)) + own.cx,
+                own.fy * (y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y) + own.cy,
+            ],
+            -1,
+        )
