@@ -50,11 +50,11 @@ def read_pickle(path: Path) -> dict[str, Any]:
     Raises:
         UnsafePickleError: it names an object that could run code.
         InvalidArrayError: it is not a dictionary.
-        Exception: any error of a file that is not a pickle.
+        pickle.UnpicklingError: the file is not a complete pickle.
     """
     if path.stat().st_size > _MAX_FILE_BYTES:
         raise InvalidArrayError(f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1")
-    found = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+    found = _loaded(path.read_bytes())
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
@@ -66,9 +66,9 @@ def read_pickled_items(data: bytes) -> list[Any]:
     Raises:
         UnsafePickleError: it names an object that could run code.
         InvalidArrayError: it is not such an array.
-        Exception: any error of data that is not a pickle.
+        pickle.UnpicklingError: the data is not a complete pickle.
     """
-    found = _Unpickler(io.BytesIO(data), encoding="latin1").load()
+    found = _loaded(data)
     state = found.state if isinstance(found, _Array) else None
     if not isinstance(state, tuple) or len(state) != 5 or not isinstance(state[4], list):
         raise InvalidArrayError("is no array of objects")
@@ -249,6 +249,15 @@ class _Unpickler(pickle._Unpickler):
         if module.split(".")[0] == "chumpy":
             return _Chumpy
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
+
+
+def _loaded(data: bytes) -> Any:
+    try:
+        return _Unpickler(io.BytesIO(data), encoding="latin1").load()
+    except (UnsafePickleError, InvalidArrayError, RecursionError):
+        raise
+    except Exception as error:  # a pickle that is cut off or changed can fail in any way
+        raise pickle.UnpicklingError(escape_unprintable(str(error)) or type(error).__name__) from error
 
 
 def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:
