@@ -33,7 +33,7 @@ demo: $(VENV)/demo.stamp
 # with the worlds that its tests share.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -q -n $(JOBS) --dist loadfile
 
-# Chosen by facts per second: 1,700 of the 5,100 tests in 120 s of processor time, runs of the pipeline among them.
+# Chosen by facts per second: a quarter of all tests, runs of the pipeline among them.
 QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/test_posing.py \
 	body/test_rotations.py cache cli/test_commands.py cli/test_exit_codes.py cli/test_startup.py \
 	configuration/test_config.py configuration/test_resolve.py \

@@ -27,7 +27,7 @@ def run(*arguments: str) -> dict[str, Any]:
 
 def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    Image.fromarray(build_world().image).save("photo.png")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save("photo.png")
     Path("base.toml").write_text(
         'extends = "mock"\n[metric_depth.options]\nnoise = 0.5\n[engine.contact]\nthreshold = 0.4\n'
     )
@@ -39,7 +39,7 @@ def test_a_run_is_repeated_from_its_result(tmp_path: Path, monkeypatch: pytest.M
         "--set",
         "engine.joint.optimiser.steps=20",
         "--intrinsics",
-        "400,410,160,120",
+        "200,205,80,60",
     )
     first = run("--config", "my.toml", *given, "-o", "first")
     assert first["config"]["photo"]["mask_growth"] == 0.02

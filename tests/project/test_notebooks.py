@@ -40,7 +40,7 @@ def test_the_code_of_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: py
     folder = tmp_path / "docs" / "notebooks"
     folder.mkdir(parents=True)
     (tmp_path / "examples").mkdir()
-    Image.fromarray(build_world().image).save(tmp_path / "examples" / "couple.jpg", "PNG")
+    Image.fromarray(build_world("stand", 0, (160, 120)).image).save(tmp_path / "examples" / "couple.jpg", "PNG")
     monkeypatch.chdir(folder)
     monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import struct
 import zipfile
 import zlib
 from functools import lru_cache
@@ -24,6 +25,9 @@ from physic_core.body.array_pickle import (
 from physic_evaluate.damage import DamagedFileError
 
 __all__ = ["cached_pickle", "pickled_arrays", "read_object_rows"]
+
+_DAMAGED = (pickle.UnpicklingError, EOFError, struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError)
+"""What the standard library raises for a pickle that is cut off or damaged."""
 
 
 def pickled_arrays(path: Path) -> dict[str, Any]:
@@ -47,7 +51,7 @@ def pickled_arrays(path: Path) -> dict[str, Any]:
         raise DamagedFileError(f"{path} {error}") from error
     except RecursionError as error:
         raise DamagedFileError(f"{path} is nested too deeply to be a result") from error
-    except (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+    except _DAMAGED as error:
         reason = escape_unprintable(str(error)) or type(error).__name__
         raise DamagedFileError(
             f"{path} is not a complete pickle ({reason}): it is damaged or cut off, copy it again"
@@ -80,7 +84,7 @@ def read_object_rows(path: Path, name: str) -> list[Any]:
         ) from error
     except InvalidArrayError as error:
         raise DamagedFileError(f"{place} {error}") from error
-    except (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+    except _DAMAGED as error:
         raise DamagedFileError(f"{place} cannot be read: it is damaged or cut off, copy it again") from error
 
 
