@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.partner import HIDDEN
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.placement.method import Fit, PlacementMethod
 from physic_core.engine.presets.default import DefaultOptimisation
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+    from physic_core.engine.contact.features import Distances
+    from physic_core.engine.contact.problem import ContactInput
     from physic_core.engine.joint.context import JointContext
     from physic_core.engine.joint.state import State
     from physic_core.engine.placement.terms import PlacementProblem
@@ -42,6 +46,8 @@ class OtherViews(ShortRepr):
         keypoints: (W, N, J, 2) px.
         weight: (W, N, J), 0 where a photo does not show the person or the keypoint.
         size_px: (W, N) stature in px.
+        contact: (N, V) sum of the probabilities of contact by the photos alone that show each person.
+        photos: (N,) their number.
     """
 
     transl: Tensor
@@ -52,6 +58,8 @@ class OtherViews(ShortRepr):
     keypoints: Tensor
     weight: Tensor
     size_px: Tensor
+    contact: Tensor
+    photos: Tensor
 
     def rows(self, transl: Tensor) -> Tensor:
         """Return the person (B,) of each start translation (B, 3)."""
@@ -75,12 +83,37 @@ class ViewsPlacement(PlacementMethod):
 
 
 @dataclass(frozen=True)
+class ViewsContact(ContactMethod):
+    """Stage 4 of preset "default", with the mean probability over the solution and all photos alone."""
+
+    views: OtherViews | None = None
+    """What other cameras show."""
+    views_threshold: float = 0.4
+    """Least mean probability of a vertex in contact. 0.4 has the best F1 of four worlds with four views; 0.35 has 0.01
+    less."""
+
+    def touch(self, given: ContactInput, near: Distances) -> Touch:
+        """Return the contacts by the mean probability, for people whom several photos show."""
+        assert self.views is not None
+        own, photos = super().touch(given, near), self.views.photos
+        assert own.probability is not None
+        probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[:, None]
+        reach = torch.where(torch.isfinite(near.by_kind), near.by_kind.abs(), torch.inf)
+        nearest = torch.where(torch.isfinite(reach).any(0), reach.argmin(0), HIDDEN)
+        may_touch = given.model.outer & given.finite[:, None]
+        touches = (probability >= self.views_threshold) & may_touch
+        kind = torch.where(touches, torch.where(own.kind >= 0, own.kind, nearest), -1)
+        several = (photos > 0)[:, None]
+        return Touch(torch.where(several, kind, own.kind), torch.where(several, probability, own.probability))
+
+
+@dataclass(frozen=True)
 class ViewsOptimisation(DefaultOptimisation):
     """Settings of stage 3 of preset "default", and the keypoints of other photos."""
 
     views: OtherViews | None = None
     """What other cameras show."""
-    views_sigma: float = 0.03
+    views_sigma: float = 0.015
     """Expected error of their keypoints, as a share of the stature in px: that of cameras and keypoints."""
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:
@@ -123,4 +156,5 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
 
     joint = ViewsOptimisation(**taken(settings.joint), views=views)  # type: ignore[arg-type]
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
-    return replace(settings, placement=placement, joint=joint)
+    contact = ViewsContact(**taken(settings.contact), views=views)  # type: ignore[arg-type]
+    return replace(settings, placement=placement, joint=joint, contact=contact)

@@ -14,7 +14,14 @@ from physic_core import Pipeline
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import ResolvedPipeline, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.types import Bodies, BodyParameters, CameraTrust, DepthMap, Intrinsics, PeoplePrompt
+from physic_core.types import (
+    Bodies,
+    BodyParameters,
+    CameraTrust,
+    DepthMap,
+    Intrinsics,
+    PeoplePrompt,
+)
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
@@ -146,6 +153,23 @@ def _joined_parameters(
     return BodyParameters(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
 
 
+def _contact(solved: SolvedScene, rows: Mapping[int, int], model: BodyModel) -> tuple[FloatArray, FloatArray]:
+    """Return the summed probability of contact (N, V) of the photos alone that show a solved person, and their number.
+
+    Both are 0 for a person of the reference photo alone, and where a photo alone has no probabilities.
+    """
+    photos = solved.chosen.photos
+    people = len(photos[solved.reference].result.people)
+    total, count = np.zeros((people, model.num_vertices)), np.zeros(people)
+    for i, p in rows.items():
+        for photo, row in zip(photos, solved.rows[p], strict=True):
+            probability = photo.result.people[photo.people.rows[row]].contact_probability if row >= 0 else None
+            if probability is not None:
+                total[i] += probability
+                count[i] += 1
+    return total, count
+
+
 def _other_views(
     solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel
 ) -> OtherViews:
@@ -160,6 +184,7 @@ def _other_views(
                 keypoints[w, i], weight[w, i], size[w, i] = seen.points[v, p], seen.confidence[v, p], seen.size_px[v, p]
     K = seen.K.copy()
     K[:, [0, 1], [0, 1]] *= np.exp(solved.bundle.log_focal)[:, None]
+    contact, count = _contact(solved, rows, model)
     own = parameters[np.array(sorted(rows), np.int64)]
     with torch.inference_mode():
         rotations = rotations_from_parameters(own, dtype=torch.float64)
@@ -174,4 +199,6 @@ def _other_views(
         keypoints=torch.from_numpy(keypoints),
         weight=torch.from_numpy(weight),
         size_px=torch.from_numpy(size),
+        contact=torch.from_numpy(contact),
+        photos=torch.from_numpy(count),
     )
