@@ -1,6 +1,6 @@
 """Measure ``physic scene`` on worlds with several cameras, and on photos of calibrated rigs.
 
-    python -m benchmarks.scene worlds OUT --worlds 4 --seed 3 --views 2 4 8
+    python -m benchmarks.scene worlds OUT --names group walk --seed 3 --views 2 4 8
     python -m benchmarks.scene rigs DATA OUT --sets panoptic roundtable --moments 1 --views 2 3 [--given]
 
 Results of single photos are kept in OUT, so that a second run solves only. The baseline is the average of the results
@@ -28,12 +28,21 @@ from physic_core.metrics.contact_scores import contact_counts, precision_recall_
 from physic_core.metrics.matching import match_by_masks
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
 
-NAMES = ("sit_on_chair", "group", "walk", "lean_on_table", "sit_side_by_side", "hug", "stand_behind_counter")
+NAMES = (
+    "group",
+    "sit_on_chair",
+    "walk",
+    "sit_side_by_side",
+    "hug",
+    "lean_on_table",
+    "stand_behind_counter",
+    "outdoor_steps",
+)
 SIZE = (480, 360)
 LIMBS = tuple(f"{side}_{name}" for side in ("left", "right") for name in ("elbow", "wrist", "knee", "ankle"))
-TRUNK = ("left_hip", "right_hip")
-SEEN = 0.5  # confidence of a keypoint that gives truth
-APART = 0.04  # of the stature: largest distance of triangulated keypoints of one person in the photos
+TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+SEEN = 0.2  # confidence of a keypoint that gives truth
+APART_M = 0.12  # largest distance of the rays of a keypoint that gives truth, and median of those of a person
 
 
 def main() -> None:
@@ -42,7 +51,7 @@ def main() -> None:
     commands = parser.add_subparsers(required=True)
     worlds = commands.add_parser("worlds")
     worlds.add_argument("out", type=Path)
-    worlds.add_argument("--worlds", type=int, default=4)
+    worlds.add_argument("--names", nargs="+", choices=NAMES, default=NAMES)
     worlds.add_argument("--seed", type=int, default=1)
     worlds.add_argument("--views", type=int, nargs="+", default=[2, 4])
     worlds.set_defaults(run=run_worlds)
@@ -80,7 +89,8 @@ def run_worlds(given: argparse.Namespace) -> None:
     config, seeds = mock_config(), np.random.default_rng(given.seed).integers(0, 1 << 31, len(NAMES))
     rows: dict[str, list[dict[str, float]]] = {}
     with Scene(config) as scene:
-        for name, seed in list(zip(NAMES, seeds.tolist(), strict=True))[: given.worlds]:
+        for name in given.names:
+            seed = int(seeds[NAMES.index(name)])
             names = view_names(f"{name}+other", max(given.views))
             worlds = [build_world(view, seed, SIZE) for view in names]
             alone = [
@@ -272,10 +282,12 @@ def triangulated_people(results: Sequence[Any], cameras: Sequence[Any]) -> list[
                 points = np.array(
                     [_two_rays(cameras[a], cameras[b], p, q) for p, q in zip(one[0], two[0], strict=True)]
                 )
-                gaps = np.median(points[both, 3])
-                candidates.append((gaps, a, i, b, j, points[:, :3], both, points[:, 3]))
+                gap = float(np.median(points[both, 3]))
+                both &= points[:, 3] < APART_M
+                if both[-2:].all():
+                    candidates.append((gap, a, i, b, j, points[:, :3], both, points[:, 3]))
     for gap, a, i, b, j, points, both, gaps in sorted(candidates, key=lambda c: c[0]):
-        if gap > APART * 1.7 or (a, i) in taken or (b, j) in taken:
+        if gap > APART_M or (a, i) in taken or (b, j) in taken:
             continue
         taken |= {(a, i), (b, j)}
         found.append(

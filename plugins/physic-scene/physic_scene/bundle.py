@@ -61,12 +61,12 @@ class BundleSettings:
     """
 
     keypoint: float = 0.02
-    body_m: float = 0.10
+    body_m: float = 0.06
     body_turn_deg: float = 15.0
     bone: float = 0.06
     floor_deg: float = 8.0
     epipolar_px: float = 2.0
-    outlier: float = 2.0
+    outlier: float = 1.5
     steps: int = 25
     rounds: tuple[float, ...] = (8.0, 3.0, 1.0)
 

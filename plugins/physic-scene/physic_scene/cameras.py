@@ -35,12 +35,14 @@ class FitSettings:
         keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
             stature in px.
         stature: error of the logarithm of a person's estimated stature, for the scale.
+        statures: the same of all people together.
         distance: error of the logarithm of the distances in one photo alone, for the scale.
     """
 
     keypoint: float = 0.15
     stature: float = 0.06
-    distance: float = 0.2
+    statures: float = 0.05
+    distance: float = 0.15
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,8 @@ def _scale(
             middle = bundle.pose(v).to_camera(bundle.points[here].mean(axis=1))[:, 2]
             alone = photo.landmarks[rows[here, v]].mean(axis=1)[:, 2]
             by_view.append(np.median(np.log(alone / np.maximum(middle, 0.1))))
-    sure, unsure = len(rows) / settings.stature**2, len(by_view) / settings.distance**2
+    sure = 1 / (settings.stature**2 / len(rows) + settings.statures**2)
+    unsure = len(by_view) / settings.distance**2
     return float(np.exp(unsure / (sure + unsure) * np.mean(by_view)))
 
 

@@ -113,7 +113,7 @@ class ViewsOptimisation(DefaultOptimisation):
 
     views: OtherViews | None = None
     """What other cameras show."""
-    views_sigma: float = 0.015
+    views_sigma: float = 0.01
     """Expected error of their keypoints, as a share of the stature in px: that of cameras and keypoints."""
 
     def terms(self, context: JointContext, state: State) -> Sequence[Term]:

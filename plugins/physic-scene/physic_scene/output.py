@@ -126,8 +126,10 @@ def _row(scene: SceneResult, camera: CameraPose) -> UInt8Array:
     K = camera.intrinsics.matrix * [[scale], [scale], [1.0]]
     bodies = _overlay(small, scene, camera, K)
     mark = " (reference)" if camera.index == scene.reference else ""
-    for colour, thick in (((0, 0, 0), 4), ((255, 255, 255), 1)):
-        cv2.putText(small, f"{camera.photo}{mark}", (10, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thick, cv2.LINE_AA)
+    text, font = f"{camera.photo}{mark}", cv2.FONT_HERSHEY_SIMPLEX
+    (wide, high), _ = cv2.getTextSize(text, font, 0.6, 1)
+    cv2.rectangle(small, (0, 0), (wide + 16, high + 16), (255, 255, 255), cv2.FILLED)
+    cv2.putText(small, text, (8, high + 8), font, 0.6, (30, 30, 30), 1, cv2.LINE_AA)
     gap = np.full((_ROW_PX, _GAP_PX, 3), 255, np.uint8)
     return np.concatenate([small, gap, bodies], axis=1)
 
