@@ -12,9 +12,10 @@ from physic_core.engine.contact.partner import HIDDEN
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.placement.method import Fit, PlacementMethod
 from physic_core.engine.presets.default import DefaultOptimisation
+from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
-from physic_core.geometry.camera import project
+from physic_core.geometry.camera import pixel_rays, project
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -27,9 +28,12 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.context import JointContext
     from physic_core.engine.joint.state import State
     from physic_core.engine.placement.terms import PlacementProblem
+    from physic_core.engine.scene.camera import Cameras
 
 __all__ = ["OtherViews", "ViewsOptimisation", "ViewsPlacement", "with_other_views"]
 
+_LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
+_MOST_MOVED = 1.6  # factor on a depth
 _SAME_M = 1e-3  # between the same vertex in single and in double precision
 
 
@@ -48,6 +52,8 @@ class OtherViews(ShortRepr):
         size_px: (W, N) stature in px.
         contact: (N, V) sum of the probabilities of contact by the photos alone that show each person.
         photos: (N,) their number.
+        floors: (2, 4) normal and offset of the floor of the reference photo alone, at the solved scale, and of that of
+            all photos; None if the reference photo or all others have no floor.
     """
 
     transl: Tensor
@@ -60,10 +66,31 @@ class OtherViews(ShortRepr):
     size_px: Tensor
     contact: Tensor
     photos: Tensor
+    floors: Tensor | None = None
 
     def rows(self, transl: Tensor) -> Tensor:
         """Return the person (B,) of each start translation (B, 3)."""
         return torch.cdist(transl.to(self.transl), self.transl).argmin(1)
+
+
+@dataclass(frozen=True)
+class ViewsScene(SceneMethod):
+    """Stage 1 of preset "default", with the floor where all photos put it."""
+
+    views: OtherViews | None = None
+    """What other cameras show."""
+
+    def place_on_rays(self, points: Tensor, valid: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor]:
+        """Return the metric points (H, W, 3), moved along their rays as the floor moves, and the camera (3, 3)."""
+        placed, camera = super().place_on_rays(points, valid, cameras)
+        if self.views is None or self.views.floors is None:
+            return placed, camera
+        rays = pixel_rays(placed.shape[0], placed.shape[1], camera).to(placed)
+        before, after = self.views.floors.to(placed)
+        # Nearer to the horizon, a small turn of the floor would move far points without bound.
+        slopes = [(-(rays @ plane[:3])).clamp(min=_LEAST_SLOPE) for plane in (before, after)]
+        factor = (after[3] / before[3] * slopes[0] / slopes[1]).clamp(1 / _MOST_MOVED, _MOST_MOVED)
+        return placed * factor[..., None], camera
 
 
 @dataclass(frozen=True)
@@ -156,5 +183,6 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
 
     joint = ViewsOptimisation(**taken(settings.joint), views=views)  # type: ignore[arg-type]
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
+    scene = ViewsScene(**taken(settings.scene), views=views)  # type: ignore[arg-type]
     contact = ViewsContact(**taken(settings.contact), views=views)  # type: ignore[arg-type]
-    return replace(settings, placement=placement, joint=joint, contact=contact)
+    return replace(settings, scene=scene, placement=placement, joint=joint, contact=contact)

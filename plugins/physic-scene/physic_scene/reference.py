@@ -170,6 +170,41 @@ def _contact(solved: SolvedScene, rows: Mapping[int, int], model: BodyModel) -> 
     return total, count
 
 
+def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
+    """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of that of all photos.
+
+    The normal is the robust mean of the photos' normals. People are as high over the floor as in the photos alone.
+    """
+    photos, ups = solved.chosen.photos, solved.observations.up
+    known = np.flatnonzero(np.isfinite(ups).all(1))
+    own = photos[solved.reference].result.scene.floor
+    if own is None or len(known) < 2:
+        return None
+    turned = np.einsum("vji,vj->vi", solved.bundle.rotation[known], ups[known])
+    normal = turned.mean(0)
+    for _ in range(5):
+        normal = normal / np.linalg.norm(normal)
+        away = np.degrees(np.arccos(np.clip(turned @ normal, -1, 1)))
+        normal = (turned / np.maximum(away, 3.0)[:, None]).sum(0)
+    normal = normal / np.linalg.norm(normal)
+    with torch.inference_mode():
+        bodies = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl).vertices.numpy()
+    offsets = []
+    for p, row in enumerate(solved.rows):
+        heights = [
+            float((photos[v].result.people[photos[v].people.rows[row[v]]].vertices @ ups[v]).min())
+            + photos[v].result.scene.floor.offset  # type: ignore[union-attr]
+            for v in known
+            if row[v] >= 0
+        ]
+        if heights:
+            offsets.append(float(np.median(heights)) - float((bodies[p] @ normal).min()))
+    if not offsets or np.median(offsets) <= 0:
+        return None
+    before = np.append(np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference])
+    return np.stack([before, np.append(normal, np.median(offsets))])
+
+
 def _other_views(
     solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel
 ) -> OtherViews:
@@ -185,6 +220,7 @@ def _other_views(
     K = seen.K.copy()
     K[:, [0, 1], [0, 1]] *= np.exp(solved.bundle.log_focal)[:, None]
     contact, count = _contact(solved, rows, model)
+    floors = _floors(solved, model)
     own = parameters[np.array(sorted(rows), np.int64)]
     with torch.inference_mode():
         rotations = rotations_from_parameters(own, dtype=torch.float64)
@@ -201,4 +237,5 @@ def _other_views(
         size_px=torch.from_numpy(size),
         contact=torch.from_numpy(contact),
         photos=torch.from_numpy(count),
+        floors=None if floors is None else torch.from_numpy(floors),
     )
