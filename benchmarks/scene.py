@@ -266,10 +266,13 @@ def triangulated_people(results: Sequence[Any], cameras: Sequence[Any]) -> list[
     """Return keypoints by name in the rig's frame of the people whom at least two photos agree on."""
     names = LIMBS + TRUNK
     detected = []
-    for result in results:
+    for result, camera in zip(results, cameras, strict=True):
+        zoom = camera.width / result.intrinsics.width  # a large photo is reduced before it is reconstructed
         skeleton = result.skeleton if not isinstance(result.skeleton, str) else _skeleton(result.skeleton)
         columns = [skeleton.names.index(name) for name in names]
-        detected.append([(p.keypoints[columns], p.keypoint_confidence[columns], p) for p in result.people])
+        detected.append(
+            [(zoom * (p.keypoints[columns] + 0.5) - 0.5, p.keypoint_confidence[columns]) for p in result.people]
+        )
     found: list[dict[str, Any]] = []
     taken: set[tuple[int, int]] = set()
     candidates = []

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.state import State
     from physic_core.engine.placement.terms import PlacementProblem
     from physic_core.engine.scene.camera import Cameras
+    from physic_core.geometry.floor import FloorEvidence, FloorSearch
 
 __all__ = ["OtherViews", "ViewsOptimisation", "ViewsPlacement", "with_other_views"]
 
@@ -91,6 +92,14 @@ class ViewsScene(SceneMethod):
         slopes = [(-(rays @ plane[:3])).clamp(min=_LEAST_SLOPE) for plane in (before, after)]
         factor = (after[3] / before[3] * slopes[0] / slopes[1]).clamp(1 / _MOST_MOVED, _MOST_MOVED)
         return placed * factor[..., None], camera
+
+    def search_floor(self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence) -> FloorSearch:
+        """Find the floor, and return the plane of all photos in its place."""
+        found = super().search_floor(points, valid, surface, evidence)
+        if self.views is None or self.views.floors is None or found.plane is None:
+            return found
+        plane = self.views.floors[1].to(found.plane.normal)
+        return replace(found, plane=replace(found.plane, normal=plane[:3], offset=float(plane[3])))
 
 
 @dataclass(frozen=True)

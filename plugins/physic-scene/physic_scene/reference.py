@@ -30,12 +30,15 @@ if TYPE_CHECKING:
     from physic_core import Config
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
-    from physic_core.types import FloatArray, Reconstruction
+    from physic_core.types import FloatArray, IntArray, Reconstruction
     from physic_scene.cameras import SolvedScene
 
 __all__ = ["ReferenceInput", "scene_scales", "solve_reference", "solved_camera"]
 
 _STATURE_SIGMA = 0.06  # of log(stature) of one person, whose mean gives the scale
+_ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
+_STAND_M = 0.03  # error of that point
+_FLOOR_DEG = 4.0  # error of the mean normal
 _OTHER_SIGMA = 0.03  # of the scale by everything else
 
 
@@ -173,7 +176,8 @@ def _contact(solved: SolvedScene, rows: Mapping[int, int], model: BodyModel) -> 
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     """Return normal and offset (2, 4) of the reference photo's floor, at the solved scale, and of that of all photos.
 
-    The normal is the robust mean of the photos' normals. People are as high over the floor as in the photos alone.
+    The normal is the robust mean of the photos' normals, turned a little so that most people stand on the floor: those
+    whose lowest point the photos alone have on it.
     """
     photos, ups = solved.chosen.photos, solved.observations.up
     known = np.flatnonzero(np.isfinite(ups).all(1))
@@ -189,20 +193,43 @@ def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     normal = normal / np.linalg.norm(normal)
     with torch.inference_mode():
         bodies = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl).vertices.numpy()
-    offsets = []
-    for p, row in enumerate(solved.rows):
-        heights = [
-            float((photos[v].result.people[photos[v].people.rows[row[v]]].vertices @ ups[v]).min())
-            + photos[v].result.scene.floor.offset  # type: ignore[union-attr]
-            for v in known
-            if row[v] >= 0
-        ]
-        if heights:
-            offsets.append(float(np.median(heights)) - float((bodies[p] @ normal).min()))
-    if not offsets or np.median(offsets) <= 0:
+    standing = [p for p, row in enumerate(solved.rows) if _height_alone(solved, row, known) < _ON_FLOOR_M]
+    if not standing:
+        return None
+    lowest = np.stack([bodies[p][(bodies[p] @ normal).argmin()] for p in standing])
+    normal, offset = _plane_under(lowest.astype(np.float64), normal)
+    if offset <= 0:
         return None
     before = np.append(np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference])
-    return np.stack([before, np.append(normal, np.median(offsets))])
+    return np.stack([before, np.append(normal, offset)])
+
+
+def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
+    """Return the median height of a person's lowest point over the floors of the photos alone; inf without any."""
+    heights = []
+    for v in known.tolist():
+        photo = solved.chosen.photos[v]
+        floor = photo.result.scene.floor
+        if row[v] >= 0 and floor is not None:
+            vertices = photo.result.people[photo.people.rows[row[v]]].vertices
+            heights.append(float((vertices @ np.asarray(floor.normal)).min()) + floor.offset)
+    return float(np.median(heights)) if heights else np.inf
+
+
+def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, float]:
+    """Return normal and offset of the plane, near a normal, on which most people stand; their lowest points (n, 3)."""
+    across = np.linalg.svd(normal[None])[2][1:]
+    middle = lowest.mean(0)
+    columns = np.column_stack([(lowest - middle) @ across.T, np.ones(len(lowest))])
+    target, weight = -(lowest - middle) @ normal, np.ones(len(lowest))
+    prior = np.diag([1 / np.radians(_FLOOR_DEG) ** 2, 1 / np.radians(_FLOOR_DEG) ** 2, 0.0])
+    for _ in range(8):
+        scaled = columns * weight[:, None] / _STAND_M**2
+        tilt = np.linalg.solve(scaled.T @ columns + prior, scaled.T @ target)
+        weight = 1 / (1 + ((columns @ tilt - target) / (2 * _STAND_M)) ** 2)
+    turned = normal + tilt[:2] @ across
+    length = np.linalg.norm(turned)
+    return turned / length, float((tilt[2] - middle @ turned) / length)
 
 
 def _other_views(
