@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.body.parameters import rotations_from_parameters
-from physic_testing.worlds import World, build_world, labels
+from physic_testing.worlds import World
 
 BLUE = 64
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
@@ -26,12 +26,6 @@ MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 def network_of(backend: Any) -> Any:
     """Return the network that a backend has loaded from its checkout; stand-ins record there what they are shown."""
     return backend._checkout_network.network
-
-
-def world_of(image: np.ndarray) -> World | None:
-    """The world whose photo this is, at this size; None for any other photo."""
-    told = labels.read_label(image)
-    return None if told is None else build_world(*told, (image.shape[1], image.shape[0]))
 
 
 def coordinates(height: int, width: int) -> np.ndarray:

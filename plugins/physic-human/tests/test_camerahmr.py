@@ -16,9 +16,9 @@ from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_human.user_smpl import open_smpl
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World, build_world, world_of
 
-from .seen import coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose, world_of
+from .seen import coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)

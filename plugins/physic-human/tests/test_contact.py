@@ -20,9 +20,9 @@ from physic_human.deco import Deco, DecoOptions
 from physic_human.interactvlm import InteractVlmOptions, InteractVlmResults
 from physic_human.user_smpl import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World
+from physic_testing.worlds import World, world_of
 
-from .seen import coordinates, network_of, normalised_back, place_of, smpl_contact, world_of
+from .seen import coordinates, network_of, normalised_back, place_of, smpl_contact
 
 NOBODY = empty_bodies("embedded")
 

@@ -15,9 +15,9 @@ from physic_core.types import DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
 from physic_human.unidepth import UniDepth, UniDepthOptions
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import build_world
+from physic_testing.worlds import build_world, world_of
 
-from .seen import network_of, world_of
+from .seen import network_of
 
 UNIDEPTH = """
 import pathlib

@@ -22,9 +22,9 @@ from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.hand_estimator import true_hands
-from physic_testing.worlds import World
+from physic_testing.worlds import World, world_of
 
-from .seen import Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, world_of, wrist_turns
+from .seen import Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, wrist_turns
 
 WRISTS = (20, 21)
 

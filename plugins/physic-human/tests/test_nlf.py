@@ -18,9 +18,9 @@ from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.nlf import Nlf, NlfOptions
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import build_world
+from physic_testing.worlds import build_world, world_of
 
-from .seen import smpl_pose, world_of
+from .seen import smpl_pose
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 BOXES = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])

@@ -19,9 +19,9 @@ from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
-from physic_testing.worlds import build_world
+from physic_testing.worlds import build_world, world_of
 
-from .seen import network_of, world_of
+from .seen import network_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")

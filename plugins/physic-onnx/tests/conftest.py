@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from physic_core.types import Intrinsics
 from physic_onnx.sessions import Port
-from physic_testing.worlds import World, build_world, labels
+from physic_testing.worlds import World, world_of
 
 _ELEMENTS = {
     "float32": TensorProto.FLOAT,
@@ -113,11 +113,9 @@ class Shown:
 def look_at(photo: np.ndarray) -> Shown:
     """Find the world that a photo shows, by its label."""
     photo = np.ascontiguousarray(photo)
-    label = labels.read_label(photo)
-    if label is None:
+    world = world_of(photo)
+    if world is None:
         return Shown(photo, None, False)
-    height, width = photo.shape[:2]
-    world = build_world(*label, (width, height))
     off = [np.abs(photo.astype(int) - picture).mean() for picture in (world.image, world.empty_image)]
     return Shown(photo, world, bool(off[0] < off[1]))
 

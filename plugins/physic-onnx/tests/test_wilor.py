@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
 from physic_onnx.wilor import MINI, ORIGINAL, Wilor
-from physic_testing import violations
+from physic_testing import violations, world_of
 from physic_testing.conformance import check_backend
 
 from .pose_worlds import sampled
@@ -168,11 +168,8 @@ def told_wilor(told: Any, told_network: Any) -> type:
                 [b - 0.5 for p, b in zip(found.person, found.boxes, strict=True) if p == i] for i in range(len(people))
             ]
             self.rows = list(range(len(people)))
-            from physic_testing.worlds import build_world, labels
-
-            label = labels.read_label(np.ascontiguousarray(image)) if isinstance(image, np.ndarray) else None
-            if label is not None and image.ndim == 3:
-                world = build_world(*label, (image.shape[1], image.shape[0]))
+            world = world_of(image) if isinstance(image, np.ndarray) and image.ndim == 3 else None
+            if world is not None:
                 self.rows = [int(np.abs(world.boxes - box).max(1).argmin()) for box in people.boxes]
             return super().infer(image, people, keypoints)
 

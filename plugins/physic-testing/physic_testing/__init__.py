@@ -9,9 +9,18 @@ from physic_core import CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_testing.conformance import Report, check_backend, parametrize_with_checks, violations
-    from physic_testing.worlds import WORLDS, World, build_world
+    from physic_testing.worlds import WORLDS, World, build_world, world_of
 
-__all__ = ["WORLDS", "Report", "World", "build_world", "check_backend", "parametrize_with_checks", "violations"]
+__all__ = [
+    "WORLDS",
+    "Report",
+    "World",
+    "build_world",
+    "check_backend",
+    "parametrize_with_checks",
+    "violations",
+    "world_of",
+]
 
 _ON_FIRST_USE = {
     "Report": "physic_testing.conformance",
@@ -21,6 +30,7 @@ _ON_FIRST_USE = {
     "WORLDS": "physic_testing.worlds",
     "World": "physic_testing.worlds",
     "build_world": "physic_testing.worlds",
+    "world_of": "physic_testing.worlds",
 }
 
 

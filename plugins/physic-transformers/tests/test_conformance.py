@@ -18,8 +18,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from physic_core.adapters.devices import check_device
 from physic_core.errors import NoPersonError
 from physic_core.types import SKELETONS, PeoplePrompt
-from physic_testing import build_world, check_backend
-from physic_testing.worlds import labels
+from physic_testing import build_world, check_backend, world_of
 from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_transformers.depth_pro import DepthPro
 from physic_transformers.eomt import Eomt
@@ -31,7 +30,6 @@ from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
-    from physic_testing import World
 
 IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 HALF = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
@@ -50,11 +48,8 @@ class Told:
 
     def show(self, image: UInt8Array) -> None:
         self.image = image
-        self.world: World | None = None
-        self.people = False
-        if (label := labels.read_label(image)) is not None:
-            self.world = build_world(*label, (image.shape[1], image.shape[0]))
-            self.people = not np.array_equal(image, self.world.empty_image)
+        self.world = world_of(image)
+        self.people = self.world is not None and not np.array_equal(image, self.world.empty_image)
 
     @property
     def size(self) -> tuple[int, int]:

@@ -106,7 +106,7 @@ def _costs(found: Setup) -> Iterator[str]:
     for name, memory in found.gpu:
         yield f"GPU memory: {memory.gigabytes:g} GB for the {name} ({memory.source})"
     if found.gpu_unknown:
-        yield f"GPU memory not known: {', '.join(found.gpu_unknown)}"
+        yield f"GPU memory not measured: {', '.join(found.gpu_unknown)}"
     yield f"Accounts: {', '.join(found.accounts) or 'none'}"
     if found.unpinned:
         yield (

@@ -12,6 +12,7 @@ from physic_testing.worlds.world import (
     benchmark_worlds,
     build_world,
     is_world,
+    world_of,
 )
 
 __all__ = [
@@ -28,4 +29,5 @@ __all__ = [
     "build_world",
     "is_world",
     "view_names",
+    "world_of",
 ]

@@ -42,6 +42,7 @@ __all__ = [
     "benchmark_worlds",
     "build_world",
     "is_world",
+    "world_of",
 ]
 
 WORLDS: tuple[str, ...] = (
@@ -240,6 +241,12 @@ def is_world(name: str) -> bool:
     base, view = split_name(name)
     known = base.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
     return known and (view is None or 0 <= view < VIEWS)
+
+
+def world_of(image: UInt8Array) -> World | None:
+    """Return the world whose photo, with or without people, has the label of this image; None without such a label."""
+    label = labels.read_label(image)
+    return build_world(*label, (image.shape[1], image.shape[0])) if label and is_world(label[0]) else None
 
 
 def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> tuple[tuple[str, int], ...]:
