@@ -90,6 +90,7 @@ physic run photo.jpg --set {interface}.backend={backend}
 - `{package}/__init__.py` registers its name, its requirements and the licence of its weights.
 - `tests/test_conformance.py` runs every check of the interface. List a check that is known to fail there, with
   the reason: `@parametrize_with_checks("{interface}", "{backend}", expected_failures={{"name_of_the_check": "why"}})`.
+  Without its weights a backend is not called: `physic_testing.world_of(image)` tells a stand-in the truth.
 """
 
 

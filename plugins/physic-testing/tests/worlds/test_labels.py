@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from physic_core.errors import InputError
+from physic_testing import build_world, world_of
 from physic_testing.worlds.labels import SMALLEST_PX, embed_label, read_label
 
 names = st.text(st.characters(min_codepoint=1, exclude_categories=["Cs"]), min_size=1, max_size=8)
@@ -52,6 +53,13 @@ def test_a_label_does_not_outlive_jpeg():
 )
 def test_an_image_that_cannot_hold_a_label_has_none(image):
     assert read_label(image) is None
+
+
+def test_the_world_of_a_photo_is_found_by_its_label():
+    world = build_world("stand", 3, (320, 240))
+    assert world_of(world.image) is world_of(world.empty_image) is world
+    assert world_of(picture((64, 64))) is None
+    assert world_of(embed_label(picture((64, 64)), "no world", 0)) is None
 
 
 def test_what_does_not_fit_is_refused():
