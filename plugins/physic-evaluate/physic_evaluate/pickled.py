@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import pickle
-import struct
 import zipfile
 import zlib
 from functools import lru_cache
@@ -26,7 +25,7 @@ from physic_evaluate.damage import DamagedFileError
 
 __all__ = ["cached_pickle", "pickled_arrays", "read_object_rows"]
 
-_DAMAGED = (pickle.UnpicklingError, EOFError, struct.error, ValueError, KeyError, IndexError, TypeError, AttributeError)
+_DAMAGED = (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
 """What the standard library raises for a pickle that is cut off or damaged."""
 
 
