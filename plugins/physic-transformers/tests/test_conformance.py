@@ -404,7 +404,7 @@ def test_a_backend_with_a_perfect_network_holds_its_contract(kind: Any) -> None:
 
 
 def test_points_and_boxes_are_prompts_of_sam_2() -> None:
-    world = build_world("sit_side_by_side", 3, (640, 480))
+    world = build_world("sit_side_by_side", 3, (320, 240))
     backend = TellingGroundedSam2()
     backend.load()
     rows, columns = world.masks[1].nonzero()
