@@ -172,6 +172,9 @@ class TestProviders:
 
             get_outputs = get_inputs
 
+            def get_modelmeta(self):
+                return SimpleNamespace(custom_metadata_map={})
+
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CUDA, CPU])
         monkeypatch.setattr(onnxruntime, "InferenceSession", Session)
         assert open_network(doubler(), OnnxOptions(), "cuda").provider == "CUDA"
