@@ -18,7 +18,7 @@ __all__ = ["Background", "BackgroundSettings", "is_mirrored", "match_background"
 
 @dataclass(frozen=True)
 class BackgroundSettings:
-    """Settings of the matcher (SIFT, Lowe's ratio, a fundamental matrix by MAGSAC).
+    """Settings of the matcher (SIFT, Lowe's ratio, a fundamental matrix by RANSAC).
 
     Attributes:
         longest_px: photos are reduced to this longer side.
@@ -127,7 +127,8 @@ def _matches(
     if len(good) < settings.fewest:
         return None
     first, second = points[[m.queryIdx for m in good]], other_points[[m.trainIdx for m in good]]
+    # OpenCV's MAGSAC fails an assertion for some degenerate pixels, such as those on one line.
     cv2.setRNGSeed(0)
-    _, inlier = cv2.findFundamentalMat(first, second, cv2.USAC_MAGSAC, settings.inlier_px, 0.999, 5000)
+    _, inlier = cv2.findFundamentalMat(first, second, cv2.FM_RANSAC, settings.inlier_px, 0.999, 5000)
     kept: BoolArray = np.zeros(len(first), bool) if inlier is None else inlier.ravel() > 0
     return PixelMatches(views, first[kept], second[kept]) if kept.sum() >= settings.fewest else None
