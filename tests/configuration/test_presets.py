@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -202,7 +203,9 @@ def place(written: tuple[Path, Place], world: World, tmp_path: Path, monkeypatch
     monkeypatch.setattr(checkouts, "_exists", lambda module: module in PACKAGES or exists(module))
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(written[0]))
     # Stand-ins have the names of the published files, and other contents.
-    monkeypatch.setattr(sys.modules["physic_core.weights.locate"], "require_published", lambda path, file, advice: None)
+    monkeypatch.setattr(
+        import_module("physic_core.weights.locate"), "require_published", lambda path, file, advice: None
+    )
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     Image.fromarray(world.image).save("photo.png")
