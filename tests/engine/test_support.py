@@ -191,7 +191,7 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
         assert distance - slack <= found <= distance + 1e-9
 
 
-def test_the_record_has_the_large_contacts_that_carry_with_the_probability_of_the_list(posed):
+def test_the_record_has_the_large_likely_contacts_that_carry_with_the_probability_of_the_list(posed):
     model, body = posed(SITS)
     found = find_support(model, body, evidence(model, "left_sole", "right_sole"), UP, assume=True)
     floor, seat = ContactPartner("floor", "floor"), ContactPartner("hidden", "seat")
@@ -199,8 +199,10 @@ def test_the_record_has_the_large_contacts_that_carry_with_the_probability_of_th
         BodyContact("left_foot", floor, None, 90),
         BodyContact("right_hand", floor, None, 9),
         BodyContact("seat", seat, None, 5),
+        BodyContact("left_hand", floor, None, 40),
     )
-    support = support_record(found, carrying, (BodyContact("left_foot", floor, 0.7, 120),))
+    listed = (BodyContact("left_foot", floor, 0.7, 120), BodyContact("left_hand", floor, 0.4, 40))
+    support = support_record(found, carrying, listed)
     assert support.contacts == (replace(carrying[0], probability=0.7), carrying[2])
     assert support.hidden == ("hidden seat",)
     assert str(support) == "assumed: left foot on floor, a seat that the scene does not show"

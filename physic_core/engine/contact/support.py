@@ -168,7 +168,7 @@ def _hidden_supports(
 
 
 def support_record(carried: Carried, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:
-    """Describe a support by body parts.
+    """Describe a support by body parts; contacts that are only possible are left out beside likely ones.
 
     Args:
         carried: of :func:`find_support`.
@@ -178,6 +178,7 @@ def support_record(carried: Carried, contacts: Sequence[BodyContact], listed: Se
     known = {(one.part, one.partner): one.probability for one in listed}
     large = (one for one in contacts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden")
     found = [replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large]
+    found = [one for one in found if one.likely] or found
     found.sort(key=lambda one: -(one.probability or 0.0))
     x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
     outside = round(carried.outside_m, DECIMALS) if carried.outside_m < float("inf") else None
