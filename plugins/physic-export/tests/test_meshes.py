@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,3 +101,9 @@ def test_an_obj_has_an_object_for_scene_and_people_with_unit_normals(export, res
     assert text.splitlines()[0] == (
         "# PhySIC; unit: metre; axes: x right, y up, z backward, origin on the floor below the camera"
     )
+
+
+def test_a_scene_without_a_valid_pixel_leaves_people(export, result: Reconstruction):
+    empty = replace(result, scene=replace(result.scene, valid=np.zeros_like(result.scene.valid)))
+    for name in ("a.ply", "a.obj", "a.glb"):
+        assert export(name, of=empty).files[0].stat().st_size > 1000

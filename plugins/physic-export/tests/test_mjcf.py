@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,6 +113,27 @@ def flat_spot(points: np.ndarray, people: list[np.ndarray]) -> np.ndarray:
     return candidates[int(np.argmin(spread))]
 
 
+def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(export("a.xml", rigid=True).files[0].read_text())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    for index, person in enumerate(result.people):
+        body = data.body(f"person_{index}")
+        np.testing.assert_allclose(body.xpos, transform_points(matrix, person.joints[0]), atol=1e-5)
+        assert model.body(f"person_{index}").mocapid[0] == index
+        skin = model.geom(f"person_{index}_skin").id
+        mesh = model.geom_dataid[skin]
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        local = model.mesh_vert[first : first + count]
+        posed = local @ data.geom_xmat[skin].reshape(3, 3).T + data.geom_xpos[skin]
+        np.testing.assert_allclose(posed, transform_points(matrix, person.vertices), atol=2e-4)
+        collide = [i for i in range(model.ngeom) if model.geom(i).name.startswith(f"person_{index}_")]
+        assert sum(model.geom_contype[i] > 0 for i in collide) == 14
+
+
 def joint_places(model, data, person: int) -> np.ndarray:
     """Positions (22, 3) of the bodies of a person."""
     names = [f"person_{person}", *(f"person_{person}_{name}" for name in JOINT_NAMES[1:22])]
@@ -166,6 +188,25 @@ def test_people_do_not_collide_with_themselves(text: str):
     assert collide(first, second)
     assert collide(first, floor)
     assert not collide(first, model.geom("person_0"))
+
+
+def test_the_error_of_the_collision_mesh_is_stated(export):
+    (note,) = export("a.xml").notes
+    assert re.search(r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note)
+
+
+def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    camera = result.intrinsics
+    assert model.cam("photo").fovy[0] == pytest.approx(
+        2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    up = export_frame(result.scene.floor, "z").from_camera
+    np.testing.assert_allclose(data.cam("photo").xpos, up[:3, 3], atol=1e-5)
+    np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)
 
 
 def test_a_result_without_a_surface_is_a_floor_with_people(export, result: Reconstruction):

@@ -13,7 +13,9 @@ from click.testing import CliRunner, Result
 
 from physic_core import Reconstruction, find_exporter
 from physic_core.cli import main
+from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
+from physic_export import physic_exporters
 
 NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd"
 
@@ -41,6 +43,10 @@ def test_the_list_names_every_format_with_suffix_and_needs():
     lines = done.output.splitlines()
     assert [line.split()[0] for line in lines] == ["format", *NAMES.split(", ")]
     assert "SMPL-X file of yours (--body-model)" in lines[1]
+
+
+def test_the_catalog_lists_the_formats():
+    assert {each.name: each.suffixes for each in physic_exporters()} == EXPORTERS["physic-export"]
 
 
 @pytest.mark.parametrize(
@@ -175,6 +181,14 @@ def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
     assert (tmp_path / "a.obj").read_text() == "mine"
     export("a.obj", overwrite=True, scene=False)
     assert (tmp_path / "a.obj").read_text().startswith("# PhySIC")
+
+
+def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
+    with pytest.raises(InputError) as refused:
+        export("a.ply", "obj")
+    assert str(refused.value) == (
+        f"{tmp_path / 'a.ply'} does not end in .obj, as a file of the format obj must: name another file"
+    )
 
 
 def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Path):

@@ -38,6 +38,11 @@ def test_each_person_has_a_picture_and_three_skins(tree):
         assert primitive.attributes._FILLED is not None
 
 
+def test_the_skin_can_be_neutral(export):
+    tree = pygltflib.GLTF2().load(str(export("a.glb", skin="neutral", scene=False).files[0]))
+    assert {tree.materials[mesh.primitives[0].material].name for mesh in tree.meshes} == {"body"}
+
+
 def test_contact_is_a_picture_on_request(export):
     done = export("a.glb", contact_texture=True, texture_size="512", person=1)
     assert [file.name for file in done.files] == ["a.glb", "a_contact_1.png"]
@@ -75,11 +80,28 @@ RightThumbIntermediate RightThumbDistal RightIndexProximal RightIndexIntermediat
 RightMiddleIntermediate RightMiddleDistal RightRingProximal RightRingIntermediate RightRingDistal RightLittleProximal
 RightLittleIntermediate RightLittleDistal"""
 """HumanBodyBones of Unity 2020.1 to 2023.1, docs.unity3d.com/ScriptReference/HumanBodyBones.html, without LastBone."""
+
+UNREAL = """pelvis spine_01 spine_02 spine_03 clavicle_l upperarm_l lowerarm_l hand_l index_01_l index_02_l index_03_l
+middle_01_l middle_02_l middle_03_l pinky_01_l pinky_02_l pinky_03_l ring_01_l ring_02_l ring_03_l thumb_01_l thumb_02_l
+thumb_03_l neck_01 head thigh_l calf_l foot_l ball_l"""
 """Bones of Unreal Engine's mannequin, left side, without twist and IK bones."""
 
 
 def test_the_names_are_those_that_unity_publishes():
     assert set(bone_names("unity")) == set(UNITY.split())
+
+
+def test_the_names_are_those_of_unreals_mannequin():
+    wanted = UNREAL.split()
+    wanted += [f"{name[:-2]}_r" for name in wanted if name.endswith("_l")]
+    # The mannequin has no jaw and no eyes.
+    assert set(bone_names("unreal")) - {"jaw", "eye_l", "eye_r"} == set(wanted)
+
+
+def test_the_names_are_those_of_mixamo():
+    names = bone_names("mixamo")
+    assert names[:6] == ("Hips", "LeftUpLeg", "RightUpLeg", "Spine", "LeftLeg", "RightLeg")
+    assert {"LeftToeBase", "RightForeArm", "LeftHandThumb1", "RightHandPinky3", "Spine2", "Head"} <= set(names)
 
 
 @pytest.mark.parametrize("style", BONE_NAMES)

@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import ExportRequest, Reconstruction
 from physic_core.body import load_body
-from physic_core.errors import BodyModelError
+from physic_core.errors import BodyModelError, InputError
 from physic_core.visual.export.request import export_frame
 from physic_export.texture_coordinates import load_texture_coordinates, split_at_seams
 from physic_export.texture_raster import rasterize
@@ -19,6 +19,11 @@ from physic_export.textures import textured_bodies
 def request_of(result: Reconstruction) -> ExportRequest:
     frame = export_frame(result.scene.floor, "y")
     return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
+
+
+def pixels_of(result: Reconstruction, points: np.ndarray) -> np.ndarray:
+    spots = points @ result.intrinsics.matrix.T
+    return np.round(spots[:, :2] / spots[:, 2:]).astype(int)
 
 
 def test_split_vertices_keep_the_vertex_of_the_body():
@@ -91,3 +96,9 @@ def test_a_person_without_a_mask_is_filled_everywhere(result: Reconstruction):
     textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
     assert textured.textures[0].shown == 0
     assert textured.textures[0].filled.min() == 255
+
+
+def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
+    person = replace(result.people[0], vertices=result.people[0].vertices[:100])
+    with pytest.raises(InputError, match="do not have the 13348 vertices of its body model"):
+        textured_bodies(request_of(replace(result, people=(person,))), 128)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from physic_core.visual.export.request import export_frame
 
 pytest.importorskip("pxr")
 
-from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +80,18 @@ def test_skins_are_variants_with_materials(stage, export):
     assert list(joints)[:3] == ["pelvis", "pelvis/thigh_l", "pelvis/thigh_r"]
 
 
+def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstruction):
+    camera, intrinsics = UsdGeom.Camera.Get(stage, "/physic/camera").GetCamera(), result.intrinsics
+    frustum = camera.frustum
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    whole = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
+    for vertex in result.people[0].vertices[::1000].astype(np.float64):
+        x, y, _ = whole.Transform(Gf.Vec3d(*transform_points(matrix, vertex).tolist()))
+        u, v, depth = intrinsics.matrix @ vertex
+        np.testing.assert_allclose((x + 1) / 2 * intrinsics.width - 0.5, u / depth, atol=1e-2)
+        np.testing.assert_allclose((1 - y) / 2 * intrinsics.height - 0.5, v / depth, atol=1e-2)
+
+
 def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
     gravity = UsdPhysics.Scene.Get(stage, "/physic/physics")
     np.testing.assert_allclose(gravity.GetGravityDirectionAttr().Get(), [0, 0, -1])
@@ -104,3 +118,8 @@ def test_the_validators_of_usd_find_nothing(export, suffix: str):
     assert len(validators) > 10
     errors = UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(path))
     assert [error.GetErrorAsString() for error in errors] == []
+
+
+def test_y_up_is_stated(export, tmp_path: Path):
+    opened = Usd.Stage.Open(str(export("a.usda", up="y", scene=False).files[0]))
+    assert UsdGeom.GetStageUpAxis(opened) == "Y"

@@ -12,6 +12,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.devices import check_device
+from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_human.user_smpl import open_smpl
@@ -103,6 +104,24 @@ def test_crops_are_squares_of_the_longer_side_and_red_comes_first(made: Callable
     np.testing.assert_allclose(seen["box_size"], [100, 60])
 
 
+def test_channels_can_be_exchanged_to_compare(made: Callable[..., CameraHmr]) -> None:
+    backend = made(channels="bgr")
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    ask(backend, image)
+    crop = normalised_back(network_of(backend).seen[0]["img"][0])
+    np.testing.assert_allclose(crop[128, 128], [10, 100, 200], atol=0.6)
+
+
+def test_pixels_outside_of_the_photo_are_black(made: Callable[..., CameraHmr]) -> None:
+    backend = made()
+    who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
+    backend.infer(np.full((200, 300, 3), 255, np.uint8), who, CAMERA, NUM_KEYPOINTS, Hints())
+    crop = normalised_back(network_of(backend).seen[0]["img"][0])
+    np.testing.assert_allclose(crop[250, 128], 0, atol=0.6)
+    np.testing.assert_allclose(crop[128, 128], 255, atol=0.6)
+
+
 def test_the_network_gets_the_given_camera_and_boxes_relative_to_its_principal_point(
     made: Callable[..., CameraHmr],
 ) -> None:
@@ -151,6 +170,28 @@ def _rgb(image: np.ndarray) -> np.ndarray:
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
     return np.asarray(normalized_nchw(np.full((256, 256, 3), image[0, 0], np.uint8), IMAGENET_MEAN, IMAGENET_STD)[0])
+
+
+def test_people_come_in_batches(made: Callable[..., CameraHmr]) -> None:
+    backend = made(batch=1)
+    bodies = ask(backend)
+    assert [len(seen["img"]) for seen in network_of(backend).seen] == [1, 1]
+    assert len(bodies.parameters) == 2
+
+
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
+    lacking = "\n".join(CameraHmr(CameraHmrOptions(checkout=str(tmp_path))).missing())
+    assert "is no checkout of CameraHMR, for it has no core/camerahmr_model.py" in lacking
+    assert "register at https://camerahmr.is.tue.mpg.de" in lacking
+    assert "the SMPL model is not given: set smpl_file" in lacking
+
+
+def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr]) -> None:
+    backend = made(focal="own")
+    with torch.no_grad():
+        backend._focal_network.gain.fill_(0)
+    with pytest.raises(BackendError, match="sees a vertical field of view of 0 rad"):
+        ask(backend)
 
 
 class PerfectHmr:

@@ -14,7 +14,7 @@ import torch
 
 from physic_core.adapters.devices import check_device
 from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import Bodies, ContactProbability, People
 from physic_human.deco import Deco, DecoOptions
 from physic_human.interactvlm import InteractVlmOptions, InteractVlmResults
@@ -43,6 +43,9 @@ class DECO(torch.nn.Module):
         contact[:, 0] = 0.75 * self.gain
         return contact, torch.zeros(len(img), 133, 64, 64), torch.zeros(len(img), 26, 64, 64)
 """
+OLD_DECO = DECO.replace("encoder, context, device)", "encoder, device)").replace(
+    '(encoder, context, str(device)) == ("hrnet", True, "cpu")', '(encoder, str(device)) == ("hrnet", "cpu")'
+)
 
 
 def people(boxes: list[list[float]]) -> People:
@@ -92,6 +95,38 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco: Callable[..., Deco], sm
     wanted = load_rest_mesh(str(smpl_file))
     assert wanted is not None
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
+
+
+def test_older_decos_are_built_as_they_want(deco: Callable[..., Deco]) -> None:
+    found = deco(OLD_DECO).infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY)
+    np.testing.assert_allclose(found.probability[0, 0], 0.75)
+
+
+def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., Deco]) -> None:
+    backend = deco(batch=2)
+    backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
+    assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
+    found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
+    assert found.probability.shape == (0, 6890)
+
+
+def test_two_checkouts_with_packages_of_one_name_load_side_by_side(
+    deco: Callable[..., Deco], stub: Callable[..., Path], tmp_path: Path
+) -> None:
+    first = deco()
+    other = stub("other", {"models/deco.py": DECO.replace("0.75", "0.25"), "utils/hrnet.py": "WIDTH = 32"})
+    second = Deco(first.options.model_copy(update={"checkout": str(other)}))
+    second.load()
+    image = np.zeros((200, 300, 3), np.uint8)
+    values = [b.infer(image, people([[100, 40, 180, 140]]), NOBODY).probability[0, 0] for b in (first, second, first)]
+    np.testing.assert_allclose(values, [0.75, 0.25, 0.75])
+
+
+def test_missing_files_of_deco_are_named(tmp_path: Path) -> None:
+    lacking = "\n".join(Deco(DecoOptions(checkout=str(tmp_path))).missing())
+    assert "is no checkout of DECO, for it has no models/deco.py" in lacking
+    assert "run fetch_data.sh of https://github.com/sha2nkt/deco, which asks for no account" in lacking
+    assert "the SMPL model is not given" in lacking
 
 
 class PerfectDeco:
@@ -195,6 +230,12 @@ def test_its_threshold_becomes_one_half(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.probability[0, :5], [0.5, 1.0, 0.25, 0.75, 0.0], atol=1e-6)
 
 
+def test_the_contact_is_that_of_the_largest_person(tmp_path: Path) -> None:
+    path = result(tmp_path, "chair__a", photo(1), np.ones((1, 6890)))
+    found = opened(path).infer(photo(1), people([[0, 0, 10, 10], [0, 0, 90, 90], [0, 0, 20, 20]]), NOBODY)
+    np.testing.assert_allclose(found.probability.mean(axis=1), [0, 1, 0])
+
+
 def test_several_results_of_a_photo_are_one(tmp_path: Path) -> None:
     first, second = np.zeros((1, 6890)), np.zeros((1, 6890))
     first[0, 0], second[0, 1] = 1, 1
@@ -232,6 +273,18 @@ def test_the_fingerprint_depends_on_the_result_files(tmp_path: Path) -> None:
     np.savez(path, pred_contact_3d_smplh=np.zeros((1, 6890)))
     assert backend.fingerprint() != before != ""
     assert InteractVlmResults().fingerprint() == ""
+
+
+def test_missing_files_of_interactvlm_are_named(tmp_path: Path) -> None:
+    for results, said in (("", "are not given"), (str(tmp_path / "no"), "there is no"), (str(tmp_path), "holds no")):
+        backend = InteractVlmResults(InteractVlmOptions(results=results))
+        assert said in backend.missing()[0]
+        assert "run run_demo.py of https://github.com/saidwivedi/InteractVLM" in backend.missing()[0]
+        with pytest.raises(WeightsMissingError):
+            backend.load()
+    np.savez(tmp_path / "x_hcontact_vertices.npz", a=np.ones(6890))
+    with pytest.raises(BackendError, match=r"keep x\.jpg or \.png beside it"):
+        opened(tmp_path)
 
 
 class ToldInteractVlm(InteractVlmResults):

@@ -11,7 +11,8 @@ import pytest
 import torch
 
 from physic_core.adapters.devices import check_device
-from physic_core.types import DepthMap, Hints, Intrinsics, Pointmap
+from physic_core.errors import BackendError
+from physic_core.types import CameraTrust, DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
 from physic_human.unidepth import UniDepth, UniDepthOptions
 from physic_testing.conformance import parametrize_with_checks
@@ -98,6 +99,20 @@ def test_unidepths_own_camera_comes_back_in_the_centres_of_pixels(unidepth: UniD
     assert found.intrinsics.source == "UniDepth V2"
 
 
+def test_a_default_camera_is_not_passed_to_backends(unidepth: UniDepth) -> None:
+    camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48, "60 degrees", CameraTrust.GUESSED)
+    found = unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
+    assert found.intrinsics is not None
+    assert found.intrinsics.fx == 400
+
+
+def test_the_given_camera_is_not_written_into(unidepth: UniDepth) -> None:
+    camera = Intrinsics(500.0, 500.0, 31.5, 23.5, 64, 48)
+    for _ in range(2):
+        unidepth.infer(np.zeros((48, 64, 3), np.uint8), Hints(intrinsics=camera))
+        np.testing.assert_allclose(network_of(unidepth).seen[1][0, 0, 2], 32.0)
+
+
 def test_depth_that_is_not_finite_is_unknown_and_prints_stay_away(
     unidepth: UniDepth, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,6 +122,11 @@ def test_depth_that_is_not_finite_is_unknown_and_prints_stay_away(
     assert capsys.readouterr().out == ""
 
 
+def test_settings_reach_unidepths_network(unidepth: UniDepth) -> None:
+    assert network_of(unidepth).resolution_level == 9
+    assert network_of(unidepth).interpolation_mode == "bilinear"
+
+
 @pytest.fixture
 def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
     checkout = stub("moge", {"moge/__init__.py": "", "moge/model/v1.py": MOGE})
@@ -114,6 +134,14 @@ def moge(stub: Callable[..., Path], tmp_path: Path) -> Moge1:
     backend = Moge1(Moge1Options(checkout=str(checkout), weights=str(tmp_path / "model.pt")))
     backend.load()
     return backend
+
+
+def test_moge_is_shown_red_first_between_0_and_1(moge: Moge1) -> None:
+    image = np.zeros((60, 80, 3), np.uint8)
+    image[:] = [255, 51, 0]
+    moge.infer(image, Hints())
+    np.testing.assert_allclose(network_of(moge).seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
+    assert network_of(moge).tokens == 2500
 
 
 def test_moges_shift_and_focal_length_are_found(moge: Moge1) -> None:
@@ -133,6 +161,15 @@ def test_moge_puts_points_on_the_rays_of_a_given_camera(moge: Moge1) -> None:
     assert found.intrinsics == camera
     x, y, z = found.points[40, 50]
     np.testing.assert_allclose([310 * x / z + 38, 310 * y / z + 31], [50, 40], rtol=1e-5)
+
+
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
+    for kind in (UniDepth, Moge1):
+        lacking = kind(kind.Options(checkout=str(tmp_path))).missing()
+        assert any("is no checkout of" in line for line in lacking)
+        assert any("physic weights fetch" in line for line in lacking)
+        with pytest.raises(BackendError, match="is not loaded"):
+            kind().infer(np.zeros((48, 64, 3), np.uint8), Hints())
 
 
 class PerfectUniDepth:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.adapters.devices import check_device
 from physic_core.adapters.rotations import mirror_rotvecs
-from physic_core.errors import BackendError, BodyModelError
+from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
 from physic_core.types import Hands, Keypoints, People
 from physic_human.hamer import Hamer, HamerOptions
 from physic_human.wilor import Wilor, WilorOptions
@@ -166,6 +166,17 @@ def test_wilor_sees_blue_first_since_it_exchanges_channels_itself(wilor: Wilor) 
     np.testing.assert_allclose(hands.rotvecs[0, 1, 0], 0.5 * np.array([200, 100, 10]) / 255, atol=1e-3)
 
 
+def test_wilor_can_repeat_the_papers_exchange_of_channels(stub: Callable[..., Path], tmp_path: Path) -> None:
+    checkout = stub("w", WILOR_FILES)
+    options = WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f")), swap_channels=True)
+    backend = Wilor(options)
+    backend.load()
+    image = np.zeros((200, 300, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    backend.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
+    np.testing.assert_allclose(network_of(backend).seen[0][0, 128, 128], [200, 100, 10], atol=1)
+
+
 def test_left_hands_are_shown_in_a_mirror_and_read_in_it(wilor: Wilor) -> None:
     picture = coordinates(200, 300)
     hands = wilor.infer(picture, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
@@ -191,6 +202,45 @@ def test_large_hands_are_smoothed_before_they_are_made_small(network: str, reque
     # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one pixel.
     assert seen.std() < 6
     assert abs(seen.mean() - 127.5) < 2
+
+
+def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor) -> None:
+    wilor.options = wilor.options.model_copy(update={"batch": 1})
+    image = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
+    before = image.copy()
+    hands = wilor.infer(image, *keypoints({"left": [60, 80, 100, 110], "right": [180, 80, 220, 110]}))
+    np.testing.assert_array_equal(image, before)
+    assert [len(seen) for seen in network_of(wilor).seen] == [1, 1]
+    np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
+
+
+def test_missing_files_of_wilor_are_named_before_load(tmp_path: Path) -> None:
+    backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
+    said = "\n".join(backend.missing())
+    assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in said
+    assert "no" in said
+    with pytest.raises(WeightsMissingError):
+        backend.load()
+    with pytest.raises(BackendError, match=r"WiLoR-mini is not loaded: call load\(\) before infer\(\)"):
+        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({}))
+    assert any("MANO_RIGHT.pkl" in line for line in Wilor(WilorOptions(checkout=str(tmp_path))).missing())
+
+
+def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tmp_path: Path) -> None:
+    text = WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
+    checkout = stub("w", WILOR_FILES | {"wilor_mini/models/wilor.py": text})
+    backend = Wilor(WilorOptions(checkout=str(checkout), weights=str(wilor_files(tmp_path / "f"))))
+    backend.load()
+    with pytest.raises(BackendError, match="WiLoR-mini's network returned tuple"):
+        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
+
+
+def test_a_checkpoint_of_another_network_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
+    files = wilor_files(tmp_path / "f")
+    torch.save({"state_dict": {"other": torch.zeros(1)}}, files / "wilor_final.ckpt")
+    backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
+    with pytest.raises(BackendError, match="is missing 1 of 1 parameters of the network, gain"):
+        backend.load()
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., Path], tmp_path: Path) -> None:
@@ -281,6 +331,12 @@ def test_hamer_widens_boxes_to_its_crop(hamer: Hamer) -> None:
     np.testing.assert_allclose(place.at(0.5), [149.5, 99.5], atol=0.8)
     # 60 px wide and looked at through a window of 192 x 256: 80 px high, and twice that.
     np.testing.assert_allclose(np.abs(place.step) * 256, 160, rtol=0.02)
+
+
+def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
+    settings = network_of(hamer).cfg
+    assert Path(settings.MANO.MODEL_PATH).name.startswith("MANO_RIGHT-")
+    assert Path(settings.MANO.MEAN_PARAMS).is_file()
 
 
 class PerfectHands:

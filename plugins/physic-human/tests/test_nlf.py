@@ -114,6 +114,34 @@ def nlf(tmp_path: Path, torchvision: ModuleType) -> Nlf:
     return backend
 
 
+def test_boxes_go_in_as_left_top_width_height(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[:, 1], [[10, 5, 20], [40, 10, 20]], rtol=1e-5)
+    np.testing.assert_allclose(1000 * joints[:, 2, 0], [40, 30], rtol=1e-5)
+
+
+def test_the_camera_goes_in(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 2, 1:], [500, 30], rtol=1e-5)
+
+
+def test_the_photo_goes_in_as_grey_levels_red_first(nlf: Nlf) -> None:
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    joints = ask(nlf, image).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 3], [200, 100, 10], rtol=1e-5)
+
+
+def test_settings_go_in(nlf: Nlf) -> None:
+    joints = ask(nlf).joints
+    assert joints is not None
+    np.testing.assert_allclose(1000 * joints[0, 4], [1.5, 0, 3], rtol=1e-5)
+    np.testing.assert_allclose(1000 * joints[0, 5, 0], 7, rtol=1e-5)
+
+
 def test_millimetres_become_metres_and_poses_land_in_their_fields(nlf: Nlf) -> None:
     bodies = ask(nlf)
     assert bodies.body_model == "smplx"
@@ -142,6 +170,21 @@ def test_smpl_drops_the_hands_and_keeps_the_joints(tmp_path: Path, torchvision: 
     assert np.isnan(bodies.joints[:, 22:]).all()
 
 
+def test_joints_are_seen_where_their_keypoints_are(nlf: Nlf) -> None:
+    sure = np.ones((2, 17))
+    sure[1, 13] = 0.4  # the left knee
+    shown = Keypoints(np.full((2, 17, 2), 20.0), sure, "coco17")
+    found = nlf.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, shown, Hints()).observed
+    assert found is not None
+    assert np.argwhere(~found).tolist() == [[1, 4]]
+
+
+def test_a_network_is_not_called_without_people(nlf: Nlf) -> None:
+    bodies = ask(nlf, who=people(np.zeros((0, 4))))
+    assert len(bodies.parameters) == 0
+    assert bodies.body_model == "smplx"
+
+
 def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Broken:
         def find_spec(self, name: str, path: object = None, target: object = None) -> None:
@@ -154,6 +197,44 @@ def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.M
     said = r"NLF needs torchvision.*the build that fits your torch \(RuntimeError: operator torchvision::nms"
     with pytest.raises(BackendError, match=said):
         backend.load()
+
+
+def test_missing_files_of_camerahmr_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    lacking = Nlf(NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")).missing()
+    assert len(lacking) == 3
+    assert "no.torchscript" in lacking[0]
+    assert "pip install torchvision" in lacking[1]
+    assert "set smplx_file to your SMPLX_NEUTRAL.npz" in lacking[2]
+
+
+def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> None:
+    (tmp_path / "junk.torchscript").write_bytes(b"no model")
+    with pytest.raises(BackendError, match="cannot be read as TorchScript"):
+        Nlf(NlfOptions(weights=str(tmp_path / "junk.torchscript"))).load()
+    save(torch.nn.Linear(1, 1), tmp_path / "other.torchscript")
+    with pytest.raises(BackendError, match="is no multi-person NLF"):
+        Nlf(NlfOptions(weights=str(tmp_path / "other.torchscript"))).load()
+    wrong = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smplx"))
+    wrong.load()
+    with pytest.raises(Exception, match="AssertionError"):
+        ask(wrong)
+
+
+def test_nan_bodies_are_an_error(nlf: Nlf) -> None:
+    class Broken:
+        def estimate_smpl_batched(self, images: torch.Tensor, boxes: Any, **rest: Any) -> dict[str, Any]:
+            nan = float("nan")
+            return {
+                "pose": [torch.full((2, 165), nan)],
+                "betas": [torch.full((2, 10), nan)],
+                "trans": [torch.full((2, 3), nan)],
+                "joints3d": [torch.full((2, 55, 3), nan)],
+            }
+
+    nlf._network = Broken()
+    with pytest.raises(BackendError, match="float16, which some GPUs"):
+        ask(nlf)
 
 
 class PerfectNlf:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,9 +16,10 @@ import torch
 
 from physic_core.adapters.devices import check_device
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
+from physic_human.torch_guard import guarded_torch
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 from physic_testing.worlds import build_world, world_of
@@ -145,6 +148,19 @@ def sam(make_sam: Callable[..., Sam3dBody]) -> Sam3dBody:
     return backend
 
 
+def test_it_is_given_boxes_the_camera_and_red_first(sam: Sam3dBody, capsys: pytest.CaptureFixture[str]) -> None:
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[:] = [200, 100, 10]
+    sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
+    asked = network_of(sam).asked
+    assert len(asked) == 2
+    np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
+    np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
+    assert asked[0][2] is None
+    np.testing.assert_allclose(asked[1][3], [[[500, 0, 32], [0, 510, 24], [0, 0, 1]]])
+    assert capsys.readouterr().out == ""
+
+
 def test_masks_are_passed_with_the_option(sam: Sam3dBody) -> None:
     sam.options = sam.options.model_copy(update={"use_masks": True})
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
@@ -215,6 +231,17 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     assert any("is no checkout of DINOv3, for it has no dinov3/hub/backbones.py" in line for line in other.missing())
 
 
+def test_missing_names_the_dinov3_checkout_for_the_weights_that_need_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME", "HF_HOME", "HF_HUB_CACHE"):
+        monkeypatch.setenv(name, str(tmp_path))
+    for name, needs in (("sam-3d-body-dinov3", True), ("sam-3d-body-vith", False)):
+        lacking = Sam3dBody(Sam3dBodyOptions(weights=name)).missing()
+        assert any("set dinov3_checkout" in line for line in lacking) is needs, name
+    assert Sam3dBodyOptions().weights == "sam-3d-body-vith"
+
+
 @pytest.mark.parametrize(
     ("state", "absent"),
     [
@@ -229,6 +256,16 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(
     sam = make_sam("dinov3_vith16plus", held={"state_dict": state}, dinov3_checkout=str(stub("dinov3", DINOV3)))
     with pytest.raises(BackendError, match=rf"is missing 1 of 5 parameters of the network, {absent}, \.\.\."):
         sam._build("cpu")
+
+
+def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(
+    make_sam: Callable[..., Sam3dBody], caplog: pytest.LogCaptureFixture
+) -> None:
+    make_sam(held={"state_dict": {}})._build("cpu")
+    (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert said.endswith(
+        "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at the bodies"
+    )
 
 
 def test_other_code_is_not_fetched_either(
@@ -248,6 +285,20 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam: Callable[..
     trusting = make_sam(held=held, trust_checkpoint=True)
     trusting._build("cpu")
     assert network_of(trusting).model.held["hyper_parameters"] == Path("x")
+
+
+def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path: Path) -> None:
+    torch.save({"a": Path("x")}, tmp_path / "objects.pt")
+    found: list[Any] = []
+    with guarded_torch(lambda *_: "guarded", trusted=False):
+        assert torch.hub.load("any", "thing") == "guarded"
+        with pytest.raises(pickle.UnpicklingError):
+            torch.load(tmp_path / "objects.pt", weights_only=False)
+        other = threading.Thread(target=lambda: found.append(torch.load(tmp_path / "objects.pt", weights_only=False)))
+        other.start()
+        other.join()
+    assert found == [{"a": Path("x")}]
+    assert torch.load(tmp_path / "objects.pt", weights_only=False) == {"a": Path("x")}
 
 
 @pytest.mark.parametrize("device", ["cuda", "cuda:1"])
@@ -274,6 +325,23 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
     assert at == [device, device]
     assert current == ["none"]
+
+
+def test_it_needs_a_gpu_and_says_so(sam: Sam3dBody) -> None:
+    with pytest.raises(DeviceError, match="SAM 3D Body's own code runs on a GPU only, got 'cpu'"):
+        sam.load("cpu")
+
+
+def test_a_network_is_not_called_without_people(sam: Sam3dBody) -> None:
+    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(0), CAMERA, NUM_KEYPOINTS, Hints())
+    assert len(bodies.parameters) == 0
+    assert network_of(sam).asked == []
+
+
+def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
+    network_of(sam).process_one_image = lambda *args, **rest: []
+    with pytest.raises(BackendError, match="returned 0 people for 1 boxes"):
+        sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
 
 
 class PerfectSam:

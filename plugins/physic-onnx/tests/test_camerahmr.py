@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
 from physic_onnx.camerahmr import CameraHmr
@@ -92,6 +93,14 @@ def test_it_is_shown_a_square_of_rgb_with_black_outside(recorded: Any, margin: f
         assert inside.mean() < 0.12
 
 
+def test_bgr_is_fed_only_with_the_option(recorded: Any) -> None:
+    rgb, bgr = recorded(), recorded(channels="bgr")
+    ask(rgb[0]), ask(bgr[0])
+    grey = [(0.485, 0.229), (0.456, 0.224), (0.406, 0.225)]
+    back = [np.stack([net.fed[0]["img"][:, c] * s + m for c, (m, s) in enumerate(grey)], 1) for net in (rgb[1], bgr[1])]
+    assert np.allclose(back[0], back[1][:, ::-1], atol=1e-5)
+
+
 def test_the_network_gets_the_box_relative_to_the_principal_point(recorded: Any) -> None:
     backend, network = recorded()
     ask(backend)
@@ -150,6 +159,24 @@ def test_keypoints_tell_which_joints_are_seen(recorded: Any) -> None:
     observed = eager.infer(IMAGE, PEOPLE, CAMERA, seen, Hints()).observed
     assert observed is not None
     assert np.flatnonzero(~observed[1, :22]).tolist() == [8, 11]
+
+
+def test_a_camera_that_sees_nothing_is_no_number(recorded: Any) -> None:
+    found = ask(recorded(weak=(-0.1, 0.0, 0.0))[0])
+    assert np.isnan(found.parameters.transl).all()
+
+
+def test_many_people_come_in_batches_and_in_their_order(recorded: Any) -> None:
+    backend, network = recorded(batch=1)
+    together = ask(recorded()[0]).parameters.transl
+    assert np.allclose(ask(backend).parameters.transl, together)
+    assert len(network.fed) == 2
+
+
+def test_an_export_without_joints_is_refused(told_network: Any) -> None:
+    outputs = {name: port for name, port in ANSWERS.items() if name != "joints"}
+    with pytest.raises(BackendError, match="there is no output 'joints'"):
+        CameraHmr().bind(told_network(PORTS, outputs, lambda *_: {}))
 
 
 def told_camerahmr(told: Any, told_network: Any) -> type:

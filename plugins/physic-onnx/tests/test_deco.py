@@ -10,6 +10,7 @@ import pytest
 
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior
 from physic_core.types import Bodies, ContactProbability, People
 from physic_onnx.deco import Deco
@@ -84,6 +85,11 @@ def test_it_is_shown_bgr_letterboxed_on_white(deco: Any) -> None:
     assert np.allclose(edge, 1.0, atol=1e-3)  # white beside a narrow box
 
 
+def test_squashing_leaves_no_white(deco: Any) -> None:
+    found = deco(fit="squash").infer(coloured(), people((100, 20, 140, 220)), bodies(1))
+    assert np.allclose(found.probability.reshape(3, 2)[:, 1], np.array([50, 100, 200]) / 255, atol=1e-3)
+
+
 @pytest.mark.parametrize("batch", [1, "batch"])
 def test_the_mesh_comes_with_it_whoever_is_there(deco: Any, batch: int | str) -> None:
     backend = deco(batch=batch)
@@ -94,6 +100,11 @@ def test_the_mesh_comes_with_it_whoever_is_there(deco: Any, batch: int | str) ->
         assert found.rest is not None
         assert found.rest.vertices.tolist() == np.arange(18).reshape(6, 3).tolist()
         assert found.rest.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_logits_are_refused(deco: Any) -> None:
+    with pytest.raises(BackendError, match="export the network with its sigmoid"):
+        deco(scale=-5.0).infer(coloured(), people((100, 20, 140, 220)), bodies(1))
 
 
 def told_deco(told: Any, told_network: Any) -> type:

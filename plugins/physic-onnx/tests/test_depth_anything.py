@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from importlib import resources
 from pathlib import Path
 
@@ -97,6 +99,15 @@ class TestExports:
         backend = relative(contract_graph(takes=takes, gives=gives))
         assert backend.loaded().signature == signature
         backend.infer(ramp(196, 252), Hints())
+
+    def test_disparity_becomes_inverse_depth(self, contract_graph):
+        """Trap: larger is nearer."""
+        image = ramp(196, 252)
+        answer = relative(contract_graph()).infer(image, Hints())
+        assert answer.unknown == "inverse_scale_shift"
+        disparity = normalised(image) + 4
+        np.testing.assert_allclose(answer.points[..., 2] * disparity, np.median(disparity), rtol=0.01)
+        assert np.median(answer.points[..., 2]) == pytest.approx(1, rel=0.01)
 
     def test_sky_has_no_point(self, contract_graph, told_network):
         values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
@@ -198,6 +209,12 @@ class TestNormalisation:
         other = relative(path, pixels="imagenet").infer(image, Hints()).points[..., 2]
         assert not np.allclose(z, other, rtol=0.05)
 
+    def test_published_file_can_be_fed_0_to_255_on_demand(self, contract_graph):
+        image = ramp(196, 252)
+        disparity = image[..., 0] + 4.0
+        z = relative(contract_graph(), pixels="0-255").infer(image, Hints()).points[..., 2]
+        np.testing.assert_allclose(z * disparity, np.median(disparity), rtol=0.02)
+
     @pytest.mark.parametrize("size", [(600, 800), (800, 600), (97, 131), (240, 320)])
     def test_photo_is_prepared_as_by_the_librarys_own_processor(self, size):
         """Trap: bicubic with antialiasing, multiples of 14, the side that changes less becomes 518."""
@@ -255,6 +272,14 @@ class TestVersion3:
         assert answer.unknown == unknown
         assert spearmanr(answer.points[..., 2].ravel(), normalised(image).ravel()).statistic > 0.99
 
+    @pytest.mark.parametrize(("name", "far_is_large"), [("depth-anything-v3-small.onnx", True), ("other.onnx", False)])
+    def test_kind_is_recognised_by_name_or_option(self, contract_graph, name, far_is_large):
+        image = ramp(252, 252)
+        path = contract_graph(name, takes="image", gives="depth", shape=(1, 3, 252, 252), map_shape=(1, 252, 252))
+        for answers, wanted in (("auto", far_is_large), ("depth", True), ("disparity", False)):
+            z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
+            assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
+
     def test_long_side_becomes_504(self, told_network):
         seen = []
         network = told_network(
@@ -296,6 +321,24 @@ class TestVersion3:
         answer = relative(path).infer(ramp(252, 252), Hints())
         assert not answer.valid[:100].any()
         assert answer.valid[100:].all()
+
+
+class TestCamera:
+    def test_given_camera_is_used(self, contract_graph):
+        camera = Intrinsics(180.0, 190.0, 120.0, 90.0, 252, 196)
+        answer = relative(contract_graph()).infer(ramp(196, 252), Hints(intrinsics=camera))
+        z, v, u = answer.points[..., 2], *np.mgrid[:196, :252]
+        np.testing.assert_allclose(answer.points[..., 0] / z * 180 + 120, u, atol=1e-3)
+        np.testing.assert_allclose(answer.points[..., 1] / z * 190 + 90, v, atol=1e-3)
+        assert answer.intrinsics == camera
+        assert answer.notes == ()
+
+    def test_unknown_camera_is_a_default_and_said(self, contract_graph):
+        answer = relative(contract_graph(), default_fov=60.0).infer(ramp(196, 140), Hints())
+        assert answer.intrinsics.fx == pytest.approx(98 / math.tan(math.radians(30)))
+        assert answer.intrinsics.source == "default (field of view 60 degrees along the long side)"
+        assert answer.intrinsics.guessed
+        assert answer.notes == ("focal length is a default (field of view 60 degrees along the long side)",)
 
 
 def expect_picture(shown, fed: np.ndarray) -> None:
@@ -423,3 +466,77 @@ class TestRealNetwork:
     def test_it_is_no_metric_network(self):
         with pytest.raises(BackendError, match="does not end in a sigmoid"):
             metric(str(_packaged()))
+
+
+class TestRealClass:
+    """The class of transformers with small random weights, exported as the published files were."""
+
+    SIDES = (70, 98)
+
+    @pytest.fixture
+    def exported(self, tmp_path):
+        torch, transformers = pytest.importorskip("torch"), pytest.importorskip("transformers")
+
+        class Plain(torch.nn.Module):
+            def __init__(self, model) -> None:
+                super().__init__()
+                self.model = model
+
+            def forward(self, pixel_values):
+                return self.model(pixel_values=pixel_values).predicted_depth
+
+        def build(kind: str):
+            torch.manual_seed(0)
+            backbone = transformers.Dinov2Config(
+                hidden_size=32,
+                num_hidden_layers=4,
+                num_attention_heads=2,
+                intermediate_size=64,
+                image_size=70,
+                patch_size=14,
+                out_features=["stage1", "stage2", "stage3", "stage4"],
+                reshape_hidden_states=False,
+            )
+            config = transformers.DepthAnythingConfig(
+                backbone_config=backbone,
+                patch_size=14,
+                reassemble_hidden_size=32,
+                neck_hidden_sizes=[8, 16, 24, 32],
+                fusion_hidden_size=16,
+                head_hidden_size=8,
+                depth_estimation_type=kind,
+                max_depth=20 if kind == "metric" else 1,
+            )
+            model = Plain(transformers.DepthAnythingForDepthEstimation(config)).eval()
+            with torch.no_grad():
+                for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
+                    parameter.normal_(0.0, 0.15)
+            path = tmp_path / f"{kind}.onnx"
+            free = {0: "batch_size", 2: "height", 3: "width"}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                torch.onnx.export(
+                    model,
+                    (torch.zeros(1, 3, *self.SIDES),),
+                    str(path),
+                    input_names=["pixel_values"],
+                    output_names=["predicted_depth"],
+                    dynamic_axes={"pixel_values": free, "predicted_depth": {0: "batch_size", 1: "height", 2: "width"}},
+                    opset_version=17,
+                    dynamo=False,
+                )
+            return path, model
+
+        return build
+
+    def test_metres_are_those_of_the_library(self, exported):
+        import torch
+
+        path, model = exported("metric")
+        image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
+        with torch.no_grad():
+            own = model(torch.from_numpy(preprocess(image, *self.SIDES)))
+            own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
+        assert np.ptp(own) > 0.1
+        answer = metric(str(path), side=70).infer(image, Hints())
+        np.testing.assert_allclose(answer.depth, own, rtol=1e-3)

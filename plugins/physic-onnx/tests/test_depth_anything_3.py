@@ -75,6 +75,9 @@ class TestContract:
         np.testing.assert_allclose(answer.depth, raw_depth(image, channel) * focal / 300, rtol=0.02)
         assert answer.intrinsics.fx == 210.0
 
+    def test_other_names_are_known(self, contract_graph):
+        loaded(contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
+
     def test_free_size_has_its_long_side_at_504(self, told_network):
         seen = []
         network = told_network(
@@ -102,12 +105,26 @@ class TestContract:
         assert np.isnan(depth[:118]).all()
         assert np.isfinite(depth[122:]).all()
 
+    def test_far_away_is_not_known(self, contract_graph):
+        image = ramp(252, 252, 0)
+        depth = loaded(contract_graph(), farthest=6.0).infer(image, hints(210.0, 252, 252)).depth
+        assert np.isfinite(depth).any()
+        assert np.nanmax(depth) <= 6.0
+        assert np.isnan(depth[:, -20:]).all()
+
     def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph):
         with pytest.raises(BackendError) as refusal:
             loaded(contract_graph()).infer(ramp(252, 252, 0), Hints())
         assert str(refusal.value) == (
             "Depth Anything 3 metric gives metres only for a known focal length, and none is known: "
             "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
+        )
+
+    def test_squashing_is_said(self, contract_graph):
+        answer = loaded(contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
+        assert answer.notes == (
+            "model.onnx sees 504 x 280 px only, so that the photo is squashed by a factor 2.4; "
+            "a file of free size would see it as it is",
         )
 
     def test_file_without_a_sky_is_refused(self, graph, node, tmp_path):

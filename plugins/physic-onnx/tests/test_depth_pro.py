@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError
-from physic_core.types import Hints, Intrinsics
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, preprocess
 from physic_testing import check_backend
 
@@ -88,6 +88,16 @@ class TestContract:
         assert scaled.notes == ("DepthPro took the focal length for 100 px; its depth is scaled to 150 px",)
         assert own.notes == ("focal length 100 px from DepthPro",)
 
+    def test_default_camera_gives_way_to_the_networks(self, contract_graph):
+        guess = Intrinsics.from_focal(300.0, 128, 96, "0.95 x the long side", CameraTrust.GUESSED)
+        assert loaded(contract_graph()).infer(ramp(96, 128), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
+
+    def test_known_camera_may_be_of_another_size(self, contract_graph):
+        backend = loaded(contract_graph())
+        small, large = (Intrinsics.from_focal(f, w, h) for f, w, h in ((150.0, 128, 96), (300.0, 256, 192)))
+        first, second = (backend.infer(ramp(96, 128), Hints(intrinsics=camera)).depth for camera in (small, large))
+        np.testing.assert_allclose(first, second)
+
     def test_sky_is_not_known(self, told_network):
         """Trap: both forms clip inverse depth at 1e-4, so that the sky lies at 10 km."""
         depth = np.full((1, SIDE, SIDE), 5.0)
@@ -103,6 +113,17 @@ class TestContract:
         answer = backend.infer(ramp(96, 128), Hints())
         assert np.isnan(answer.depth[:46]).all()
         np.testing.assert_allclose(answer.depth[50:], 5.0, rtol=1e-5)
+
+    @pytest.mark.parametrize(
+        ("second", "number", "words"),
+        [
+            ("focallength_px", 0.0, "focallength_px = 0: a number above 0 was expected"),
+            ("field_of_view", 200.0, "a field of view of 200 degrees: less than 180 was expected"),
+        ],
+    )
+    def test_impossible_camera_is_refused(self, contract_graph, second, number, words):
+        with pytest.raises(BackendError, match=words):
+            loaded(contract_graph(second, number)).infer(ramp(96, 128), Hints())
 
     def test_file_without_a_focal_length_is_refused(self, graph, node, tmp_path):
         """Trap: without the second output nobody could tell depth from inverse depth."""
@@ -128,6 +149,19 @@ class TestContract:
             "  inputs:  pixel_values float32 (batch_size, 3, 1536, 1536)\n"
             "  outputs: predicted_depth float32 (batch_size, 1536, 1536)"
         )
+
+    def test_missing_weights_are_listed_before_load(self, monkeypatch, tmp_path):
+        monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        monkeypatch.setenv("HF_HOME", str(tmp_path))
+        backend = DepthPro()
+        assert backend.missing() == (
+            "weights 'depth-pro-fp16' (Apple AMLR: research only) are missing: "
+            "`physic weights fetch depth-pro-fp16 --accept-licence` (no commercial use)",
+        )
+        assert backend.fingerprint() == ""
+        with pytest.raises(WeightsMissingError, match="depth-pro-fp16"):
+            backend.load()
 
 
 class TestPreparing:

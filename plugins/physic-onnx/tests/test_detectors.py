@@ -92,12 +92,30 @@ def test_a_raw_head_is_decoded(answering):
     assert found.scores == pytest.approx([0.81])
 
 
+def test_other_strides_have_their_own_cells(answering):
+    placed = [(64 + 4 + 2, row(0.5, 0.5)), (64 + 16 + 3, row(0.5, 0.5))]
+    found = answering("images", (1, 3, SIDE, SIDE), output=raw(*placed)).infer(GREY, 0.5, 0.65)
+    assert sorted(found.boxes.tolist()) == [[32, 16, 48, 32], [32, 32, 64, 64]]
+
+
 def test_a_head_that_is_decoded_inside_is_not_decoded_twice(answering):
     rows = raw()
     rows[0, :, :2], rows[0, :, 2:4] = 31.0, 10.0
     rows[0, 5] = row(20, 30, 10, 20)
     found = answering("images", (1, 3, SIDE, SIDE), output=rows).infer(GREY, 0.5, 0.65)
     assert found.boxes.tolist() == [[15, 20, 25, 40]]
+
+
+def test_boxes_of_one_person_are_one(answering):
+    placed = [(19, row(0.5, 0.5, 1, 1)), (20, row(-0.4, 0.5, 1, 1, person=0.8)), (22, row(0.5, 0.5, 0, 0))]
+    found = answering("images", (1, 3, SIDE, SIDE), output=raw(*placed)).infer(GREY, 0.5, 0.65)
+    assert len(found) == 2
+    assert found.scores == pytest.approx([0.81, 0.81])
+
+
+def test_things_are_no_people(answering):
+    chair = row(0.5, 0.5, 1, 1, person=0.05, others=0.95)
+    assert not len(answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65))
 
 
 def test_yolox_sees_blue_first_and_grey_levels(scoring):
@@ -191,8 +209,18 @@ def test_detr_is_not_taken_for_rt_detr(answering):
         detector.infer(GREY, 0.5, 0.65)
 
 
+def test_a_head_of_another_size_is_refused(answering):
+    with pytest.raises(BackendError, match=r"for 64 x 64 px must return \(1, 84, 85\), got \(1, 85, 85\)"):
+        answering("images", (1, 3, SIDE, SIDE), output=raw(cells=85)).infer(GREY, 0.5, 0.65)
+
+
 def test_another_file_is_refused_with_its_inputs_and_outputs(answering):
     with pytest.raises(BackendError) as told:
         answering("picture", (1, 3, SIDE, SIDE), answer=np.zeros((1, 4)))
     for text in ("expected of RTMO", "expected of YOLOX", "expected of RT-DETR", "picture float32 (1, 3, 64, 64)"):
         assert text in str(told.value)
+
+
+def test_no_detections_are_an_empty_array(answering):
+    found = answering("input", ("b", 3, SIDE, SIDE), dets=np.zeros((1, 0, 5))).infer(GREY, 0.5, 0.65)
+    assert found.boxes.shape == (0, 4)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.panoptic import COCO_PANOPTIC
-from physic_onnx.eomt import Eomt
+from physic_core.adapters.panoptic import COCO_PANOPTIC, FLOOR_CLASSES
+from physic_core.errors import BackendError
+from physic_onnx.eomt import Eomt, EomtOptions
 from physic_testing import build_world, check_backend
 
 PERSON, GROUND, WALL, NONE = 0, COCO_PANOPTIC.index("floor-other-merged"), COCO_PANOPTIC.index("wall-other-merged"), 133
@@ -80,3 +85,77 @@ def test_the_network_sees_red_first_normalised_beside_black(eomt):
     frame = backend.network.fed["pixel_values"][0]
     assert frame[:, 5, 600] == pytest.approx([(1 - 0.485) / 0.229, -0.456 / 0.224, -0.406 / 0.225], abs=1e-4)
     assert frame[:, 600, 5] == pytest.approx([-0.485 / 0.229, -0.456 / 0.224, -0.406 / 0.225], abs=1e-4)
+
+
+def test_the_option_floor_false_returns_no_floor(eomt):
+    backend = eomt(EomtOptions(floor=False))
+    backend.load()
+    assert backend.infer(build_world("stand", 0, (320, 240)).image).floor is None
+
+
+def test_another_number_of_classes_is_refused(graph, node, tmp_path):
+    ports = {"class_queries_logits": ("float32", (1, 9, 151)), "masks_queries_logits": ("float32", (1, 9, 40, 40))}
+    nodes = [
+        node("ReduceMean", ["pixel_values"], ["mean"], keepdims=0),
+        node("Expand", ["mean", "classes"], ["class_queries_logits"]),
+        node("Expand", ["mean", "masks"], ["masks_queries_logits"]),
+    ]
+    constants = {"classes": np.array([1, 9, 151]), "masks": np.array([1, 9, 40, 40])}
+    path = graph(tmp_path / "eomt.onnx", PORTS[0], ports, nodes, constants)
+    with pytest.raises(BackendError, match=r"class_queries_logits float32 \(1, 9, 151\) has another form"):
+        Eomt(EomtOptions(weights=str(path))).load()
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    """The real class, small and random, and the file that the tool makes of it."""
+    transformers = pytest.importorskip("transformers")
+    torch.manual_seed(0)
+    config = transformers.EomtConfig(
+        hidden_size=32, num_hidden_layers=2, num_attention_heads=2, image_size=160, patch_size=16, num_queries=12,
+        num_blocks=1, num_upscale_blocks=2, num_labels=133, num_register_tokens=1,
+    )  # fmt: skip
+    folder = tmp_path_factory.mktemp("eomt")
+    model = transformers.EomtForUniversalSegmentation(config).eval()
+    model.save_pretrained(folder / "checkpoint")
+    script = Path(__file__).parents[3] / "tools" / "export_eomt.py"
+    spec = importlib.util.spec_from_file_location("export_eomt", script)
+    assert spec is not None
+    assert spec.loader is not None
+    tool = importlib.util.module_from_spec(spec)
+    sys.modules["export_eomt"] = tool
+    spec.loader.exec_module(tool)
+    tool.export(str(folder / "checkpoint"), folder / "model.onnx")
+    return model, folder / "model.onnx"
+
+
+def test_the_real_class_answers_the_same(tiny):
+    """Our picture, the exported network and our masks against the library's processor and the class itself."""
+    transformers = pytest.importorskip("transformers")
+    model, path = tiny
+    photo = build_world("stand", 0, (320, 240)).image
+    sides = {"shortest_edge": 160, "longest_edge": 160}
+    processor = transformers.EomtImageProcessorPil(do_pad=True, size=sides)
+    values = processor.preprocess(photo, return_tensors="pt")["pixel_values"]
+    with torch.no_grad():
+        theirs = model(pixel_values=values)
+    backend = Eomt(EomtOptions(weights=str(path), threads=1))
+    backend.load()
+    captured = {}
+    run = backend.loaded().network.run
+
+    def spy(feed, outputs):
+        captured.update(feed)
+        captured["answers"] = run(feed, outputs)
+        return captured["answers"]
+
+    backend.loaded().network.run = spy
+    backend.infer(photo)
+    assert captured["pixel_values"] == pytest.approx(values.numpy(), abs=0.02), "half a grey level"
+    assert np.abs(captured["answers"][0] - theirs.class_queries_logits.numpy()).max() < 0.02
+    assert np.abs(captured["answers"][1] - theirs.masks_queries_logits.numpy()).max() < 0.1
+
+
+def test_floors_of_the_list_are_in_the_network_s_list():
+    floors = {COCO_PANOPTIC.index(name) for name in FLOOR_CLASSES}
+    assert floors == {87, 90, 96, 97, 100, 102, 105, 122, 123, 125, 126, 132}

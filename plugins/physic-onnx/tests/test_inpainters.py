@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from physic_core.errors import BackendError
 from physic_onnx import holes
 from physic_onnx.lama import Lama, LamaOptions
 from physic_onnx.migan import MiGan, MiGanOptions
@@ -124,11 +125,23 @@ def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, photo, mask, gain
     assert (filled[~mask] == bright[~mask]).all()
 
 
+def test_lama_of_any_size_sees_the_whole_photo(lama, photo, mask):
+    filled = opened(Lama, LamaOptions(weights=str(lama(size=("h", "w"))))).infer(photo, mask)
+    assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
+
+
 def test_lama_runs_from_a_torchscript_file(script, photo, mask):
     """130 x 90 px are padded to multiples of 8; the mask is 1 in the hole."""
     filled = opened(Lama, LamaOptions(weights=str(script))).infer(photo, mask)
     assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
     assert (filled[~mask] == photo[~mask]).all()
+
+
+def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
+    path = tmp_path / "big-lama.pt"
+    path.write_bytes(b"nothing")
+    with pytest.raises(BackendError, match="as TorchScript"):
+        Lama(LamaOptions(weights=str(path))).load()
 
 
 @pytest.mark.parametrize("size", [(300, 400), (1400, 900), (97, 131)])
@@ -156,11 +169,48 @@ def test_far_holes_have_crops_of_their_own():
         assert y1 - y0 == x1 - x0 == 600
 
 
+def test_near_holes_share_a_crop():
+    hole = np.zeros((900, 1600), bool)
+    hole[200:500, 100:200] = hole[200:500, 230:330] = True
+    assert len(holes.hole_crops(hole, 2.0, 512)) == 1
+
+
+def test_many_specks_have_few_crops():
+    hole = np.zeros((3000, 3000), bool)
+    hole[::250, ::250] = True
+    assert 1 <= len(holes.hole_crops(hole, 2.0, 64)) <= holes.MOST_CROPS
+
+
 def test_a_crop_shows_more_than_hole():
     hole = np.zeros((400, 2000), bool)
     hole[:, 500:1500] = True
     ((_, (y0, y1, x0, x1)),) = holes.hole_crops(hole, 1.01, 64)
     assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
+
+
+BACKENDS = {"mi-gan": MiGan, "lama": Lama}
+
+
+@pytest.fixture(params=BACKENDS)
+def either(request, pipeline, lama):
+    path = {"mi-gan": pipeline, "lama": lama()}[request.param]
+    return opened(BACKENDS[request.param], BACKENDS[request.param].Options(weights=str(path)))
+
+
+def test_an_empty_mask_changes_nothing(either, photo):
+    answer = either.infer(photo, np.zeros(photo.shape[:2], bool))
+    assert (answer == photo).all()
+    assert answer is not photo
+
+
+def test_a_full_mask_is_refused(either, photo):
+    with pytest.raises(BackendError, match="covers the whole image, which leaves nothing to fill it from"):
+        either.infer(photo, np.ones(photo.shape[:2], bool))
+
+
+def test_a_mask_of_another_size_is_refused(either, photo):
+    with pytest.raises(BackendError, match=r"\(H, W\) = \(90, 130\), got \(130, 90\): resize it first"):
+        either.infer(photo, np.zeros((130, 90), bool))
 
 
 class Painter:

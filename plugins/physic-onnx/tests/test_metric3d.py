@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, preprocess
 from physic_testing import check_backend
@@ -62,6 +63,9 @@ class TestContract:
         np.testing.assert_allclose(answer.depth, image[..., channel] / 10 * (500 * 2 / 1000), rtol=0.03)
         assert answer.intrinsics.fx == 500.0
 
+    def test_normals_are_left_alone(self, contract_graph):
+        loaded(contract_graph(normals=True)).infer(ramp(308, 532), hints(500.0, 532, 308))
+
     def test_canvas_of_a_free_file_can_be_chosen(self, contract_graph, told_network):
         seen = []
         network = told_network(
@@ -76,6 +80,19 @@ class TestContract:
         assert seen == [(1, 3, 1064, 616)]
         with pytest.raises(ValueError, match="multiple of 28"):
             Metric3dOptions(height=600)
+
+    def test_far_away_is_not_known(self, contract_graph):
+        depth = loaded(contract_graph(), farthest=15.0).infer(ramp(308, 532), hints(500.0, 532, 308)).depth
+        assert np.isnan(depth[:, -50:]).all()
+        assert np.nanmax(depth) <= 15.0
+
+    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph):
+        with pytest.raises(BackendError) as refusal:
+            loaded(contract_graph()).infer(ramp(308, 532), Hints())
+        assert str(refusal.value) == (
+            "Metric3D gives metres only for a known focal length, and none is known: "
+            "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
+        )
 
 
 def test_canvas_is_padded_with_the_mean_round_the_middle():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
@@ -98,6 +99,26 @@ class TestContract:
         image = np.full((20, 30, 3), 90, np.uint8)
         assert self.raw(contract_graph(mask=0.51), image).mask.all()
         assert not self.raw(contract_graph("other.onnx", mask=0.5), image).mask.any()
+
+    def test_half_precision_file_is_fed_half_precision(self, graph, node, tmp_path):
+        half = {name: ("float16", shape) for name, (_, shape) in outputs_called("scale").items()}
+        nodes = [
+            node("Transpose", ["image"], ["points"], perm=[0, 2, 3, 1]),
+            node("Identity", ["points"], ["normal"]),
+            node("ReduceMax", ["image"], ["mask"], axes=[1], keepdims=0),
+            node("Cast", ["num_tokens"], ["count"], to=10),
+            node("Reshape", ["count", "one"], ["scale"]),
+        ]
+        inputs = {"image": ("float16", IMAGE_IN[1]), "num_tokens": TOKENS_IN}
+        path = graph(tmp_path / "half.onnx", inputs, half, nodes, {"one": np.array([1], np.int64)})
+        raw = self.raw(str(path), np.full((20, 30, 3), 255, np.uint8))
+        assert raw.points.dtype == np.float32
+        np.testing.assert_allclose(raw.points, 1)
+
+    def test_file_for_photos_of_one_size_is_refused(self, contract_graph):
+        fixed = {"image": ("float32", (1, 3, 518, 518)), "num_tokens": TOKENS_IN}
+        with pytest.raises(BackendError, match="exported for photos of one size"):
+            Moge2Depth(MogeOptions(weights=contract_graph(inputs=fixed))).load()
 
 
 @pytest.fixture
@@ -268,6 +289,13 @@ class TestWorld:
         assert (fed["image"].shape, fed["image"].dtype) == ((1, 3, 240, 320), np.float32)
         assert (fed["num_tokens"].shape, fed["num_tokens"].dtype, int(fed["num_tokens"])) == ((), np.int64, 2000)
 
+    def test_given_camera_is_used_and_the_shift_found_for_it(self, loaded):
+        world = build_world("stand", 0, (320, 240))
+        given = replace(world.intrinsics, source="EXIF")
+        found = loaded(Moge2Pointmap).infer(world.image, Hints(intrinsics=given))
+        np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+        assert found.intrinsics == given
+
     def test_points_lie_on_the_rays_of_a_given_camera_even_if_it_is_wrong(self, loaded):
         world = build_world("stand", 0, (320, 240))
         wrong = replace(world.intrinsics, fx=500.0, fy=450.0, cx=140.0, cy=125.0)
@@ -339,11 +367,21 @@ class TestOddAnswers:
         np.testing.assert_allclose(found.points[..., 2], 2, rtol=1e-6)
         assert found.notes == ("MoGe-2 ran on CPU",)
 
+    def test_photo_of_nothing_but_sky_is_refused(self, answering, wall):
+        backend, photo = answering(Moge2Depth, wall, mask=0.1)
+        with pytest.raises(BackendError, match="0 valid points of 80 x 60"):
+            backend.infer(photo, Hints())
+
     @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
     def test_a_scale_that_is_not_a_positive_number_is_refused(self, answering, wall, scale):
         backend, photo = answering(Moge2Depth, wall, scale=scale)
         with pytest.raises(BackendError, match="returned a scale of"):
             backend.infer(photo, Hints())
+
+    def test_answer_of_another_size_is_refused(self, answering, wall):
+        backend, photo = answering(Moge2Depth, wall)
+        with pytest.raises(BackendError, match=r"returned points \(1, 60, 80, 3\) .* for 40 x 30 px"):
+            backend.infer(photo[::2, ::2].copy(), Hints())
 
 
 @pytest.mark.parametrize(
@@ -357,3 +395,11 @@ class TestOddAnswers:
 )
 def test_photo_is_reduced_to_the_pixels_of_its_patches_and_never_enlarged(size, tokens, seen):
     assert network_input_size(*size, tokens) == seen
+
+
+def test_tokens_are_those_of_the_training():
+    """Of other numbers the network knows nothing, and answers all the same."""
+    for tokens in (1199, 3601):
+        with pytest.raises(ValidationError, match=r"1200|3600"):
+            MogeOptions(tokens=tokens)
+    assert [MogeOptions(tokens=n).tokens for n in (1200, 3600)] == [1200, 3600]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.types import Hints
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, MogeOptions
+from physic_onnx.moge_network import SharedMoge, shared_moge
 
 HEIGHT, WIDTH = 48, 64
 INPUTS = {"image": ("float32", ("b", 3, "h", "w")), "num_tokens": ("int64", ())}
@@ -102,6 +105,16 @@ def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, ph
     depth.close()
 
 
+def test_two_photos_are_kept(network, opened, photos):
+    _, depth = backends()
+    depth.runner.open(depth, "file", opened)
+    for photo in (*photos, photos[2], photos[1]):
+        depth.infer(photo, Hints())
+    assert network.runs == 3
+    depth.infer(photos[0], Hints())
+    assert network.runs == 4
+
+
 def test_outputs_for_another_count_of_tokens_are_not_shared(network, opened, photos):
     coarse, _ = backends(tokens=1200)
     _, fine = backends(tokens=3600)
@@ -119,6 +132,18 @@ def test_another_file_or_device_is_another_network(network, opened, photos):
     pointmap.infer(photos[0], Hints())
     depth.infer(photos[0], Hints())
     assert (network.runs, len(opened.count)) == (2, 2)
+
+
+def test_other_settings_are_not_shared():
+    assert shared_moge("a", "cpu", 2) is not shared_moge("a", "cpu", 3)
+
+
+def test_photo_of_the_same_bytes_and_another_shape_is_another_photo(network, opened, photos):
+    _, depth = backends()
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    depth.infer(photos[0].reshape(WIDTH, HEIGHT, 3), Hints())
+    assert network.runs == 2
 
 
 def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
@@ -140,3 +165,13 @@ def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
         thread.join()
     assert not errors
     assert network.runs == 1
+
+
+def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
+    pointmap, depth = backends()
+    runner: weakref.ref[SharedMoge] = weakref.ref(depth.runner)
+    depth.runner.open(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    del pointmap, depth
+    gc.collect()
+    assert runner() is None

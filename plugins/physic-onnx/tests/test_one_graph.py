@@ -7,11 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics
+from physic_core.weights import read_manifest
+from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
+from physic_onnx.depth_anything_3 import DepthAnything3
 from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map, squeeze_number
+from physic_onnx.depth_pro import DepthPro
 from physic_onnx.metric3d import Metric3d, Metric3dOptions
-from physic_onnx.one_graph import find_graph_file
+from physic_onnx.one_graph import MANIFEST, find_graph_file
+
+ADAPTERS = (DepthPro, DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
 
 
 @pytest.fixture
@@ -25,6 +31,10 @@ def depth_file(graph, node, tmp_path) -> Path:
 
 
 class TestFile:
+    @pytest.mark.parametrize("adapter", ADAPTERS)
+    def test_default_weights_are_in_the_manifest(self, adapter):
+        assert adapter.Options().weights in read_manifest(MANIFEST)
+
     def test_a_folder_with_one_graph_is_taken_as_that_graph(self, depth_file):
         (depth_file.parent / "notes.txt").write_text("mine")
         assert find_graph_file(str(depth_file.parent)) == depth_file
@@ -58,6 +68,17 @@ class TestLife:
         assert depth.dtype == np.float32
         np.testing.assert_allclose(depth, np.arange(50, 162)[None, :] * np.ones((56, 1)) / 10, rtol=1e-3)
 
+    def test_may_be_loaded_and_closed_again(self, depth_file):
+        backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
+        for step in (backend.close, backend.load, backend.load, backend.close, backend.close):
+            step()
+        with pytest.raises(BackendError, match=r"Metric3d is not loaded: call load\(\)"):
+            backend.infer(np.zeros((56, 112, 3), np.uint8), Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56)))
+
+    def test_missing_device_is_refused(self, depth_file):
+        with pytest.raises(DeviceError):
+            Metric3d(Metric3dOptions(weights=str(depth_file))).load("cuda:99")
+
 
 class TestMaps:
     @pytest.mark.parametrize("shape", [(2, 3), (1, 2, 3), (1, 1, 2, 3), (1, 2, 3, 1), (1, 1, 1, 2, 3)])
@@ -76,6 +97,13 @@ class TestMaps:
     def test_a_constant_map_is_refused(self, values, words):
         with pytest.raises(BackendError, match=words):
             squeeze_map(values, "depth", "file")
+
+    def test_flat_map_may_be_an_answer(self):
+        assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
+
+    @pytest.mark.parametrize("values", [np.array(3.0), np.array([3.0]), np.array([[3.0]])])
+    def test_number_comes_in_any_rank(self, values):
+        assert squeeze_number(values, "focal", "file") == 3.0
 
     @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
     def test_number_is_above_0(self, value):

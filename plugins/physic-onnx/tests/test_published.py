@@ -13,16 +13,23 @@ import sys
 import tarfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from physic_core import Reconstruction, load_backend
 from physic_core.adapters.detections import Detections
+from physic_core.cli import main
 from physic_core.weights import missing, read_manifest
+from physic_onnx.migan import MiGan, MiGanOptions
 from physic_onnx.one_graph import MANIFEST
 from physic_onnx.options import OnnxOptions
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
-from physic_testing import build_world
+from physic_testing import build_world, check_backend
+
+PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 
 
 def needs(name):
@@ -117,8 +124,68 @@ class TestSam2:
             assert world.floor_mask[floor].mean() > 0.7
 
 
+class TestFromPhotoToFiles:
+    """SAM 2 with the people of the embedded segmenter, and MI-GAN: all weights are of package registries."""
+
+    pytestmark = needs("sam2-hiera-tiny") + needs("mi-gan")
+
+    def test_the_masks_are_those_of_sam_2_and_the_rest_is_kept(self):
+        photo = cv2.cvtColor(cv2.imread(str(PHOTO.with_name("couple.jpg"))), cv2.COLOR_BGR2RGB)
+        names = ({"name": "embedded"}, {"name": "sam2-onnx", "weights": "sam2-hiera-tiny", "detector": "embedded"})
+        own, sam = (load_backend("segmenter", options.pop("name"), **options)(photo) for options in names)
+        assert len(own) == len(sam) == 2
+        both, either = (own.masks & sam.masks).sum((1, 2)), (own.masks | sam.masks).sum((1, 2))
+        assert ((both / either > 0.8) & (both < either)).all()
+        assert sam.keypoints.joint_set.name == own.keypoints.joint_set.name
+        assert sam.surfaces is not None
+        assert not (sam.floor & sam.masks.any(0)).any()
+
+    def test_a_run_writes_its_files(self, tmp_path):
+        settings = [
+            "segmenter.backend=sam2-onnx", "segmenter.options.weights=sam2-hiera-tiny",
+            "segmenter.options.detector=embedded", "inpainter.backend=mi-gan-onnx",
+        ]  # fmt: skip
+        sets = [word for setting in settings for word in ("--set", setting)]
+        photo, out = str(PHOTO.with_name("couple.jpg")), str(tmp_path / "out")
+        done = CliRunner().invoke(main, ["run", photo, "-o", out, "--no-report", *sets])
+        assert done.exit_code == 0, done.output
+        found = Reconstruction.load(out)
+        assert len(found.people) == 2
+        used = {s.provenance.interface: s.provenance.backend for s in found.stages if s.provenance}
+        assert (used["segmenter"], used["inpainter"]) == ("sam2-onnx", "mi-gan-onnx")
+
+
 def test_the_embedded_detector_needs_its_plugin(monkeypatch):
     backend = Sam2(Sam2Options(detector="embedded"))
     assert not any("embedded" in text for text in backend.missing())
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-onnx")
     assert any("physic-embedded" in text for text in backend.missing())
+
+
+class TestMiGan:
+    pytestmark = needs("mi-gan")
+
+    def test_conformance(self):
+        check_backend(MiGan, options={"threads": 1}).raise_if_failed()
+
+    def test_the_mask_is_0_in_the_hole(self):
+        """A hole in an even wall is filled with the wall; told the other way round, the red in it would stay."""
+        photo = np.full((300, 400, 3), (180, 170, 160), np.uint8)
+        mask = np.zeros((300, 400), bool)
+        mask[100:200, 150:220] = True
+        photo[mask] = 255, 0, 0
+        backend = MiGan(MiGanOptions())
+        backend.load()
+        filled = backend.infer(photo, mask)
+        assert np.abs(filled[mask].mean(0) - (180, 170, 160)).max() < 25
+        assert (filled[~mask] == photo[~mask]).all()
+
+    def test_a_person_removed_from_a_photo_is_gone(self):
+        photo = cv2.cvtColor(cv2.imread(str(PHOTO)), cv2.COLOR_BGR2RGB)
+        mask = np.zeros(photo.shape[:2], bool)
+        mask[photo.shape[0] // 4 : photo.shape[0] // 2, photo.shape[1] // 3 : photo.shape[1] // 2] = True
+        backend = MiGan(MiGanOptions())
+        backend.load()
+        filled = backend.infer(photo, mask)
+        assert (filled != photo).any(-1)[mask].mean() > 0.9
+        assert (filled[~mask] == photo[~mask]).all()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from physic_core.errors import BackendError
 from physic_core.types import People
 from physic_onnx.rtmo import Rtmo, assign_poses
 from physic_testing.conformance import check_backend
@@ -75,6 +76,17 @@ def test_no_pose_is_given_twice() -> None:
     assert assign_poses(boxes, np.array([[0.0, 0, 10, 12]]), 0.3).tolist() == [-1, 0]
     assert assign_poses(boxes, np.zeros((0, 4)), 0.3).tolist() == [-1, -1]
     assert assign_poses(boxes, np.array([[9.0, 9, 20, 20]]), 0.3).tolist() == [-1, -1]
+
+
+def test_weak_poses_are_nobodys(rtmo: Any) -> None:
+    photo = np.zeros((240, 320, 3), np.uint8)
+    backend = rtmo([[0, 0, 640, 480]], scores=(0.05,))
+    assert (backend.infer(photo, people((0, 0, 320, 240))).confidence == 0).all()
+
+
+def test_another_joint_set_is_refused(rtmo: Any) -> None:
+    with pytest.raises(BackendError, match="returns 14 joints, and RTMO's 17 of COCO were expected"):
+        rtmo([[0, 0, 640, 480]], count=14)
 
 
 def told_rtmo(told: Any, told_network: Any) -> type:

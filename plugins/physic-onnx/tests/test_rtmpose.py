@@ -104,6 +104,21 @@ def test_bins_become_pixels_of_the_photo_by_mmposes_formula(tmp_path: Path, grap
     assert np.allclose(found.confidence, 0.7)  # the lower of the two
 
 
+def test_the_network_gets_rgb_unless_bgr_is_chosen(rtmpose: Any) -> None:
+    rgb = rtmpose().infer(blobs(PLACES), people(BOX)).points[0]
+    bgr = rtmpose(channels="bgr").infer(blobs(PLACES), people(BOX)).points[0]
+    assert np.abs(rgb[:3] - PLACES).max() < 2.5
+    assert np.abs(bgr[:3] - PLACES[::-1]).max() < 2.5
+
+
+def test_scores_above_one_are_cut_or_divided(rtmpose: Any) -> None:
+    grey = np.full((200, 260, 3), 255, np.uint8)
+    top = (1 - np.array([0.485, 0.456, 0.406])) / [0.229, 0.224, 0.225]
+    assert (rtmpose().infer(grey, people(BOX)).confidence == 1).all()
+    assert np.allclose(rtmpose(full_score=10.0).infer(grey, people(BOX)).confidence[0, :3], top / 10, atol=1e-5)
+    assert (rtmpose(scale=-1.0).infer(grey // 255 * 128 + 64, people(BOX)).confidence >= 0).all()
+
+
 @pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
 def test_the_number_of_joints_decides_the_joint_set(rtmpose: Any, count: int, skeleton: str) -> None:
     assert rtmpose(count=count).infer(blobs(PLACES), people(BOX)).skeleton == skeleton

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import onnx
 import pytest
@@ -319,6 +321,10 @@ def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
     assert not len(feet_positions(standing([(20, 100, 100, 160)])))
 
 
+def test_if_most_people_are_cut_off_no_feet_are_used():
+    assert not len(feet_positions(standing([(20, 20, 60, 160), (80, 60, 120, 200), (140, 60, 180, 200)])))
+
+
 def test_feet_are_ankles_where_they_are_known():
     points = np.zeros((1, 17, 2))
     points[0, [13, 14]], points[0, [15, 16]] = (40, 100), (40, 140)
@@ -449,6 +455,93 @@ def decode(signature):
 
 
 @pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """The library's own class, small and random, exported as transformers.js's files are."""
+    transformers = pytest.importorskip("transformers")
+    torch.manual_seed(0)
+    backbone = {
+        "model_type": "sam2_hiera_det_model", "hidden_size": 16, "num_attention_heads": 1,
+        "blocks_per_stage": [1, 1, 2, 1], "embed_dim_per_stage": [16, 32, 64, 128],
+        "num_attention_heads_per_stage": [1, 2, 4, 8], "global_attention_blocks": [3],
+    }  # fmt: skip
+    vision = {"backbone_config": backbone, "backbone_channel_list": [128, 64, 32, 16]}
+    model = transformers.Sam2Model(transformers.Sam2Config(vision_config=vision)).eval()
+
+    class Encoder(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.model = model
+
+        def forward(self, pixel_values):
+            return tuple(self.model.get_image_embeddings(pixel_values))
+
+    class Decoder(Encoder):
+        def forward(self, points, labels, boxes, *embeddings):
+            answer = self.model(
+                image_embeddings=list(embeddings), input_points=points, input_labels=labels, input_boxes=boxes,
+                multimask_output=True,
+            )  # fmt: skip
+            return answer.iou_scores, answer.pred_masks, answer.object_score_logits
+
+    folder = tmp_path_factory.mktemp("real")
+    inputs, outputs = DECODER["transformers.js"]
+    free = {"input_points": {1: "n", 2: "p"}, "input_labels": {1: "n", 2: "p"}, "input_boxes": {1: "boxes"}}
+    example = (torch.zeros(1, 2, 1, 2), -torch.ones(1, 2, 1, dtype=torch.int64), torch.ones(1, 2, 4))
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")
+        picture = torch.zeros(1, 3, 1024, 1024)
+        embeddings = tuple(model.get_image_embeddings(picture))
+        torch.onnx.export(
+            Encoder(), (picture,), str(folder / "vision_encoder.onnx"), input_names=["pixel_values"],
+            output_names=list(FEATURES["transformers.js"]), opset_version=17, dynamo=False,
+        )  # fmt: skip
+        torch.onnx.export(
+            Decoder(), (*example, *embeddings), str(folder / "prompt_encoder_mask_decoder.onnx"),
+            input_names=list(inputs), output_names=list(outputs), opset_version=17, dynamo=False,
+            dynamic_axes=free | {name: {1: "n"} for name in outputs},
+        )  # fmt: skip
+    return model, open_sam2(folder, OnnxOptions(threads=1), "cpu")
+
+
+def test_the_real_class_answers_boxes_the_same(real):
+    """The picture, the prompt and the network: against the library's class, asked with boxes as its users ask."""
+    model, networks = real
+    photo = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    boxes = np.array([[4.0, 6, 30, 40], [20, 3, 60, 47]])
+    encoded = networks.encode(photo)
+    logits, fits = networks.masks_from_boxes(encoded, boxes)
+    ends = [encoded.to_input_pixels(boxes[:, :2]), encoded.to_input_pixels(boxes[:, 2:] - 1)]
+    corners = np.stack(ends, 1).reshape(1, 2, 4)
+    with torch.no_grad():
+        theirs = model(
+            image_embeddings=[torch.tensor(f) for f in encoded.features],
+            input_boxes=torch.tensor(corners, dtype=torch.float32),
+            multimask_output=True,
+        )
+    assert logits == pytest.approx(theirs.pred_masks[0].numpy(), abs=1e-6)
+    assert fits == pytest.approx(theirs.iou_scores[0].numpy(), abs=1e-6)
+
+
+def test_the_real_class_answers_points_in_a_box_the_same(real):
+    model, networks = real
+    encoded = networks.encode(np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8))
+    inside, outside = np.array([[10.0, 20], [30, 40]]), np.array([[50.0, 5]])
+    logits, fits = networks.masks_from_points(encoded, inside, outside, np.array([0.0, 10, 64, 48]))
+    points = encoded.to_input_pixels(np.concatenate([inside, outside]))
+    corners = encoded.to_input_pixels(np.array([[0.0, 10], [63, 47]])).reshape(1, 1, 4)
+    with torch.no_grad():
+        theirs = model(
+            image_embeddings=[torch.tensor(f) for f in encoded.features],
+            input_points=torch.tensor(points[None, None], dtype=torch.float32),
+            input_labels=torch.tensor([[[1, 1, 0]]]),
+            input_boxes=torch.tensor(corners, dtype=torch.float32),
+            multimask_output=True,
+        )
+    assert logits == pytest.approx(theirs.pred_masks[0, 0].numpy(), abs=1e-6)
+    assert fits == pytest.approx(theirs.iou_scores[0, 0].numpy(), abs=1e-6)
+
+
+@pytest.fixture(scope="module")
 def sam2(told, told_network):
     def make(signature, detector):
         def attach(backend):
@@ -487,3 +580,12 @@ def test_people_and_floor_of_a_world(sam2, detector):
     assert (people.keypoints is not None) == (detector is rtmo)
     if people.keypoints is not None:
         assert people.keypoints.points == pytest.approx(world.keypoints["coco17"], abs=1e-3)
+
+
+def test_no_people_need_no_encoding(sam2):
+    backend = sam2("transformers.js", rt_detr)()
+    backend.load()
+    people = backend.infer(build_world("stand", 0, (320, 240)).empty_image)
+    assert len(people) == 0
+    assert people.floor is None
+    assert backend.encoder.runs == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from types import SimpleNamespace
 
 import numpy as np
@@ -182,6 +183,13 @@ class TestProviders:
         assert open_network(doubler(), OnnxOptions(), "cuda").provider == "CUDA"
         assert [name if isinstance(name, str) else name[0] for name in asked] == [CUDA, CPU]
 
+    def test_the_log_states_provider_and_version(self, doubler, caplog):
+        with caplog.at_level(logging.INFO, logger="physic_core.adapters.onnx_sessions"):
+            open_network(doubler(), OnnxOptions(), "cpu")
+        assert [record.getMessage() for record in caplog.records] == [
+            f"double.onnx runs on CPU, onnxruntime {onnxruntime.__version__}"
+        ]
+
 
 class TestFiles:
     def test_file_that_is_not_there(self, tmp_path):
@@ -193,6 +201,12 @@ class TestFiles:
         path = tmp_path / "page.onnx"
         path.write_bytes(content)
         with pytest.raises(BackendError, match=r"cannot open .*page.onnx with CPU.*`physic weights verify` reports"):
+            open_network(path, OnnxOptions(), "cpu")
+
+    def test_file_that_was_cut_short(self, doubler):
+        path = doubler()
+        path.write_bytes(path.read_bytes()[:-40])
+        with pytest.raises(BackendError, match="broken or cut short"):
             open_network(path, OnnxOptions(), "cpu")
 
     @pytest.mark.parametrize("location", ["model.onnx_data", "parts/weights.bin"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
 from physic_core.types import People
 from physic_onnx.vitpose import VitPose
@@ -118,6 +120,13 @@ def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(vitpose: Any,
     assert worst < 1.0  # read on the other grid, a foot is 10 px off
 
 
+def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
+    seen = blobs((200, 260), PLACES)
+    boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
+    found = vitpose().infer(seen, people(*boxes))
+    assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < 0.8
+
+
 @pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
 def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, skeleton: str) -> None:
     assert vitpose(count=count).infer(blobs((200, 260), PLACES), people(BOX)).skeleton == skeleton
@@ -130,6 +139,13 @@ def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose: Any, count: int,
     """The fake network adds the number of its expert to its heat maps."""
     black = np.zeros((200, 260, 3), np.uint8)  # -2.1 to -1.8 after the normalisation
     assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()
+
+
+def test_a_hand_is_refused(vitpose: Any) -> None:
+    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
+        vitpose(count=21)
+    with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
+        vitpose(count=21, stated=False)
 
 
 @pytest.mark.parametrize("batch", [1, "batch"])
@@ -196,3 +212,31 @@ def test_conformance(told_vitpose: Any, skeleton: str, count: int) -> None:
     print(report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["px"] < 1.0
+
+
+def test_the_huge_network_is_a_graph_with_its_tensors_beside_it(
+    vitpose: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import onnx
+
+    vitpose(count=133)
+    folder = tmp_path / "weights" / "vitpose-h-wholebody"
+    folder.mkdir(parents=True)
+    tensors = "vitpose_h_wholebody_data.bin"
+    onnx.save_model(
+        onnx.load(tmp_path / "net.onnx"),
+        folder / "vitpose_h_wholebody_model.onnx",
+        save_as_external_data=True,
+        location=tensors,
+        size_threshold=100,
+    )
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
+    # The file has the name of the published one, and other contents.
+    monkeypatch.setattr(sys.modules["physic_core.weights.locate"], "require_published", lambda path, file, advice: None)
+    backend = VitPose(VitPose.Options(weights="vitpose-h-wholebody"))
+    assert backend.missing() == ()
+    backend.load()
+    assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco_wholebody133"
+    (folder / tensors).unlink()
+    (told,) = backend.missing()
+    assert tensors in told

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
 from physic_onnx.wilor import MINI, ORIGINAL, Wilor
@@ -95,6 +96,15 @@ def test_colours_come_as_the_file_wants_them_and_left_hands_in_a_mirror(recorded
         assert np.abs(grey_levels(shown, signature) - crop_of_hand(IMAGE, box, not mirrored)).mean() > 5 * apart.mean()
 
 
+def test_swapping_channels_is_a_switch(recorded: Any) -> None:
+    shown = [
+        make[1]
+        for make in (recorded(), recorded(swap_channels=True))
+        if make[0].infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
+    ]
+    assert np.array_equal(shown[0][0], shown[1][0][..., ::-1])
+
+
 @pytest.mark.parametrize("matrices", [False, True])
 def test_left_hands_are_mirrored_back_and_come_first(recorded: Any, matrices: bool) -> None:
     found = recorded(ORIGINAL, matrices)[0].infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
@@ -113,6 +123,15 @@ def test_unsure_and_small_hands_are_left_out(recorded: Any) -> None:
     backend, fed = recorded()
     assert not backend.infer(IMAGE, PEOPLE, hands_at(tiny, tiny)).confidence.any()
     assert not fed  # the network is not even asked
+
+
+def test_another_number_of_joints_is_refused(told_network: Any) -> None:
+    backend = Wilor()
+    network = told_network({"image": PICTURES[MINI]}, {"hand_pose": ("float32", ("b", 16, 3))}, lambda *_: {})
+    network.run = lambda feed, outputs: [np.zeros((len(feed["image"]), 16, 3), np.float32)]
+    backend.bind(network)
+    with pytest.raises(BackendError, match="where 2 hands have 15 rotations each"):
+        backend.infer(IMAGE, PEOPLE, hands_at(LEFT, RIGHT))
 
 
 def turned_wrist(parameters: Any, row: int, side: int) -> np.ndarray:

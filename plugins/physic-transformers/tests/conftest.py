@@ -121,6 +121,28 @@ def sam3() -> Any:
     return Sam3Model(Sam3Config(**sam3_config()))
 
 
+def sam2_video() -> Any:
+    from transformers import Sam2VideoConfig, Sam2VideoModel
+
+    return Sam2VideoModel(
+        Sam2VideoConfig(
+            **sam2_config(),
+            image_size=128,
+            memory_attention_hidden_size=32,
+            memory_attention_num_layers=1,
+            memory_attention_num_attention_heads=1,
+            memory_attention_feed_forward_hidden_size=32,
+            memory_attention_rope_feat_sizes=[8, 8],
+            memory_encoder_hidden_size=32,
+            memory_encoder_output_channels=16,
+            mask_downsampler_embed_dim=32,
+            memory_fuser_num_layers=1,
+            memory_fuser_embed_dim=32,
+            memory_fuser_intermediate_dim=32,
+        )
+    )
+
+
 def sam3_video() -> Any:
     from transformers import Sam3VideoConfig, Sam3VideoModel
 

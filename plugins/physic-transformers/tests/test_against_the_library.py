@@ -14,12 +14,15 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.adapters.crops import crop_around_box, resample_crop
+from physic_core.adapters.patch_grid import input_size_least_scaling
+from physic_core.adapters.pictures import normalized_nchw
 from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
 from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
-from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
-from physic_transformers.sizes import size_from_edges
+from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2, Sapiens2Options
+from physic_transformers.sizes import size_from_edges, size_from_target
 from physic_transformers.vitpose import VitPose, VitPoseOptions
 
 if TYPE_CHECKING:
@@ -109,6 +112,28 @@ class TestDepthPro:
 
 
 class TestDepthAnything:
+    @pytest.mark.parametrize(("height", "width"), SIZES)
+    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
+        from transformers import DPTImageProcessorPil
+        from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
+
+        image = photo(height, width)
+        processor = DPTImageProcessorPil(
+            size={"height": 518, "width": 518}, ensure_multiple_of=14, keep_aspect_ratio=True, resample=3,
+            image_mean=IMAGENET_DEFAULT_MEAN, image_std=IMAGENET_DEFAULT_STD,
+        )  # fmt: skip
+        theirs = processor(images=image, return_tensors="np")["pixel_values"]
+        seen = []
+        backend = DepthAnythingMetric()
+        config = SimpleNamespace(patch_size=14, max_depth=20)
+        out = SimpleNamespace(predicted_depth=torch.ones(1, 14, 14))
+        backend._networks = {
+            "weights": SimpleNamespace(config=config, run=lambda pixel_values: seen.append(pixel_values) or out)  # type: ignore[dict-item, func-returns-value]
+        }
+        backend.infer(image, Hints())
+        assert seen[0].shape == theirs.shape == (1, 3, *input_size_least_scaling(height, width, 518))
+        np.testing.assert_allclose(seen[0], theirs, atol=2e-6)
+
     def test_the_complete_pipeline_equals_the_library(self, saved: Callable[..., Path]) -> None:
         from transformers import DepthAnythingForDepthEstimation, DPTImageProcessorPil
         from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
@@ -139,6 +164,17 @@ class TestZoeDepth:
         ours = zoedepth.preprocess(image)
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-5)
+
+    def test_sizes_are_those_of_the_library_everywhere(self) -> None:
+        from transformers.models.zoedepth.image_processing_pil_zoedepth import get_resize_output_image_size
+
+        rng = np.random.default_rng(0)
+        for height, width in rng.integers(64, 2000, (200, 2)).tolist():
+            if max(height, width) < 7 * min(height, width):
+                theirs = get_resize_output_image_size(
+                    np.empty((3, height, width), np.uint8), (384, 512), True, 32, "channels_first"
+                )
+                assert size_from_target(height, width, (384, 512), 32) == tuple(map(int, theirs))
 
     @pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (640, 300)])
     def test_the_frame_is_cut_off_as_the_library_does(self, height: int, width: int) -> None:
@@ -176,6 +212,19 @@ def functions_of_sapiens2() -> dict[str, Any]:
 
 
 class TestSapiens2:
+    def test_the_crop_is_that_of_the_library(self) -> None:
+        library = functions_of_sapiens2()
+        image = photo(240, 320)
+        corners = np.array([40.0, 30.0, 150.0, 220.0])
+        boxes = torch.tensor([[39.5 + 55, 29.5 + 95, 110.0, 190.0]])  # middle and sides, from the edges of pixels
+        theirs = library["crop_and_resize"](torch.from_numpy(image).permute(2, 0, 1).float(), boxes, (256, 192))[0]
+        ours = resample_crop(image, crop_around_box(corners, 192, 256, grid="corners"))
+        inside = theirs.numpy()[:, 2:-2, 2:-2].transpose(1, 2, 0)
+        # The library enlarges by cubic interpolation, we by linear one.
+        assert np.abs(ours[2:-2, 2:-2] - inside).mean() < 6
+        shifted = np.abs(ours[2:-2, 3:-1] - inside).mean()
+        assert shifted > 2 * np.abs(ours[2:-2, 2:-2] - inside).mean()
+
     def test_points_are_those_of_the_library(self) -> None:
         library = functions_of_sapiens2()
         rng = np.random.default_rng(5)
@@ -220,6 +269,13 @@ class TestSapiens2:
             sapiens += [f"{side}_{finger}{4 - k}" for finger in fingers for k in range(4)] + [f"{side}_wrist"]
         assert {whole: sapiens[own] for whole, own in KEYPOINT_OF_WHOLEBODY.items()} == coco
 
+    def test_the_network_runs_from_a_folder(self, saved: Callable[..., Path]) -> None:
+        world = build_world("group", 1, (320, 240))
+        backend = Sapiens2(Sapiens2Options(weights=str(saved("sapiens2")), batch=2))
+        backend.load()
+        found = backend(world.image, People(world.masks, world.boxes, np.linspace(0.9, 0.8, len(world.masks))))
+        assert found.points.shape == (len(world.masks), 133, 2)
+
 
 class TestVitPose:
     @pytest.mark.parametrize("experts", [1, 6])
@@ -252,3 +308,39 @@ class TestVitPose:
         points = np.stack([person["keypoints"].numpy() for person in theirs])
         near = np.abs(points - ours.points).max(-1)
         assert np.median(near) < 1.0
+
+    def test_the_crop_is_that_of_the_library(self) -> None:
+        from transformers import VitPoseImageProcessorPil
+
+        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
+
+        image, box = photo(240, 320), np.array([40.0, 30.0, 150.0, 220.0])
+        theirs = VitPoseImageProcessorPil()(image, boxes=[[[39.5, 29.5, 110, 190]]], return_tensors="np")[
+            "pixel_values"
+        ]
+        ours = normalized_nchw(
+            resample_crop(image, crop_around_box(box, 192, 256, grid="corners")), IMAGENET_MEAN, IMAGENET_STD
+        )
+        # OpenCV places a pixel to 1/32 of one.
+        assert np.abs(ours - theirs).mean() < 0.03
+
+    def test_points_are_those_of_the_library(self) -> None:
+        from transformers import VitPoseImageProcessorPil
+
+        rng = np.random.default_rng(5)
+        cells = rng.uniform([4, 4], [43, 59], (2, 17, 2))
+        rows, columns = np.mgrid[:64, :48]
+        heat = np.exp(
+            -((columns - cells[..., 0, None, None]) ** 2 + (rows - cells[..., 1, None, None]) ** 2) / 8
+        ) * rng.uniform(0.3, 0.9, (2, 17, 1, 1))
+        corners = np.array([[40.0, 30, 150, 220], [160, 20, 300, 90]])
+        boxes = np.concatenate([corners[:, :2] - 0.5, corners[:, 2:] - corners[:, :2]], 1)
+        out = SimpleNamespace(heatmaps=torch.from_numpy(heat.astype(np.float32)))
+        (theirs,) = VitPoseImageProcessorPil().post_process_pose_estimation(out, boxes=[boxes.tolist()])
+        backend = VitPose()
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=1), num_labels=17)
+        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
+        people = People(np.ones((2, 240, 320), bool), corners, np.array([0.9, 0.8]))
+        ours = backend.infer(photo(240, 320), people)
+        for person, points in zip(theirs, ours.points, strict=True):
+            np.testing.assert_allclose(points, person["keypoints"].numpy(), atol=0.05)

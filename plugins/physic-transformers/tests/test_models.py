@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from physic_core import weights
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints
+from physic_transformers import models
 from physic_transformers.depth_anything import (
     DepthAnythingMetric,
     DepthAnythingRelative,
@@ -19,10 +21,18 @@ from physic_transformers.depth_anything import (
     RelativeOptions,
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
-from physic_transformers.grounded_sam2 import GroundedSam2
+from physic_transformers.eomt import Eomt, EomtOptions
+from physic_transformers.folders import MANIFEST
+from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
+from physic_transformers.sam3 import Sam3, Sam3Options
+from physic_transformers.vitpose import VitPose
+from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro, DepthAnythingMetric, DepthAnythingRelative, ZoeDepth, VitPose)
+DEPTH = models.ModelSpec("weights", "DepthAnythingForDepthEstimation", ("depth_anything",))
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
@@ -68,6 +78,14 @@ def test_a_model_is_found_by_its_name_in_the_cache_of_the_hub(saved: Callable[..
     DepthAnythingMetric().load()
 
 
+def test_a_model_is_found_by_its_repository_in_the_cache_of_the_hub(saved: Callable[..., Path], tmp_path: Path) -> None:
+    in_hub_cache(saved("depth_anything"), tmp_path / "hub", "somebody/finetuned.v2")
+    backend = DepthAnythingMetric(MetricOptions(weights="somebody/finetuned.v2"))
+    assert backend.missing() == ()
+    assert backend.fingerprint() == "somebody/finetuned.v2@0123abcd"
+    backend.load()
+
+
 def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
     backend = DepthAnythingMetric(MetricOptions(weights="somebody/finetuned"))
     told = (
@@ -81,9 +99,39 @@ def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
     assert str(error.value) == told
 
 
+def test_a_repository_of_the_list_is_called_by_its_name_in_the_list() -> None:
+    backend = Sam3(Sam3Options(weights="facebook/sam3"))
+    assert "run `physic weights fetch sam3-hf` first" in backend.missing()[0]
+
+
 def test_every_missing_network_of_a_backend_is_named() -> None:
     told = GroundedSam2().missing()
     assert [text.split("'")[1] for text in told] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
+
+
+def test_a_gated_model_is_reported_as_gated() -> None:
+    (told,) = Sam3().missing()
+    assert "`physic weights fetch sam3-hf --accept-licence` (an account with access" in told
+
+
+def test_a_folder_without_the_files_is_missing_them(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    backend = Sam3(Sam3Options(weights=str(tmp_path / "empty")))
+    assert [text.partition(" has no ")[2].partition(":")[0] for text in backend.missing()] == [
+        "config.json",
+        "model.safetensors or model.safetensors.index.json",
+        "tokenizer.json or vocab.txt",
+    ]
+
+
+@pytest.mark.parametrize("kind", BACKENDS)
+def test_every_default_is_in_the_list_of_weights(kind: Any) -> None:
+    known = weights.read_manifest(MANIFEST)
+    backend = kind()
+    for spec in kind.specs:
+        files = {file.path for file in known[getattr(backend.options, spec.option)].files}
+        assert {"config.json", "model.safetensors"} <= files
+        assert ("tokenizer.json" in files) == spec.needs_tokenizer
 
 
 def test_a_model_of_another_type_is_refused(saved: Callable[..., Path]) -> None:
@@ -120,6 +168,13 @@ def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_pat
         DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
 
 
+def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(saved("depth_anything"), tmp_path / "broken"))
+    (folder / "config.json").write_text("[]")
+    with pytest.raises(BackendError, match=r"config\.json cannot be read"):
+        DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
+
+
 def test_metric_weights_are_refused_for_relative_depth(saved: Callable[..., Path]) -> None:
     with pytest.raises(BackendError, match="are metric, expected relative ones: they are for the metric_depth"):
         DepthAnythingRelative(RelativeOptions(weights=str(saved("depth_anything", "metric")))).load()
@@ -127,9 +182,61 @@ def test_metric_weights_are_refused_for_relative_depth(saved: Callable[..., Path
         DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything", "relative")))).load()
 
 
+def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]) -> None:
+    with pytest.raises(BackendError, match=r"this EoMT knows 5 classes .* expected the 133 of COCO panoptic"):
+        Eomt(EomtOptions(weights=str(saved("eomt", 5)))).load()
+
+
+def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
+    folder = str(saved("depth_anything"))
+    with pytest.raises(DeviceError, match="'float16' needs a GPU"):
+        DepthAnythingMetric(MetricOptions(weights=folder, dtype="float16")).load()
+    backend = DepthAnythingMetric(MetricOptions(weights=folder, dtype="bfloat16"))
+    backend.load()
+    assert backend.network()._model.dtype.itemsize == 2
+    assert backend.infer(GREY, Hints()).depth.dtype == np.float32
+
+
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_read() -> None:
     with pytest.raises(DeviceError):
         DepthPro().load("cuda:99")
+
+
+def test_a_backend_that_is_not_loaded_is_an_error() -> None:
+    with pytest.raises(BackendError) as error:
+        DepthPro().infer(GREY, Hints())
+    assert str(error.value) == "DepthPro is not loaded: call load() before infer()"
+
+
+def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> None:
+    import torch
+
+    before = torch.get_num_threads()
+    backend = DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything")), threads=before + 1))
+    backend.load()
+    seen = []
+    backend.network()._model.register_forward_hook(lambda *_: seen.append(torch.get_num_threads()))
+    backend.infer(GREY, Hints())
+    assert seen == [before + 1]
+    assert torch.get_num_threads() == before
+
+
+def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
+    saved: Callable[..., Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    import torch
+    from transformers.utils import logging
+
+    bars, level = logging.is_progress_bar_enabled(), logging.get_verbosity()
+    options = GroundedSam2Options(detector=str(saved("grounding_dino")), masks=str(saved("sam2_video")))
+    backend = GroundedSam2(options)
+    capfd.readouterr()
+    backend.load()
+    backend.infer(GREY)
+    assert capfd.readouterr() == ("", "")
+    assert (logging.is_progress_bar_enabled(), logging.get_verbosity()) == (bars, level)
+    assert not backend.network("masks")._model.training
+    assert torch.is_grad_enabled()
 
 
 def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
@@ -141,3 +248,35 @@ def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
     assert prints[0] == prints[1] != ""
     (copy / "config.json").write_text((copy / "config.json").read_text() + "\n")
     assert DepthAnythingMetric(MetricOptions(weights=str(copy))).fingerprint() != prints[0]
+
+
+class TestPublishedLayouts:
+    """The repositories of SAM 2.1 and SAM 3 hold the models for videos, of which those for photos are a spec."""
+
+    def test_sam_2_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
+        folder = saved("sam2_video")
+        assert json.loads((folder / "config.json").read_text())["model_type"] == "sam2_video"
+        spec = models.ModelSpec("masks", "Sam2Model", ("sam2", "sam2_video"))
+        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
+        from safetensors.numpy import load_file
+
+        published = load_file(folder / "model.safetensors")
+        own = network._model.state_dict()
+        assert set(own) < set(published)
+        for name, tensor in own.items():
+            np.testing.assert_array_equal(tensor.numpy(), published[name])
+
+    def test_sam_3_is_read_from_the_model_for_videos(self, saved: Callable[..., Path]) -> None:
+        folder = saved("sam3_video")
+        assert json.loads((folder / "config.json").read_text())["model_type"] == "sam3_video"
+        spec = models.ModelSpec("weights", "Sam3Model", ("sam3", "sam3_video"))
+        network = models.open_network(spec, str(folder), models.ModelOptions(), "cpu")
+        from safetensors.numpy import load_file
+
+        published = load_file(folder / "model.safetensors")
+        for name, tensor in network._model.state_dict().items():
+            np.testing.assert_array_equal(tensor.numpy(), published[f"detector_model.{name}"])
+        backend = Sam3(Sam3Options(weights=str(folder), person_score=0))
+        assert backend.missing() == ()
+        backend.load()
+        backend.infer(GREY)

@@ -24,7 +24,7 @@ from physic_transformers.depth_anything import (
 )
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions, class_names
-from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, format_prompt
+from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
 from physic_transformers.models import Network
 from physic_transformers.sam3 import Sam3, Sam3Options
 from physic_transformers.vitpose import VitPose, VitPoseOptions
@@ -138,9 +138,20 @@ class TestDepthPro:
         np.testing.assert_allclose(answer.depth, 1 / (0.5 * 100 / 50), rtol=1e-5)
         assert answer.notes == ("focal length 50 px from DepthPro",)
 
+    def test_a_known_focal_length_scales_the_depth(self) -> None:
+        known = Intrinsics.from_focal(200.0, 100, 60, "EXIF")
+        answer = self.asked(0.5, 90.0, Hints(intrinsics=known))
+        np.testing.assert_allclose(answer.depth, 4.0, rtol=1e-5)
+        assert answer.intrinsics == known
+        assert answer.notes == ("DepthPro took the focal length for 50 px; its depth is scaled to 200 px",)
+
     def test_a_focal_length_that_is_a_guess_gives_way_to_its_own(self) -> None:
         guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
         np.testing.assert_allclose(self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5)
+
+    def test_its_own_focal_length_can_be_insisted_on(self) -> None:
+        known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
+        np.testing.assert_allclose(self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5)
 
     def test_depth_is_never_left_unscaled_without_an_angle(self) -> None:
         with pytest.raises(BackendError, match="does not tell the focal length"):
@@ -148,6 +159,10 @@ class TestDepthPro:
         np.testing.assert_allclose(
             self.asked(0.5, None, Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))).depth, 4.0, rtol=1e-5
         )
+
+    def test_the_camera_of_a_photo_of_another_size_is_resized(self) -> None:
+        known = Intrinsics.from_focal(400.0, 200, 120)
+        assert self.asked(0.5, 90.0, Hints(intrinsics=known)).intrinsics == known.resized(100, 60)
 
     @pytest.mark.parametrize(
         ("there", "side", "options", "refused"),
@@ -167,6 +182,9 @@ class TestDepthPro:
             backend.load()
         with pytest.raises(BackendError, match="call load"):
             backend.network()
+
+    def test_the_sky_is_not_known(self) -> None:
+        assert np.isnan(self.asked(0.0, 90.0).depth).all()
 
 
 class TestDepthAnything:
@@ -223,6 +241,11 @@ class TestGroundedSam2:
         assert format_prompt(" A Person") == "a person."
         assert format_prompt("person.") == "person."
 
+    def test_the_first_token_is_no_word(self) -> None:
+        found = decode_text_boxes(np.array([[3.0, -9, -9]]), np.full((1, 4), 0.5), 0.3, 0.25)
+        assert len(found.scores) == 1
+        assert found.tokens == ((),)
+
     def test_people_are_surer_than_the_floor_and_prompts_are_pixels_of_the_square(self) -> None:
         people = self.found((0.9, [0.25, 0.5, 0.3, 0.8]), (0.4, [0.75, 0.5, 0.2, 0.8]))
         floor = self.found((0.35, [0.5, 0.9, 1.0, 0.2]), (0.5, [0.5, 0.75, 0.2, 0.5]), (0.2, [0.1, 0.1, 0.1, 0.1]))
@@ -243,6 +266,23 @@ class TestGroundedSam2:
         assert answer.floor[35, 50], "and the other: the floor is all of them"
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
+
+    def test_no_people_and_no_floor_need_no_masks(self) -> None:
+        answer, _, sam = self.run(self.NOTHING, self.NOTHING, [])
+        assert len(answer) == 0
+        assert answer.floor is not None
+        assert not answer.floor.any()
+        assert sam.asked == []
+
+    def test_without_floor_words_no_floor_is_searched(self) -> None:
+        answer, detector, _ = self.run(self.NOTHING, self.NOTHING, [], floor_words="")
+        assert answer.floor is None
+        assert len(detector.asked) == 1
+
+    def test_one_person_found_twice_is_one(self) -> None:
+        people = self.found((0.9, [0.3, 0.5, 0.4, 0.8]), (0.8, [0.3, 0.5, 0.42, 0.8]))
+        answer, *_ = self.run(people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))])
+        assert len(answer) == 1
 
     def test_prompts_keep_their_fractions_in_bfloat16(self) -> None:
         class Model:
@@ -328,6 +368,9 @@ class TestEomt:
             "rug-merged",
         )
 
+    def test_named_classes_are_taken_in_the_order_of_their_numbers(self) -> None:
+        assert class_names({"10": "ten", "2": "person"}) == ("person", "ten")
+
 
 class TestVitPose:
     PEOPLE = People(np.ones((3, 60, 100), bool), np.array([[10.0, 5, 30, 55]] * 3), np.ones(3))
@@ -351,6 +394,13 @@ class TestVitPose:
         for (_, inputs), count in zip(network.asked, (2, 1), strict=True):
             assert inputs["dataset_index"].dtype == np.int64
             assert inputs["dataset_index"].tolist() == [expert] * count
+
+    def test_models_without_experts_are_not(self) -> None:
+        assert all("dataset_index" not in inputs for _, inputs in self.run(1).asked)
+
+    def test_an_expert_that_is_not_there_is_refused(self) -> None:
+        with pytest.raises(BackendError, match="these weights have 6 experts, 0 to 5"):
+            self.run(6, dataset_index=6)
 
     @pytest.mark.parametrize(
         ("joints", "experts", "dataset", "ends"),
@@ -387,3 +437,9 @@ class TestVitPose:
         found = given(VitPose(VitPoseOptions(dataset_index=dataset)), weights=Reading()).infer(spots, people)
         assert found.points.shape == (1, joints, 2)
         assert np.linalg.norm(found.points[0, :3] - places, axis=1).max() < 1  # on the other grid up to 11
+
+    def test_joints_of_another_set_are_refused(self) -> None:
+        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]), num_labels=52)
+        network = Recorded(config)
+        with pytest.raises(BackendError, match="have 52 joints, expected 17 or 133 of COCO"):
+            given(VitPose(), weights=network).infer(WIDE, self.PEOPLE)
