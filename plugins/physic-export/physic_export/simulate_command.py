@@ -41,7 +41,8 @@ def simulate(
 
     if find_spec("mujoco") is None:
         raise PackageMissingError(
-            "physic simulate needs mujoco, which is not installed: pip install 'physic-export[simulate]'"
+            "physic simulate needs mujoco, which is not installed: `pip install -e 'plugins/physic-export[simulate]'` "
+            "in a checkout of PhySIC"
         )
     from physic_core.cli.output import echo
     from physic_core.files.atomic import atomic_write

@@ -25,7 +25,7 @@ _NAMES = {
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
     """Return the record of ``physic scene``."""
-    return [CommandRecord("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos")]
+    return [CommandRecord("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos.")]
 
 
 def __getattr__(name: str) -> Any:
