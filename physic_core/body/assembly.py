@@ -14,7 +14,7 @@ from torch import Tensor
 from physic_core.body.joints import PARENTS
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.model import BodyModel
-from physic_core.body.parts import PART_NAMES, TPoseMesh, find_contact_sets, label_parts
+from physic_core.body.parts import PART_NAMES, TPoseMesh, contact_set_vertices, label_parts
 from physic_core.body.skinning import Skin
 from physic_core.body.surface_points import pick_surface_points
 
@@ -111,7 +111,7 @@ def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
     )
     by_height = np.argsort(mesh.vertices[:, 1], kind="stable")
     extremes = np.unique(np.concatenate([by_height[:_NUM_GROUND], by_height[-_NUM_CROWN:]]))
-    return VertexSets(label_parts(mesh.weights), find_contact_sets(mesh), pick_surface_points(mesh), extremes)
+    return VertexSets(label_parts(mesh.weights), contact_set_vertices(mesh), pick_surface_points(mesh), extremes)
 
 
 def _mechanics(arrays: BodyArrays) -> tuple[Kinematics, Skin]:

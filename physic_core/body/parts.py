@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, SIDES
 from physic_core.geometry.mesh import vertex_normals
 
-__all__ = ["CONTACT_SETS", "PART_NAMES", "TPoseMesh", "find_contact_sets", "label_parts"]
+__all__ = ["CONTACT_SETS", "PART_NAMES", "TPoseMesh", "contact_set_vertices", "label_parts"]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
     return labels
 
 
-def find_contact_sets(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
     part = label_parts(mesh.weights)
     x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]

@@ -19,10 +19,10 @@ from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 from physic_core.discovery.registration import (
     PLUGINS_VARIABLE,
     InvalidPluginError,
-    call_hook,
     distribution_of,
     load_plugin,
     module_of,
+    records_of_hook,
     select_entry_points,
 )
 
@@ -73,9 +73,9 @@ def find_plugins(
             # Output of a plugin must not mix with the output of a command.
             with plugin_code(), redirect_stdout(sys.stderr):
                 manager = load_plugin(entry)
-                records = call_hook(manager, "physic_backends", BackendRecord)
+                records = records_of_hook(manager, "physic_backends", BackendRecord)
                 for kind, hook in RECORD_HOOKS.items():
-                    call_hook(manager, hook, kind)  # only checked here
+                    records_of_hook(manager, hook, kind)  # only checked here
                 weights, complaints = _manifests(manager, entry)
             origin = origin_of(entry, clock() - start)
             offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]

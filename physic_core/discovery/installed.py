@@ -19,7 +19,7 @@ from physic_core.discovery.records import (
     ExporterRecord,
     ReportRecord,
 )
-from physic_core.discovery.registration import call_hook, load_plugin, select_entry_points
+from physic_core.discovery.registration import load_plugin, records_of_hook, select_entry_points
 from physic_core.errors import ConfigError, PhysicError, PluginError
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def find_installed(
     found: list[Installed[_Record]] = []
     for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
         with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
-            records = call_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
+            records = records_of_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
             found += [Installed(record, entry) for record in records]
     return tuple(found)
 

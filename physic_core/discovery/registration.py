@@ -21,8 +21,8 @@ __all__ = [
     "GROUP",
     "PLUGINS_VARIABLE",
     "InvalidPluginError",
-    "call_hook",
     "load_plugin",
+    "records_of_hook",
     "requested_plugins",
     "select_entry_points",
 ]
@@ -112,7 +112,7 @@ def load_plugin(entry: EntryPoint) -> pluggy.PluginManager:
     return manager
 
 
-def call_hook(manager: pluggy.PluginManager, hook: str, kind: type[_Record]) -> list[_Record]:
+def records_of_hook(manager: pluggy.PluginManager, hook: str, kind: type[_Record]) -> list[_Record]:
     """Call a hook of one plugin, and return its list of records.
 
     Raises:

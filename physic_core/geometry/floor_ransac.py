@@ -182,7 +182,13 @@ def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor
 
 
 def plane_inlier_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
-    """Return the share of candidates on a plane (3,), and of lower blocks over two tolerances below the plane."""
+    """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances below it.
+
+    Args:
+        samples: blocks of inverse depth.
+        plane: (3,) whose product with a ray is the inverse depth.
+        tolerance: of inverse depth.
+    """
     error = samples.inverse - samples.rays @ plane
 
     def share(found: Tensor, among: Tensor) -> float:

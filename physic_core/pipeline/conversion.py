@@ -19,7 +19,7 @@ __all__ = ["bodies_for_backends", "convert_bodies", "replace_hands", "transfer_c
 
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
-    """Replace the finger rotations of every hand whose confidence is above 0.
+    """Replace the finger rotations of bodies by those of ``hands`` where their confidence is above 0.
 
     If ``hands.wrists`` are given, forearms and wrists are rotated to fit the hands, weighted by confidence.
     """

@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Look",
-    "background_of",
     "body_material",
     "build_glb",
     "export_glb",
     "glb_files",
     "glb_notes",
     "skin_influences",
+    "textured_scene",
 ]
 
 _WEIGHT_LOSS = 1e-3
@@ -100,7 +100,7 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
     """
     posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
-    background = background_of(result)
+    background = textured_scene(result)
     if parts:
         yield "scene.glb", build_glb(replace(request, people=()), background, {}).content()
         for index in range(len(result.people)):
@@ -124,7 +124,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         InputError: the skeleton of the bodies is not known.
     """
     skins = dict(rigs(request))
-    background = background_of(request.result) if request.scene else None
+    background = textured_scene(request.result) if request.scene else None
     content = build_glb(request, background, skins).content()
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
 
@@ -277,7 +277,7 @@ def _add_mesh(
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
-def background_of(result: Reconstruction) -> Background:
+def textured_scene(result: Reconstruction) -> Background:
     """Return mesh and texture of the scene."""
     surface = mesh_scene(result.scene, depth_limit(result))
     texture, (width, height) = _power_of_two(result.scene.colors)

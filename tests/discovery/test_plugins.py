@@ -65,7 +65,7 @@ def test_a_misspelt_hook_is_found(site):
     ]
 
 
-def test_a_forgotten_decorator_is_found(site):
+def test_a_hook_without_its_decorator_is_reported(site):
     site.install("physic-bad", "def physic_backends():\n    return []\n")
     assert causes(found(site)) == ["physic-bad 1.0 (physic_bad has no function physic_backends marked with @hookimpl)"]
 

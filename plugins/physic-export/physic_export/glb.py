@@ -10,7 +10,7 @@ import roma
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.visual.glb import Look, background_of, body_material, build_glb, glb_notes
+from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_export.bone_names import bone_names
@@ -70,7 +70,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
             {"TEXCOORD_0": uv, "_FILLED": texture.vertex_filled[mesh.vertex]},
         )
 
-    background = background_of(result) if request.scene else None
+    background = textured_scene(result) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
     if textured is not None:
         used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}

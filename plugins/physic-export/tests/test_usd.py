@@ -21,7 +21,7 @@ def stage(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory):
     return Usd.Stage.Open(str(result.export(str(tmp_path_factory.mktemp("usd") / "a.usdc")).files[0]))
 
 
-def test_it_is_metric_and_z_is_up(stage):
+def test_the_usd_stage_is_in_metres_with_z_up(stage):
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert stage.GetDefaultPrim().GetPath() == "/physic"

@@ -37,7 +37,7 @@ def test_distances_to_a_known_room_are_exact():
 
 
 @pytest.mark.parametrize("room", [ROOM, TURNED, SLOPE], ids=["room", "move_plan", "slope"])
-def test_the_surface_of_the_mesh_is_at_distance_zero_or_buried(room):
+def test_no_point_of_the_mesh_is_outside_its_own_solid(room):
     distance = room.signed_distance(surface_samples(room))
     assert distance.max() < 1e-10
     assert np.median(np.abs(distance)) < 1e-10

@@ -26,7 +26,7 @@ def _draw() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rng.normal(0, 0.4, (55, 3)), rng.normal(size=_model().num_betas), rng.normal(size=3)
 
 
-def test_vertices_and_joints_are_those_of_the_body() -> None:
+def test_the_skinner_gives_the_vertices_and_joints_of_the_body_model() -> None:
     pose, betas, transl = _draw()
     wanted = _model()(
         roma.rotvec_to_rotmat(torch.tensor(pose)[None]), torch.tensor(betas)[None], torch.tensor(transl)[None]
