@@ -154,27 +154,12 @@ def run_backends(
         stages.note("no person was found: the result is the scene alone")
     keypoints = run.keypoints(image, people)
 
-    hole = np.logical_or.reduce(people.masks)
-    if people.unposed_mask is not None:
-        hole |= people.unposed_mask
-    objects = select_held_objects(people, keypoints) if plan.engine.contact.objects else None
-    if objects is not None:
-        hole |= objects.any(axis=0)
-    hole = dilate(hole, max(4.0, plan.photo.mask_growth * max(image.shape[:2])))
+    hole, objects = _removed(people, keypoints, plan, image.shape)
     inpainted = image
     if hole.any():
         inpainted = stages.call_backend("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
-
-    # The inpainted photo gives the scene; the original photo gives the people's depth.
-    hints = Hints(given, people, keypoints, hole)
-    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
-    camera = given or scene.intrinsics or _camera_of(scene)
-    hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
-    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
-    with stages.time_engine("relative floor"):
-        floor = _relative_floor(scene, people, hole, keypoints, plan.engine)
-        aligned = _aligned(original, scene, hole, plan.engine) if hole.any() else scene
-        hints = replace(hints, floor=floor, original=aligned)
+    maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole), plan.engine)
+    hints, camera, scene = maps.hints, maps.camera, maps.scene
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
     bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
@@ -200,8 +185,8 @@ def run_backends(
         hole=hole,
         inpainted=inpainted,
         scene=scene,
-        original=original,
-        floor=floor,
+        original=maps.original,
+        floor=maps.floor,
         bodies=bodies,
         contact=contact,
         depth=depth,
@@ -211,6 +196,56 @@ def run_backends(
         known=known,
         statures=statures,
     )
+
+
+@dataclass(frozen=True)
+class _Pointmaps:
+    """Point maps of the inpainted photo and of the photo, and what follows from them.
+
+    Attributes:
+        scene: of the inpainted photo.
+        original: of the photo.
+        camera: of both.
+        floor: of the scene, in its own scale; None if none was found.
+        hints: for backends of bodies.
+    """
+
+    scene: Pointmap
+    original: Pointmap
+    camera: Intrinsics
+    floor: Plane | None
+    hints: Hints
+
+
+def _removed(
+    people: People, keypoints: Keypoints, plan: ResolvedPipeline, shape: tuple[int, ...]
+) -> tuple[BoolArray, BoolArray | None]:
+    """Return the pixels (H, W) that are inpainted, and those (N, H, W) of objects that people hold."""
+    hole = np.logical_or.reduce(people.masks)
+    if people.unposed_mask is not None:
+        hole |= people.unposed_mask
+    objects = select_held_objects(people, keypoints) if plan.engine.contact.objects else None
+    if objects is not None:
+        hole |= objects.any(axis=0)
+    return dilate(hole, max(4.0, plan.photo.mask_growth * max(shape[:2]))), objects
+
+
+def _pointmaps(
+    run: _BackendCalls, image: UInt8Array, inpainted: UInt8Array, hints: Hints, engine: EngineSettings
+) -> _Pointmaps:
+    """Estimate both point maps: the inpainted photo gives the scene, the original photo the people's depth."""
+    people, keypoints, hole = hints.people, hints.keypoints, hints.hole
+    assert people is not None
+    assert keypoints is not None
+    assert hole is not None
+    scene = run.pointmap("scene point map", inpainted, hints, last=not hole.any())
+    camera = hints.intrinsics or scene.intrinsics or _camera_of(scene)
+    hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
+    original = run.pointmap("photo point map", image, hints) if hole.any() else scene
+    with run.stages.time_engine("relative floor"):
+        floor = _relative_floor(scene, people, hole, keypoints, engine)
+        aligned = _aligned(original, scene, hole, engine) if hole.any() else scene
+    return _Pointmaps(scene, original, camera, floor, replace(hints, floor=floor, original=aligned))
 
 
 @dataclass(frozen=True)
