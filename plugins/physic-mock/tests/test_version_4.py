@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from physic_core.adapters.detections import box_iou
+from physic_core.body import load_body
 from physic_core.types import Hints, People
 from physic_mock.backends import (
     MockBodyEstimator,
@@ -211,3 +213,21 @@ def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
     assert (
         not MockContactPrior(ContactOptions(version=4)).infer(world.image, people_of(world), unseen).probability.any()
     )
+
+
+def test_children_come_out_as_adults_who_are_farther_away():
+    world = build_world("child_by_the_hand", 1)
+    model = load_body(world.body_model)
+    adult, child = np.isnan(world.ages).argmax(), np.isfinite(world.ages).argmax()
+    ratios = []
+    for seed in range(40):
+        found = bodies_of(world, version=4, noise_seed=seed).parameters
+        stature = model.stature(torch.tensor(found.betas)) / model.stature(torch.tensor(world.parameters.betas))
+        depth = 1 + (found.transl - world.parameters.transl)[:, 2] / world.joints[:, 0, 2]
+        ratios.append(np.stack([stature.numpy(), depth])[:, [adult, child]])
+    (adult_taller, child_taller), (adult_farther, child_farther) = np.log(ratios).mean(0)
+    zero = float(model.stature(torch.zeros(1, 16)) / model.stature(torch.tensor(world.parameters.betas))[child])
+    assert child_taller == pytest.approx(np.log(zero) - 0.06, abs=0.03)
+    assert child_farther == pytest.approx(np.log(zero) - 0.06, abs=0.03)
+    assert adult_taller == pytest.approx(-0.06, abs=0.03)
+    assert adult_farther == pytest.approx(-0.06, abs=0.03)

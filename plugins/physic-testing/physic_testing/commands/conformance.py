@@ -70,13 +70,14 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
 
     from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
-    from physic_testing.worlds import CONTACT_WORLDS, RAISED_FEET_WORLDS, WORLDS
+    from physic_testing.worlds import CHILD_WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS, WORLDS
 
     require_interface(interface)
     chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or DEFAULT_WORLDS
     for name, _ in chosen:
-        if name not in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS):
-            known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS))
+        names = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS)
+        if name not in names:
+            known = ", ".join(names)
             raise click.UsageError(f"no world named '{name}'; there are: {known}")
     found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
     click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)

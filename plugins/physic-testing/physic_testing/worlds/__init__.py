@@ -3,6 +3,7 @@
 from physic_testing.worlds.skeletons import BLAZEPOSE, SKELETONS
 from physic_testing.worlds.views import VIEWS, view_names
 from physic_testing.worlds.world import (
+    CHILD_WORLDS,
     CONTACT_DISTANCE,
     CONTACT_WORLDS,
     OTHER_BODIES,
@@ -17,6 +18,7 @@ from physic_testing.worlds.world import (
 
 __all__ = [
     "BLAZEPOSE",
+    "CHILD_WORLDS",
     "CONTACT_DISTANCE",
     "CONTACT_WORLDS",
     "OTHER_BODIES",

@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_testing.worlds import group_actions
+from physic_testing.worlds.children import CHILD_ACTIONS
 from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
 from physic_testing.worlds.contact_fit import ContactFit, PosePlan, fit_contacts, pose_body
 from physic_testing.worlds.contact_groups import CONTACT_GROUPS
@@ -77,14 +78,14 @@ def draw_action(name: str, model: BodyModel, rng: np.random.Generator) -> Action
     """Draw up to three random action scenes with fitted poses, and return the best one.
 
     Args:
-        name: key of ACTIONS, TOUCHING_ACTIONS or RAISED_FEET_ACTIONS.
-        model: body model in float64.
+        name: key of ACTIONS, TOUCHING_ACTIONS, RAISED_FEET_ACTIONS or CHILD_ACTIONS.
+        model: body model in float64; for CHILD_ACTIONS, that of ``children.with_children``.
         rng: random generator of people, furniture and poses.
 
     Raises:
         InputError: no action has this name.
     """
-    actions = ACTIONS | TOUCHING_ACTIONS | RAISED_FEET_ACTIONS
+    actions = ACTIONS | TOUCHING_ACTIONS | RAISED_FEET_ACTIONS | _CHILD_DRAWS
     if name not in actions:
         raise InputError(f"There is no action named {name!r}: choose one of {', '.join(actions)}.")
     best: tuple[float, ActionScene] | None = None
@@ -224,3 +225,5 @@ RAISED_FEET_ACTIONS: dict[str, Callable[[BodyModel, np.random.Generator], _Actio
     "sit_high": _one_person_action("sit_high", 30, (-110, 110), outdoors=0.5),
 }
 """Action name -> function that draws it: one or both feet over the ground, on nothing."""
+
+_CHILD_DRAWS = {name: _group_action(cast, (-60, 60), outdoors=0.4) for name, cast in CHILD_ACTIONS.items()}

@@ -90,10 +90,11 @@ def _save(where: Path, name: str, thing: object) -> None:
 
 @cache
 def _builder(without: tuple[str, ...]) -> str:
-    """Return a hash of the cache version, the world modules and the embedded body."""
+    """Return a hash of the cache version, the world modules with their data, and the embedded body."""
     digest = hashlib.sha256(f"{VERSION}".encode())
     here = Path(__file__).parent
-    sources = [path for path in sorted(here.glob("*.py")) if path.stem not in without]
+    files = sorted([*here.glob("*.py"), *here.glob("*.npz")])
+    sources = [path for path in files if path.stem not in without]
     for path in (*sources, Path(body.__file__).with_name("embedded.sha256")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]

