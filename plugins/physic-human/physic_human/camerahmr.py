@@ -15,22 +15,20 @@ from pydantic import Field
 
 from physic_core.adapters.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_core.adapters.crops import crop_around_box, padded_region, resample_crop
-from physic_core.adapters.devices import check_device
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
 from physic_core.adapters.smpl import empty_bodies
 from physic_core.errors import BackendError
-from physic_core.interfaces import BodyEstimator, Options, Requirement
+from physic_core.interfaces import BodyEstimator, Options
 from physic_human.checkout_backend import (
-    CheckoutBackend,
-    CheckoutOptions,
     CheckoutProject,
     SeenConfidence,
     batch_slices,
     inference_context,
     to_numpy,
 )
-from physic_human.user_smpl import open_smpl, posed_bodies, smpl_missing, smpl_requirement
+from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
+from physic_human.user_smpl import open_smpl, posed_bodies
 
 if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
@@ -49,7 +47,7 @@ _FLNET_NEEDS = ("loguru", "yacs")
 _WHITE = 255
 
 
-class CameraHmrOptions(CheckoutOptions):
+class CameraHmrOptions(SmplCheckoutOptions):
     """Settings of CameraHMR."""
 
     weights: str = Field(
@@ -79,7 +77,7 @@ class CameraHmrOptions(CheckoutOptions):
     )
 
 
-class CameraHmr(CheckoutBackend, BodyEstimator):
+class CameraHmr(SmplCheckoutBackend, BodyEstimator):
     """Body estimator: SMPL bodies by CameraHMR with joints and mesh, in the given camera."""
 
     Options: ClassVar[type[Options]] = CameraHmrOptions
@@ -101,26 +99,8 @@ class CameraHmr(CheckoutBackend, BodyEstimator):
         """Return the packages that the checkout imports, including those of FLNet if it is used."""
         return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
-    def missing(self) -> tuple[str, ...]:
-        """Describe missing checkout, packages, weights and SMPL file."""
-        return (*super().missing(), *smpl_missing(self.options.smpl_file))
-
-    def requirements(self) -> tuple[Requirement, ...]:
-        """Return the repository, its packages, and the SMPL file."""
-        return (*super().requirements(), smpl_requirement(self.options.smpl_file))
-
-    def load(self, device: str = "cpu") -> None:
-        """Build the networks and load their weights.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code, weights or the SMPL file are missing.
-            BackendError: they are not CameraHMR's.
-            BodyModelError: the SMPL file cannot be used.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the networks and load their weights."""
         checkpoint, mean = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MEAN)
         self._body = open_smpl(self.options.smpl_file)
         checkout = self._checkout_network.checkout

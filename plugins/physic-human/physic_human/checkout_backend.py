@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,8 @@ from pydantic import Field
 
 from physic_core import weights
 from physic_core.adapters.checkouts import Checkout
-from physic_core.errors import BackendError
+from physic_core.adapters.devices import check_device
+from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Backend, Options, Requirement
 
 if TYPE_CHECKING:
@@ -136,6 +138,7 @@ class CheckoutBackend(Backend):
 
     project: ClassVar[CheckoutProject]
     options: CheckoutOptions
+    capabilities: frozenset[str] = frozenset()
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
@@ -157,6 +160,25 @@ class CheckoutBackend(Backend):
     def fingerprint(self) -> str:
         """Return the identity of weights and code."""
         return self._checkout_network.fingerprint()
+
+    def load(self, device: str = "cpu") -> None:
+        """Build the network and load its weights.
+
+        Raises:
+            DeviceError: the device is not there, or the network does not run on it.
+            WeightsMissingError: code, weights or a body model's file are missing.
+            BackendError: they are not those of the project.
+            BodyModelError: the body model's file cannot be used.
+        """
+        check_device(device)
+        if "needs_cuda" in self.capabilities and not device.startswith("cuda"):
+            raise DeviceError(f"{self.project.name}'s own code runs on a GPU only, got '{device}': use 'cuda'")
+        if self._checkout_network.network is None:
+            self._build(device)
+
+    @abstractmethod
+    def _build(self, device: str) -> None:
+        """Build the network on a device that exists, load its weights, and store both in ``_checkout_network``."""
 
     def close(self) -> None:
         """Unload the network and the modules of the checkout."""

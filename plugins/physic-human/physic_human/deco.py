@@ -9,19 +9,17 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.contact_crop import BOX_GROWTH, contact_crop
-from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior, Options, Requirement
+from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_human.checkout_backend import (
-    CheckoutBackend,
-    CheckoutOptions,
     CheckoutProject,
     batch_slices,
     inference_context,
     to_numpy,
 )
-from physic_human.user_smpl import load_rest_mesh, smpl_missing, smpl_requirement
+from physic_human.smpl_checkout import SmplCheckoutBackend, SmplCheckoutOptions
+from physic_human.user_smpl import load_rest_mesh
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
@@ -31,7 +29,7 @@ __all__ = ["SMPL_VERTICES", "Deco", "DecoOptions"]
 SMPL_VERTICES = 6890
 
 
-class DecoOptions(CheckoutOptions):
+class DecoOptions(SmplCheckoutOptions):
     """Settings of DECO."""
 
     weights: str = Field(
@@ -49,7 +47,7 @@ class DecoOptions(CheckoutOptions):
     )
 
 
-class Deco(CheckoutBackend, ContactPrior):
+class Deco(SmplCheckoutBackend, ContactPrior):
     """Contact prior by DECO: contact with any object, threshold 0.5."""
 
     Options: ClassVar[type[Options]] = DecoOptions
@@ -66,26 +64,8 @@ class Deco(CheckoutBackend, ContactPrior):
         super().__init__(options)
         self._rest: RestMesh | None = None
 
-    def missing(self) -> tuple[str, ...]:
-        """Describe missing checkout, packages, weights and SMPL file."""
-        return (*super().missing(), *smpl_missing(self.options.smpl_file))
-
-    def requirements(self) -> tuple[Requirement, ...]:
-        """Return the repository, its packages, and the SMPL file."""
-        return (*super().requirements(), smpl_requirement(self.options.smpl_file))
-
-    def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not DECO's.
-            BodyModelError: the SMPL file cannot be used.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the network and load its weights."""
         path = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("DECO")
         self._rest = load_rest_mesh(self.options.smpl_file)

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.chumpy_free import chumpy_free_copy
-from physic_core.adapters.devices import check_device
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
@@ -54,18 +53,8 @@ class Hamer(ManoHandEstimator):
         "3a01849f4148352e9260b69bf28b65d1671a4905",
     )
 
-    def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not HaMeR's.
-            BodyModelError: the MANO file cannot be used.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the network and load its weights."""
         checkpoint, config, mano, mean = (
             self._checkout_network.file(name) for name in (_CHECKPOINT, _CONFIG, _MANO, _MEAN)
         )

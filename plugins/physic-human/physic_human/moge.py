@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.affine_pointmap import points_on_rays, recover_camera
-from physic_core.adapters.devices import check_device
 from physic_core.adapters.pictures import normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
@@ -49,17 +48,8 @@ class Moge1(CheckoutBackend, RelativePointmap):
         "07444410f1e33f402353b99d6ccd26bd31e469e8",
     )
 
-    def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not MoGe's.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the network and load its weights."""
         path = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("MoGeModel")
         with inference_context(self._checkout_network.checkout, device):

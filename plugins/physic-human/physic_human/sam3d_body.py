@@ -16,11 +16,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.devices import check_device
 from physic_core.adapters.mhr import NUM_KEYPOINTS, joints_from_keypoints
 from physic_core.adapters.observed import observed_joints
 from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options, Requirement
 from physic_core.types import Bodies, Mesh
 from physic_human.checkout_backend import (
@@ -124,23 +123,8 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
             return "dinov3" in self.options.weights
         return _DINOV3_BACKBONE.search(text) is not None
 
-    def load(self, device: str = "cpu") -> None:
-        """Build the estimator and load its weights.
-
-        Raises:
-            DeviceError: the device is not there, or is no GPU.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not SAM 3D Body's.
-        """
-        check_device(device)
-        if not device.startswith("cuda"):
-            raise DeviceError(f"SAM 3D Body's own code runs on a GPU only, got '{device}': use 'cuda'")
-        if self._checkout_network.network is not None:
-            return
-        self._build(device)
-
     def _build(self, device: str) -> None:
-        """Build the network on a device and load its weights."""
+        """Build the network on a GPU and load its weights."""
         checkpoint, mhr = self._checkout_network.file(_CHECKPOINT), self._checkout_network.file(_MHR)
         build = self._checkout_network.checkout.attribute("load_sam_3d_body")
         kind = self._checkout_network.checkout.attribute("SAM3DBodyEstimator")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
@@ -49,17 +48,8 @@ class UniDepth(CheckoutBackend, MetricDepth):
         "8d8cfe4c7ee15297099983607febf0d4f32eb3d6",
     )
 
-    def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights from a folder.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not UniDepth's.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the network and load its weights from a folder."""
         folder = self._checkout_network.file()
         kind = self._checkout_network.checkout.attribute("UniDepthV2")
         with inference_context(self._checkout_network.checkout, device):

@@ -12,7 +12,6 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.adapters.chumpy_free import chumpy_free_copy
-from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
 from physic_human.checkout_backend import CheckoutProject, inference_context, to_numpy
@@ -57,18 +56,8 @@ class Wilor(ManoHandEstimator):
         "ebec42f94c389070cdd7dda6fd1bf0b4a659c960",
     )
 
-    def load(self, device: str = "cpu") -> None:
-        """Build the network and load its weights.
-
-        Raises:
-            DeviceError: the device is not there.
-            WeightsMissingError: code or weights are missing.
-            BackendError: they are not WiLoR-mini's.
-            BodyModelError: the MANO file cannot be used.
-        """
-        if self._checkout_network.network is not None:
-            return
-        check_device(device)
+    def _build(self, device: str) -> None:
+        """Build the network and load its weights."""
         checkpoint, mano, mean = (self._checkout_network.file(name) for name in _FILES)
         kind = self._checkout_network.checkout.attribute("WiLor")
         with chumpy_free_copy(mano, "mano") as plain, inference_context(self._checkout_network.checkout, device):

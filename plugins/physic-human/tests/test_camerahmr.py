@@ -11,15 +11,14 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_human.user_smpl import open_smpl
 from physic_testing.conformance import parametrize_with_checks
-from physic_testing.worlds import World, build_world, world_of
+from physic_testing.worlds import World, build_world
 
-from .seen import coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose
+from .seen import CropsOnWorlds, coordinates, network_of, normalised_back, pixels, place_of, smpl_arrays, smpl_pose
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
@@ -197,8 +196,8 @@ def test_a_field_of_view_that_is_none_is_refused(made: Callable[..., CameraHmr])
 class PerfectHmr:
     """Knows the body that a crop shows, and where it is in weak perspective of that crop."""
 
-    def __init__(self, pelvis: np.ndarray) -> None:
-        self.pelvis = pelvis
+    def __init__(self) -> None:
+        self.pelvis = smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"]
         self.world: World | None = None
         self.size = (1, 1)
 
@@ -222,32 +221,19 @@ class PerfectHmr:
         return Rotation.from_rotvec(smpl_pose(self.world)[row]).as_matrix(), np.array([scale, *offset])
 
 
-class ToldHmr(CameraHmr):
-    def missing(self) -> tuple[str, ...]:
-        return ()
+class CameraHmrOnWorlds(CropsOnWorlds, CameraHmr):
+    perfect_network = PerfectHmr
 
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is not None:
-            return
+    def _build(self, device: str) -> None:
         self._body = open_smpl(self.options.smpl_file)
-        self._checkout_network.network = PerfectHmr(smpl_arrays()["J_regressor"][0] @ smpl_arrays()["v_template"])
-
-    def infer(
-        self, image: np.ndarray, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
-    ) -> Bodies:
-        if self._checkout_network.network is not None:
-            self._checkout_network.network.world = world_of(image)
-            self._checkout_network.network.size = image.shape[:2]
-        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
-        return super().infer(shown, people, intrinsics, keypoints, hints)
+        super()._build(device)
 
 
 OPTIONS: dict[str, str] = {}
 """Filled by the fixture of the made-up file."""
 
 
-@parametrize_with_checks("body_estimator", ToldHmr, options=lambda world: OPTIONS)
+@parametrize_with_checks("body_estimator", CameraHmrOnWorlds, options=lambda world: OPTIONS)
 def test_camerahmr_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
@@ -259,7 +245,7 @@ def test_a_perfect_network_gives_the_bodies(smpl_file: Path) -> None:
     from physic_core.body.parameters import rotations_from_parameters
 
     world, model = build_world("walk"), load_body("embedded")
-    backend = ToldHmr(CameraHmrOptions(smpl_file=str(smpl_file)))
+    backend = CameraHmrOnWorlds(CameraHmrOptions(smpl_file=str(smpl_file)))
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
     given = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())

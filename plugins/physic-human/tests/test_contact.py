@@ -22,7 +22,7 @@ from physic_human.user_smpl import load_rest_mesh
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import World, world_of
 
-from .seen import coordinates, network_of, normalised_back, place_of, smpl_contact
+from .seen import CropsOnWorlds, coordinates, network_of, normalised_back, place_of, smpl_contact
 
 NOBODY = empty_bodies("embedded")
 
@@ -152,30 +152,19 @@ class PerfectDeco:
         return np.where(smpl_contact(self.world)[row], 0.9, 0.05).astype(np.float32)
 
 
-class ToldDeco(Deco):
-    def missing(self) -> tuple[str, ...]:
-        return ()
+class DecoOnWorlds(CropsOnWorlds, Deco):
+    perfect_network = PerfectDeco
 
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is not None:
-            return
+    def _build(self, device: str) -> None:
         self._rest = load_rest_mesh(self.options.smpl_file)
-        self._checkout_network.network = PerfectDeco()
-
-    def infer(self, image: np.ndarray, people: People, bodies: Bodies) -> ContactProbability:
-        if self._checkout_network.network is not None:
-            self._checkout_network.network.world = world_of(image)
-            self._checkout_network.network.size = image.shape[:2]
-        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
-        return super().infer(shown, people, bodies)
+        super()._build(device)
 
 
 OPTIONS: dict[str, str] = {}
 """Filled by the fixture of the made-up file."""
 
 
-@parametrize_with_checks("contact_prior", ToldDeco, options=lambda world: OPTIONS)
+@parametrize_with_checks("contact_prior", DecoOnWorlds, options=lambda world: OPTIONS)
 def test_deco_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
@@ -287,7 +276,7 @@ def test_missing_files_of_interactvlm_are_named(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
-class ToldInteractVlm(InteractVlmResults):
+class InteractVlmWithResults(InteractVlmResults):
     """Has the results of every world that it is shown, as if InteractVLM had run on it before."""
 
     def missing(self) -> tuple[str, ...]:
@@ -313,7 +302,9 @@ class ToldInteractVlm(InteractVlmResults):
             return mine.infer(image, people, bodies)
 
 
-@parametrize_with_checks("contact_prior", ToldInteractVlm, options=lambda world: OPTIONS | {"when_absent": "nothing"})
+@parametrize_with_checks(
+    "contact_prior", InteractVlmWithResults, options=lambda world: OPTIONS | {"when_absent": "nothing"}
+)
 def test_interactvlm_conforms(check: Callable[[], None], smpl_file: Path) -> None:
     OPTIONS["smpl_file"] = str(smpl_file)
     check()
@@ -325,7 +316,7 @@ def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
     from physic_testing.worlds import build_world
 
     world = build_world("walk")
-    backend = ToldDeco(DecoOptions(smpl_file=str(smpl_file)))
+    backend = DecoOnWorlds(DecoOptions(smpl_file=str(smpl_file)))
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
     found = convert_contact(backend.infer(world.image, who, NOBODY), load_body("embedded")).probability

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.devices import check_device
 from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
@@ -18,7 +17,7 @@ from physic_human.unidepth import UniDepth, UniDepthOptions
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.worlds import build_world, world_of
 
-from .seen import network_of
+from .seen import OnWorlds, network_of
 
 UNIDEPTH = """
 import pathlib
@@ -219,34 +218,20 @@ class PerfectMoge:
         return {"points": torch.from_numpy(points)[None], "mask": torch.from_numpy(np.where(seen, 0.95, 0.02))[None]}
 
 
-class ToldUniDepth(UniDepth):
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is not None:
-            return
-        self._checkout_network.network = PerfectUniDepth()
+class UniDepthOnWorlds(OnWorlds, UniDepth):
+    perfect_network = PerfectUniDepth
 
 
-class ToldMoge(Moge1):
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is not None:
-            return
-        self._checkout_network.network = PerfectMoge()
+class MogeOnWorlds(OnWorlds, Moge1):
+    perfect_network = PerfectMoge
 
 
-@parametrize_with_checks("metric_depth", ToldUniDepth)
+@parametrize_with_checks("metric_depth", UniDepthOnWorlds)
 def test_unidepth_conforms(check: Callable[[], None]) -> None:
     check()
 
 
-@parametrize_with_checks("relative_pointmap", ToldMoge)
+@parametrize_with_checks("relative_pointmap", MogeOnWorlds)
 def test_moge_conforms(check: Callable[[], None]) -> None:
     check()
 
@@ -254,7 +239,7 @@ def test_moge_conforms(check: Callable[[], None]) -> None:
 def test_mocks_without_noise_return_the_truth() -> None:
     world = build_world("walk")
     hints: Any = Hints(intrinsics=world.intrinsics)
-    depth, points = ToldUniDepth(), ToldMoge()
+    depth, points = UniDepthOnWorlds(), MogeOnWorlds()
     depth.load()
     points.load()
     metric: DepthMap = depth.infer(world.empty_image, hints)

@@ -13,18 +13,17 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.devices import check_device
 from physic_core.adapters.rotations import mirror_rotvecs
 from physic_core.errors import BackendError, BodyModelError, WeightsMissingError
-from physic_core.types import Hands, Keypoints, People
+from physic_core.types import Keypoints, People
 from physic_human.hamer import Hamer, HamerOptions
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.hand_estimator import true_hands
-from physic_testing.worlds import World, world_of
+from physic_testing.worlds import World
 
-from .seen import Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, wrist_turns
+from .seen import CropsOnWorlds, Place, coordinates, nearest, network_of, normalised_back, pixels, place_of, wrist_turns
 
 WRISTS = (20, 21)
 
@@ -374,38 +373,19 @@ class PerfectHamer(PerfectHands):
         return {"pred_mano_params": {"hand_pose": torch.from_numpy(matrices), "global_orient": torch.from_numpy(whole)}}
 
 
-class _Told:
-    network: type[PerfectHands]
-
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is None:  # type: ignore[attr-defined]
-            self._checkout_network.network = self.network()  # type: ignore[attr-defined]
-
-    def infer(self, image: np.ndarray, people: People, keypoints: Keypoints) -> Hands:
-        if self._checkout_network.network is not None:  # type: ignore[attr-defined]
-            self._checkout_network.network.world = world_of(image)  # type: ignore[attr-defined]
-            self._checkout_network.network.size = image.shape[:2]  # type: ignore[attr-defined]
-        shown = coordinates(*image.shape[:2]) if image.shape[2:] == (3,) and image.dtype == np.uint8 else image
-        return super().infer(shown, people, keypoints)  # type: ignore[misc, no-any-return]
+class WilorOnWorlds(CropsOnWorlds, Wilor):
+    perfect_network = PerfectWilor
 
 
-class ToldWilor(_Told, Wilor):
-    network = PerfectWilor
+class HamerOnWorlds(CropsOnWorlds, Hamer):
+    perfect_network = PerfectHamer
 
 
-class ToldHamer(_Told, Hamer):
-    network = PerfectHamer
-
-
-@parametrize_with_checks("hand_estimator", ToldWilor, options={"least_size_px": 8})
+@parametrize_with_checks("hand_estimator", WilorOnWorlds, options={"least_size_px": 8})
 def test_wilor_conforms(check: Callable[[], None]) -> None:
     check()
 
 
-@parametrize_with_checks("hand_estimator", ToldHamer, options={"least_size_px": 8})
+@parametrize_with_checks("hand_estimator", HamerOnWorlds, options={"least_size_px": 8})
 def test_hamer_conforms(check: Callable[[], None]) -> None:
     check()

@@ -279,7 +279,7 @@ class PerfectNlf:
         return {key: [torch.from_numpy(value).float()] for key, value in told.items()}
 
 
-class ToldNlf(Nlf):
+class NlfOnWorlds(Nlf):
     def missing(self) -> tuple[str, ...]:
         return ()
 
@@ -290,19 +290,19 @@ class ToldNlf(Nlf):
         self._network = PerfectNlf()
 
 
-@parametrize_with_checks("body_estimator", ToldNlf)
+@parametrize_with_checks("body_estimator", NlfOnWorlds)
 def test_nlf_conforms(check: Callable[[], None]) -> None:
     check()
 
 
-@parametrize_with_checks("body_estimator", ToldNlf, options={"body": "smpl"})
+@parametrize_with_checks("body_estimator", NlfOnWorlds, options={"body": "smpl"})
 def test_nlf_with_smpl_conforms(check: Callable[[], None]) -> None:
     check()
 
 
 def test_a_perfect_network_puts_joints_where_they_are() -> None:
     world = build_world("walk")
-    backend = ToldNlf()
+    backend = NlfOnWorlds()
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
     found = backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints())

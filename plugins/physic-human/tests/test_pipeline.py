@@ -12,17 +12,17 @@ from physic_core.configuration.model import load_config
 from physic_core.discovery.plugins import discover
 from physic_testing.worlds import build_world
 
-from .test_contact import ToldDeco
-from .test_depths import ToldMoge, ToldUniDepth
-from .test_hands import ToldWilor
-from .test_nlf import ToldNlf
+from .test_contact import DecoOnWorlds
+from .test_depths import MogeOnWorlds, UniDepthOnWorlds
+from .test_hands import WilorOnWorlds
+from .test_nlf import NlfOnWorlds
 
 TOLD: dict[str, dict[str, type[Any]]] = {
-    "body_estimator": {"told-nlf": ToldNlf},
-    "hand_estimator": {"told-wilor": ToldWilor},
-    "contact_prior": {"told-deco": ToldDeco},
-    "relative_pointmap": {"told-moge-1": ToldMoge},
-    "metric_depth": {"told-unidepth": ToldUniDepth},
+    "body_estimator": {"perfect-nlf": NlfOnWorlds},
+    "hand_estimator": {"perfect-wilor": WilorOnWorlds},
+    "contact_prior": {"perfect-deco": DecoOnWorlds},
+    "relative_pointmap": {"perfect-moge-1": MogeOnWorlds},
+    "metric_depth": {"perfect-unidepth": UniDepthOnWorlds},
 }
 
 
@@ -39,11 +39,11 @@ def test_bodies_of_another_model_go_through_the_whole_pipeline(smpl_file: Path) 
     smpl = {"smpl_file": str(smpl_file)}
     config = {
         "run": {"cache": False},
-        "body_estimator": {"backend": "told-nlf"},
-        "hand_estimator": {"backend": "told-wilor", "options": {"least_size_px": 5}},
-        "contact_prior": {"backend": "told-deco", "options": smpl},
-        "relative_pointmap": {"backend": "told-moge-1"},
-        "metric_depth": {"backend": "told-unidepth"},
+        "body_estimator": {"backend": "perfect-nlf"},
+        "hand_estimator": {"backend": "perfect-wilor", "options": {"least_size_px": 5}},
+        "contact_prior": {"backend": "perfect-deco", "options": smpl},
+        "relative_pointmap": {"backend": "perfect-moge-1"},
+        "metric_depth": {"backend": "perfect-unidepth"},
     }
     apart = []
     for seed in (0, 1):

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.devices import check_device
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
@@ -24,7 +23,7 @@ from physic_testing.conformance import parametrize_with_checks
 from physic_testing.conformance.true_keypoints import world_mhr_keypoints
 from physic_testing.worlds import build_world, world_of
 
-from .seen import network_of
+from .seen import OnWorlds, network_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
@@ -315,7 +314,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
         current.pop()
 
     monkeypatch.setattr(torch.cuda, "device", entered)
-    monkeypatch.setattr("physic_human.sam3d_body.check_device", lambda name: None)
+    monkeypatch.setattr("physic_human.checkout_backend.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
     estimator = network_of(sam)
@@ -367,18 +366,12 @@ class PerfectSam:
         return told
 
 
-class ToldSam(Sam3dBody):
-    def missing(self) -> tuple[str, ...]:
-        return ()
-
-    def load(self, device: str = "cpu") -> None:
-        check_device(device)
-        if self._checkout_network.network is not None:
-            return
-        self._checkout_network.network = PerfectSam()
+class SamOnWorlds(OnWorlds, Sam3dBody):
+    perfect_network = PerfectSam
+    capabilities = frozenset()
 
 
-@parametrize_with_checks("body_estimator", ToldSam, capabilities=())
+@parametrize_with_checks("body_estimator", SamOnWorlds, capabilities=())
 def test_sam_3d_body_conforms(check: Callable[[], None]) -> None:
     check()
 
@@ -389,7 +382,7 @@ def test_its_joints_are_enough_for_a_body() -> None:
     from physic_core.body.parameters import rotations_from_parameters
 
     world, model = build_world("walk"), load_body("embedded")
-    backend = ToldSam()
+    backend = SamOnWorlds()
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
     found = convert_bodies(backend.infer(world.image, who, world.intrinsics, NUM_KEYPOINTS, Hints()), model).parameters
