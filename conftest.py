@@ -5,10 +5,11 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial, partialmethod
+from functools import cache, partial, partialmethod
 from importlib.metadata import EntryPoint, distributions
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -88,11 +89,26 @@ def repository() -> Path:
 
 
 @pytest.fixture(scope="session")
-def chromium():
+def module_at() -> Callable[[str], ModuleType]:
+    """A function that imports a file of the repository, such as "tools/sbom.py", under a name of its own."""
+
+    @cache
+    def load(path: str) -> ModuleType:
+        name = f"file_{path.removesuffix('.py').replace('/', '_').replace('-', '_')}"
+        spec = spec_from_file_location(name, Path(__file__).parent / path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def chromium(module_at):
     """A headless browser, ``tests/chromium.py``, for the tests of pages."""
-    spec = spec_from_file_location("chromium", Path(__file__).parent / "tests" / "chromium.py")
-    driver = module_from_spec(spec)
-    spec.loader.exec_module(driver)
+    driver = module_at("tests/chromium.py")
     binary = driver.find_chromium()
     if os.name != "posix" or binary is None:
         pytest.skip("needs Chromium: apt install chromium")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import os
 import zipfile
@@ -19,17 +18,10 @@ from physic_core.cache.digest import Digester
 from physic_core.cache.result_cache import ResultCache
 from physic_core.files.archive import DamagedFileError, read_archive, write_archive
 
-TOOL = Path(__file__).parents[2] / "tools" / "flip_cache_bits.py"
-
 
 @pytest.fixture(scope="module")
-def tool() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("flip_cache_bits", TOOL)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tool(module_at) -> ModuleType:
+    return module_at("tools/flip_cache_bits.py")
 
 
 def test_a_flipped_bit_in_the_cache_changes_no_result(tool: ModuleType, tmp_path: Path):

@@ -16,14 +16,8 @@ TABLE = ROOT / "plugins" / "ADAPTERS.md"
 
 
 @pytest.fixture(scope="module")
-def tool() -> ModuleType:
-    script = ROOT / "tools" / "adapters_table.py"
-    spec = importlib.util.spec_from_file_location("adapters_table", script)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tool(module_at) -> ModuleType:
+    return module_at("tools/adapters_table.py")
 
 
 @pytest.fixture

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import json
 import subprocess
 import sys
 from importlib.metadata import distribution
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-
-
-def tool(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -72,5 +63,5 @@ HOLE = {"id": "PYSEC-1", "fix_versions": ["2.0"]}
         ([], (2, "no audit: 0 of 0 packages were not found: ")),
     ],
 )
-def test_only_a_complete_audit_passes(packages: list[Any], expected: tuple[int, str]):
-    assert tool("audit").report({"dependencies": packages}) == expected
+def test_only_a_complete_audit_passes(module_at, packages: list[Any], expected: tuple[int, str]):
+    assert module_at("tools/audit.py").report({"dependencies": packages}) == expected

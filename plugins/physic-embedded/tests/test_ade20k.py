@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +11,6 @@ from physic_core.types import SURFACE_NAMES
 from physic_embedded.networks.ade20k import PADDING_VALUE, label_surfaces
 from physic_embedded.networks.sessions import open_session
 
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 FLOOR, WALL, PERSON, SEAT = (SURFACE_NAMES.index(name) for name in ("floor", "wall", "person", "seat"))
 
 
@@ -65,10 +62,7 @@ def test_an_improbable_surface_is_unknown() -> None:
     assert (labels == 0).all()
 
 
-def test_the_court_of_the_example_is_floor_or_ground() -> None:
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
-    image = np.ascontiguousarray(bgr[..., ::-1])
+def test_the_court_of_the_example_is_floor_or_ground(image: NDArray[np.uint8]) -> None:
     surfaces = label_surfaces(open_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool))
     court = surfaces.mask("floor", "ground")
     assert court[-10:].mean() > 0.8

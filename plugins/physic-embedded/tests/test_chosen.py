@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 
@@ -27,16 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 LEFT, RIGHT = (85.0, 200.0), (580.0, 250.0)
 """Pixels on the two people of the photo."""
-
-
-@pytest.fixture(scope="module")
-def image() -> NDArray[np.uint8]:
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
-    return np.ascontiguousarray(bgr[..., ::-1])
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,8 @@
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 import torch
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
 
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
 
 
@@ -120,15 +117,13 @@ def test_hands_are_searched_beyond_the_wrist() -> None:
     assert angle == pytest.approx(np.pi / 2)
 
 
-def test_a_hand_and_its_mirror_image_give_mirrored_landmarks() -> None:
+def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image: NDArray[np.uint8]) -> None:
     session = open_session("hand_landmark_full", 1)
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
     square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
-    first = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(bgr[..., ::-1])), square)
-    other = RotatedSquare(np.array([bgr.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
-    second = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(bgr[:, ::-1, ::-1])), other)
-    np.testing.assert_allclose(second.points * [-1, 1] + [bgr.shape[1] - 1, 0], first.points, atol=0.5)
+    first = predict_hand_landmarks(session, ImagePyramid.from_image(image), square)
+    other = RotatedSquare(np.array([image.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)
+    second = predict_hand_landmarks(session, ImagePyramid.from_image(np.ascontiguousarray(image[:, ::-1])), other)
+    np.testing.assert_allclose(second.points * [-1, 1] + [image.shape[1] - 1, 0], first.points, atol=0.5)
     np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
     np.testing.assert_allclose([second.presence, second.right], [first.presence, 1 - first.right], atol=0.05)
 

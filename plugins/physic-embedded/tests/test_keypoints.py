@@ -1,10 +1,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 
@@ -16,15 +14,6 @@ from physic_testing import violations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
-
-
-@pytest.fixture(scope="module")
-def image() -> NDArray[np.uint8]:
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
-    return np.ascontiguousarray(bgr[..., ::-1])
 
 
 @pytest.fixture(scope="module")

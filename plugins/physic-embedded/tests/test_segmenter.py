@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
@@ -39,15 +38,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import People
-
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
-
-
-@pytest.fixture(scope="module")
-def image() -> NDArray[np.uint8]:
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
-    return np.ascontiguousarray(bgr[..., ::-1])
 
 
 @pytest.fixture(scope="module")

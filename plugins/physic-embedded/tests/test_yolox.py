@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +12,6 @@ from physic_core.adapters.detections import box_iou
 from physic_embedded.networks.sessions import open_session
 from physic_embedded.networks.yolox import PADDING_VALUE, detect_boxes
 
-PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 CELLS = [(52, 8), (26, 16), (13, 32)]
 
 
@@ -87,10 +84,7 @@ def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge
 
 
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
-def test_the_player_of_the_example_photo_is_one_box(fractions: tuple[float, ...]) -> None:
-    bgr = cv2.imread(str(PHOTO))
-    assert bgr is not None
-    image = np.ascontiguousarray(bgr[..., ::-1])
+def test_the_player_of_the_example_photo_is_one_box(image: NDArray[np.uint8], fractions: tuple[float, ...]) -> None:
     session = open_session("yolox_nano", threads=1)
     found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions)
     whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -107,7 +103,7 @@ def test_another_number_of_classes_is_refused(graph, node, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory):
+def tiny(module_at, tmp_path_factory):
     """The real class, small and random, and the file that the tool makes of it."""
     transformers = pytest.importorskip("transformers")
     torch.manual_seed(0)
@@ -118,14 +114,7 @@ def tiny(tmp_path_factory):
     folder = tmp_path_factory.mktemp("eomt")
     model = transformers.EomtForUniversalSegmentation(config).eval()
     model.save_pretrained(folder / "checkpoint")
-    script = Path(__file__).parents[3] / "tools" / "export_eomt.py"
-    spec = importlib.util.spec_from_file_location("export_eomt", script)
-    assert spec is not None
-    assert spec.loader is not None
-    tool = importlib.util.module_from_spec(spec)
-    sys.modules["export_eomt"] = tool
-    spec.loader.exec_module(tool)
-    tool.export(str(folder / "checkpoint"), folder / "model.onnx")
+    module_at("tools/export_eomt.py").export(str(folder / "checkpoint"), folder / "model.onnx")
     return model, folder / "model.onnx"
 
 

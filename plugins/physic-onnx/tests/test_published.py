@@ -7,9 +7,7 @@ PHYSIC_WEIGHTS=FOLDER pytest plugins/physic-onnx -m published
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import io
-import sys
 import tarfile
 from pathlib import Path
 
@@ -38,15 +36,8 @@ def needs(name):
 
 
 @pytest.fixture(scope="module")
-def tool():
-    script = Path(__file__).parents[3] / "tools" / "fetch_published.py"
-    spec = importlib.util.spec_from_file_location("fetch_published", script)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fetch_published"] = module
-    spec.loader.exec_module(module)
-    return module
+def tool(module_at):
+    return module_at("tools/fetch_published.py")
 
 
 def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
