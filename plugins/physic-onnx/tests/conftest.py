@@ -1,4 +1,4 @@
-"""Stand-ins for published networks: graphs of the same contract, and networks that are told what they are shown."""
+"""Stand-ins for published networks: graphs of the same contract, and networks that know which world a photo shows."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def node() -> Callable[..., onnx.NodeProto]:
 
 @dataclass(frozen=True)
 class Shown:
-    """What a told network knows of the photo that its adapter was given.
+    """What a stand-in knows of the photo that its adapter was given.
 
     Attributes:
         photo: (H, W, 3) uint8, whole.
@@ -126,7 +126,7 @@ def shown() -> Callable[[np.ndarray], Shown]:
     return look_at
 
 
-class ToldNetwork:
+class StandInNetwork:
     """Stands for :class:`physic_onnx.sessions.Network`, and answers what a perfect network would.
 
     Args:
@@ -139,7 +139,7 @@ class ToldNetwork:
         fed: what it was fed last.
     """
 
-    name = "told.onnx"
+    name = "stand_in.onnx"
     provider = "CPU"
     metadata: Mapping[str, str] = {}
 
@@ -172,31 +172,32 @@ class ToldNetwork:
 
 
 @pytest.fixture(scope="session")
-def told_network() -> type[ToldNetwork]:
-    return ToldNetwork
+def stand_in_network() -> type[StandInNetwork]:
+    return StandInNetwork
 
 
 @pytest.fixture(scope="session")
-def told() -> Callable[[type, Callable[[Any], Iterable[ToldNetwork]]], type]:
-    """``told(Adapter, attach)``: the adapter with told networks in place of files.
+def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], type]:
+    """``stand_in(Adapter, attach)``: the adapter with stand-ins of its networks, so that no files are needed.
 
     ``attach(backend)`` puts the networks where the adapter's ``load`` would, and returns them; before each ``infer``
-    they are told which photo is shown. For the conformance kit::
+    they are given the photo. A network can read the other arguments of that call in ``backend.estimates``, and the
+    boxes of its rows by ``backend.next_boxes``. For the conformance kit::
 
-        check_backend(told(Adapter, attach)).raise_if_failed()
+        check_backend(stand_in(Adapter, attach)).raise_if_failed()
     """
 
-    def make(kind: type, attach: Callable[[Any], Iterable[ToldNetwork]]) -> type:
-        class Told(kind):  # type: ignore[misc, valid-type]
-            _told: tuple[ToldNetwork, ...] = ()
+    def make(kind: type, attach: Callable[[Any], Iterable[StandInNetwork]]) -> type:
+        class StandIn(kind):  # type: ignore[misc, valid-type]
+            _stand_ins: tuple[StandInNetwork, ...] = ()
 
             def load(self, device: str = "cpu") -> None:
-                if not self._told:
-                    self._told = tuple(attach(self))
+                if not self._stand_ins:
+                    self._stand_ins = tuple(attach(self))
 
             def close(self) -> None:
                 super().close()
-                self._told = ()
+                self._stand_ins = ()
 
             def missing(self) -> tuple[str, ...]:
                 return ()
@@ -204,13 +205,20 @@ def told() -> Callable[[type, Callable[[Any], Iterable[ToldNetwork]]], type]:
             def fingerprint(self) -> str:
                 return ""
 
-            def infer(self, image: np.ndarray, *rest: Any) -> Any:
+            def infer(self, image: np.ndarray, *estimates: Any) -> Any:
+                self.estimates, self._row = estimates, 0
                 if isinstance(image, np.ndarray) and image.ndim == 3:
-                    for network in self._told:
+                    for network in self._stand_ins:
                         network.show(look_at(image))
-                return super().infer(image, *rest)
+                return super().infer(image, *estimates)
 
-        Told.__name__ = Told.__qualname__ = f"Told{kind.__name__}"
-        return Told
+            def next_boxes(self, count: int) -> np.ndarray:
+                """Boxes (at most ``count``, 4) of the people whose crops a network is given next."""
+                boxes: np.ndarray = self.estimates[0].boxes[self._row : self._row + count]
+                self._row += len(boxes)
+                return boxes
+
+        StandIn.__name__ = StandIn.__qualname__ = f"StandIn{kind.__name__}"
+        return StandIn
 
     return make

@@ -1,4 +1,4 @@
-"""Maps of a world at the size that a network sees, and a photo whose channels are told apart."""
+"""Maps of a world at the size that a network sees, and a photo whose channels differ."""
 
 from __future__ import annotations
 

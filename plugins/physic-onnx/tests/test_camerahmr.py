@@ -1,4 +1,4 @@
-"""CameraHMR: its crop, what it is told of box and camera, its camera in the photo's, and the kit on a told network."""
+"""CameraHMR: its crop, what it is given of box and camera, its camera in the photo's, and the kit on stand-ins."""
 
 from __future__ import annotations
 
@@ -49,21 +49,21 @@ class Recorded:
     def run(self, feed: Any, outputs: Any) -> list[np.ndarray]:
         self.fed.append(feed)
         n = len(feed["img"])
-        told = {
+        answers = {
             "global_orient": np.tile(np.eye(3), (n, 1, 1, 1)),
             "body_pose": np.tile(Rotation.from_rotvec([0.1, 0, 0]).as_matrix(), (n, 23, 1, 1)),
             "betas": np.zeros((n, 10)),
             "pred_cam": np.tile(self.weak, (n, 1)),
             "joints": np.zeros((n, 24, 3)),
         }
-        return [told[name].astype(np.float32) for name in outputs]
+        return [answers[name].astype(np.float32) for name in outputs]
 
 
 @pytest.fixture
-def recorded(told_network: Any) -> Any:
+def recorded(stand_in_network: Any) -> Any:
     def make(weak: tuple[float, float, float] = (0.9, 0.1, -0.2), **options: Any) -> tuple[CameraHmr, Recorded]:
         backend = CameraHmr(CameraHmr.Options(**options))
-        network = Recorded(told_network(PORTS, ANSWERS, lambda *_: {}), weak)
+        network = Recorded(stand_in_network(PORTS, ANSWERS, lambda *_: {}), weak)
         backend.bind(network)
         return backend, network
 
@@ -173,20 +173,19 @@ def test_many_people_come_in_batches_and_in_their_order(recorded: Any) -> None:
     assert len(network.fed) == 2
 
 
-def test_an_export_without_joints_is_refused(told_network: Any) -> None:
+def test_an_export_without_joints_is_refused(stand_in_network: Any) -> None:
     outputs = {name: port for name, port in ANSWERS.items() if name != "joints"}
     with pytest.raises(BackendError, match="there is no output 'joints'"):
-        CameraHmr().bind(told_network(PORTS, outputs, lambda *_: {}))
+        CameraHmr().bind(stand_in_network(PORTS, outputs, lambda *_: {}))
 
 
-def told_camerahmr(told: Any, told_network: Any) -> type:
+def stand_in_camerahmr(stand_in: Any, stand_in_network: Any) -> type:
     """The adapter over a network that knows the embedded bodies of worlds, as if they were SMPL's."""
 
     def attach(backend: Any) -> list[Any]:
         def answer(shown: Any, feed: Any) -> dict[str, np.ndarray]:
-            boxes = backend.boxes[backend.asked : backend.asked + len(feed["img"])]
-            backend.asked += len(boxes)
-            camera = backend.camera
+            boxes = backend.next_boxes(len(feed["img"]))
+            camera = backend.estimates[1]
             answers: dict[str, list[np.ndarray]] = {name: [] for name in ANSWERS}
             for picture, box in zip(feed["img"], boxes, strict=True):
                 centre, side = region(box, 256, 256, 1.0)
@@ -216,29 +215,24 @@ def told_camerahmr(told: Any, told_network: Any) -> type:
                     answers[name].append(value)
             return {name: np.stack(rows) for name, rows in answers.items()}
 
-        network = told_network(PORTS, ANSWERS, answer)
+        network = stand_in_network(PORTS, ANSWERS, answer)
         backend.bind(network)
         return [network]
 
-    class Told(told(CameraHmr, attach)):  # type: ignore[misc]
-        def infer(self, image: np.ndarray, people: People, intrinsics: Intrinsics, *rest: Any) -> Any:
-            self.boxes, self.asked, self.camera = people.boxes, 0, intrinsics
-            return super().infer(image, people, intrinsics, *rest)
-
-    return Told
+    return stand_in(CameraHmr, attach)  # type: ignore[no-any-return]
 
 
-def test_conformance(told: Any, told_network: Any) -> None:
-    report = check_backend(told_camerahmr(told, told_network), "body_estimator")
+def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
+    report = check_backend(stand_in_camerahmr(stand_in, stand_in_network), "body_estimator")
     print(report.summary, report.accuracy)
     report.raise_if_failed()
 
 
-def test_the_joints_of_a_world_come_back(told: Any, told_network: Any) -> None:
+def test_the_joints_of_a_world_come_back(stand_in: Any, stand_in_network: Any) -> None:
     from physic_testing.worlds import build_world
 
     world = build_world("group", 0, (320, 240))
-    backend = told_camerahmr(told, told_network)()
+    backend = stand_in_camerahmr(stand_in, stand_in_network)()
     backend.load()
     people = People(world.masks, world.boxes, np.ones(len(world.boxes)))
     found = backend.infer(world.image, people, world.intrinsics, NO_KEYPOINTS, Hints())

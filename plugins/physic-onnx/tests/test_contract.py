@@ -15,9 +15,9 @@ WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
 
 
 @pytest.fixture
-def file(told_network):
+def file(stand_in_network):
     def make(inputs, outputs):
-        return told_network(inputs, outputs, lambda shown, feed: {})
+        return stand_in_network(inputs, outputs, lambda shown, feed: {})
 
     return make
 
@@ -126,7 +126,7 @@ class TestSeveralSignatures:
         with pytest.raises(BackendError) as refusal:
             match_signature(network, SIGNATURES)
         assert str(refusal.value) == (
-            "told.onnx is not a network that this backend can run:\n"
+            "stand_in.onnx is not a network that this backend can run:\n"
             "expected of depth:\n"
             "  inputs:  image float (batch, 3, height, width)\n"
             "  outputs: depth float (batch, ?, ?)\n"

@@ -1,4 +1,4 @@
-"""DECO: BGR on white, probabilities on the mesh that comes with it, and the kit on a told network."""
+"""DECO: BGR on white, probabilities on the mesh that comes with it, and the kit on stand-ins."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_logits_are_refused(deco: Any) -> None:
         deco(scale=-5.0).infer(coloured(), people((100, 20, 140, 220)), bodies(1))
 
 
-def told_deco(told: Any, told_network: Any) -> type:
+def stand_in_deco(stand_in: Any, stand_in_network: Any) -> type:
     """The adapter over a network that knows which vertices touch; the embedded body stands for SMPL."""
     rest = MODEL(*MODEL.zero_pose()).vertices[0].numpy()
     faces = MODEL.faces.numpy()
@@ -118,8 +118,7 @@ def told_deco(told: Any, told_network: Any) -> type:
             if backend.held:  # asked for the mesh alone
                 backend.held = False
                 return held
-            boxes = backend.boxes[backend.asked : backend.asked + len(feed["image"])]
-            backend.asked += len(boxes)
+            boxes = backend.next_boxes(len(feed["image"]))
             contact = np.full((len(boxes), len(rest)), 0.1)
             for i, box in enumerate(boxes):
                 row = None if shown.world is None else whose(shown.world, box)
@@ -127,7 +126,7 @@ def told_deco(told: Any, told_network: Any) -> type:
                     contact[i] = np.where(shown.world.contact[row], 0.9, 0.05)
             return {"contact": contact, **held}
 
-        network = told_network(
+        network = stand_in_network(
             {"image": ("float32", ("b", 3, 256, 256))},
             {
                 "contact": ("float32", ("b", len(rest))),
@@ -139,15 +138,15 @@ def told_deco(told: Any, told_network: Any) -> type:
         backend.bind(network)
         return [network]
 
-    class Told(told(Deco, attach)):  # type: ignore[misc]
+    class StandIn(stand_in(Deco, attach)):  # type: ignore[misc]
         def infer(self, image: np.ndarray, people: People, bodies: Bodies) -> ContactProbability:
-            self.boxes, self.asked, self.held = people.boxes, 0, True
+            self.held = True
             return super().infer(image, people, bodies)
 
-    return Told
+    return StandIn
 
 
-def test_conformance(told: Any, told_network: Any) -> None:
-    report = check_backend(told_deco(told, told_network), "contact_prior")
+def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
+    report = check_backend(stand_in_deco(stand_in, stand_in_network), "contact_prior")
     print(report.summary, report.accuracy)
     report.raise_if_failed()

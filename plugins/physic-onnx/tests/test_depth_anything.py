@@ -1,4 +1,4 @@
-"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, the real small network, and told ones."""
+"""Depth Anything V2 and 3 relative, V2 metric: the exports that are about, the real small network, and stand-ins."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FREE_MAP = ("batch_size", "height", "width")
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs are told."""
+    """A network whose map is a channel of its input plus 4, or a sigmoid of it; its other outputs are given."""
 
     def build(
         name: str = "model.onnx",
@@ -57,9 +57,9 @@ def contract_graph(graph, node, tmp_path):
         constants = {"channel": where, "four": np.float32(4), "most": np.float32(20)}
         outputs = {gives: ("float32", map_shape)}
         for other, value in (further or {}).items():
-            constants[f"told_{other}"] = np.asarray(value, np.float32)
+            constants[f"given_{other}"] = np.asarray(value, np.float32)
             outputs[other] = ("float32", np.shape(value))
-            nodes.append(node("Identity", [f"told_{other}"], [other]))
+            nodes.append(node("Identity", [f"given_{other}"], [other]))
         return str(graph(tmp_path / name, {takes: ("float32", shape)}, outputs, nodes, constants))
 
     return build
@@ -109,10 +109,10 @@ class TestExports:
         np.testing.assert_allclose(answer.points[..., 2] * disparity, np.median(disparity), rtol=0.01)
         assert np.median(answer.points[..., 2]) == pytest.approx(1, rel=0.01)
 
-    def test_sky_has_no_point(self, contract_graph, told_network):
+    def test_sky_has_no_point(self, contract_graph, stand_in_network):
         values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
         values[:100] = 0
-        network = told_network(
+        network = stand_in_network(
             {"pixel_values": ("float32", (1, 3, 518, 518))},
             {"predicted_depth": ("float32", (1, 518, 518))},
             lambda shown, fed: {"predicted_depth": values[None]},
@@ -125,9 +125,9 @@ class TestExports:
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
 
-    def test_free_sizes_keep_the_aspect_in_multiples_of_14(self, contract_graph, told_network):
+    def test_free_sizes_keep_the_aspect_in_multiples_of_14(self, contract_graph, stand_in_network):
         seen = []
-        network = told_network(
+        network = stand_in_network(
             {"pixel_values": ("float32", FREE)},
             {"predicted_depth": ("float32", FREE_MAP)},
             lambda shown, fed: (
@@ -152,9 +152,9 @@ class TestExports:
             "a file of free size would see it as it is",
         )
 
-    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, told_network):
+    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, stand_in_network):
         """Trap: exports whose output keeps the size of the export, whatever they are fed."""
-        network = told_network(
+        network = stand_in_network(
             {"pixel_values": ("float32", FREE)},
             {"predicted_depth": ("float32", FREE_MAP)},
             lambda shown, fed: {"predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))},
@@ -280,9 +280,9 @@ class TestVersion3:
             z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
             assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
 
-    def test_long_side_becomes_504(self, told_network):
+    def test_long_side_becomes_504(self, stand_in_network):
         seen = []
-        network = told_network(
+        network = stand_in_network(
             {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
             {"predicted_depth": ("float32", ("b", "n", "h", "w"))},
             lambda shown, fed: (
@@ -352,21 +352,21 @@ def expect_picture(shown, fed: np.ndarray) -> None:
     assert np.abs(seen - wanted).mean() < 4
 
 
-def told_metric(shown, fed):
+def true_metric(shown, fed):
     """Metres, at most 20."""
     expect_picture(shown, fed["image"])
     inverse = at(1 / shown.depth, *fed["image"].shape[-2:])
     return {"depth": np.minimum(1 / np.maximum(inverse, 1e-6), 20.0)[None]}
 
 
-def told_disparity(shown, fed):
+def true_disparity(shown, fed):
     """Disparity of an unknown scale and shift, 0 in the sky."""
     expect_picture(shown, fed["pixel_values"])
     inverse = at(1 / shown.depth, *fed["pixel_values"].shape[-2:])
     return {"predicted_depth": np.where(inverse > 1e-6, 7 * inverse + 0.4, 0.0)[None]}
 
 
-def told_depth(shown, fed):
+def true_depth(shown, fed):
     """Depth up to a scale, with its camera at the network's picture."""
     rows, columns = fed["pixel_values"].shape[-2:]
     expect_picture(shown, fed["pixel_values"])
@@ -384,39 +384,39 @@ NETWORKS = {
         DepthAnythingMetric,
         {"image": ("float32", FREE)},
         {"depth": ("float32", FREE_MAP)},
-        told_metric,
+        true_metric,
     ),
     "disparity": (
         DepthAnythingRelative,
         {"pixel_values": ("float32", FREE)},
         {"predicted_depth": ("float32", FREE_MAP)},
-        told_disparity,
+        true_disparity,
     ),
     "disparity 518 x 518": (
         DepthAnythingRelative,
         {"pixel_values": ("float32", (1, 3, 518, 518))},
         {"predicted_depth": ("float32", (1, 518, 518))},
-        told_disparity,
+        true_disparity,
     ),
     "depth of version 3": (
         DepthAnythingRelative,
         {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
         {"predicted_depth": ("float32", ("b", "n", "h", "w")), "intrinsics": ("float32", ("b", "n", 3, 3))},
-        told_depth,
+        true_depth,
     ),
 }
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_conformance(told, told_network, name):
+def test_conformance(stand_in, stand_in_network, name):
     kind, inputs, outputs, answer = NETWORKS[name]
 
     def attach(backend):
-        network = told_network(inputs, outputs, answer)
+        network = stand_in_network(inputs, outputs, answer)
         backend.bind(network)
         return [network]
 
-    report = check_backend(told(kind, attach))
+    report = check_backend(stand_in(kind, attach))
     report.raise_if_failed()
     error = report.accuracy["abs-rel" if kind is DepthAnythingMetric else "abs-rel, aligned"]
     assert error < 0.003, report.accuracy

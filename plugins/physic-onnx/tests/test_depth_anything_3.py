@@ -23,7 +23,7 @@ FORMS = {
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """A network whose depth is a channel of its input plus 4, and whose sky is what is told or a channel."""
+    """A network whose depth is a channel of its input plus 4, and whose sky is what is given or a channel."""
 
     def build(form: str = "free", takes="image", gives=("depth", "sky"), channel=0, name="model.onnx") -> str:
         shape, map_shape = FORMS[form]
@@ -78,9 +78,9 @@ class TestContract:
     def test_other_names_are_known(self, contract_graph):
         loaded(contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
 
-    def test_free_size_has_its_long_side_at_504(self, told_network):
+    def test_free_size_has_its_long_side_at_504(self, stand_in_network):
         seen = []
-        network = told_network(
+        network = stand_in_network(
             {"image": ("float32", FORMS["free"][0])},
             {"depth": ("float32", FORMS["free"][1]), "sky": ("float32", FORMS["free"][1])},
             lambda shown, fed: (
@@ -172,15 +172,15 @@ def perfect(shown, fed):
 
 
 @pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
-def test_conformance(told, told_network, form):
+def test_conformance(stand_in, stand_in_network, form):
     shape = FORMS[form][0]
     returned = ("float32", (1, 1, *shape[-2:]))
 
     def attach(backend):
-        network = told_network({"image": ("float32", shape)}, {"depth": returned, "sky": returned}, perfect)
+        network = stand_in_network({"image": ("float32", shape)}, {"depth": returned, "sky": returned}, perfect)
         backend.bind(network)
         return [network]
 
-    report = check_backend(told(DepthAnything3, attach))
+    report = check_backend(stand_in(DepthAnything3, attach))
     report.raise_if_failed()
     assert report.accuracy["abs-rel"] < 0.003, report.accuracy

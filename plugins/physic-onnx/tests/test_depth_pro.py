@@ -21,20 +21,20 @@ DEPTH_OUT = ("float32", ("batch_size", SIDE, SIDE))
 
 @pytest.fixture
 def contract_graph(graph, node, tmp_path):
-    """DepthPro whose map is its input's red * 2 + 3, and whose focal length or angle is told."""
+    """DepthPro whose map is its input's red * 2 + 3, and whose focal length or angle is given."""
 
     def build(second: str = "focallength_px", number: float = 1200.0, shape=("batch_size", 1), channel: int = 0) -> str:
         nodes = [
             node("Gather", ["pixel_values", "channel"], ["seen"], axis=1),
             node("Mul", ["seen", "two"], ["twice"]),
             node("Add", ["twice", "three"], ["predicted_depth"]),
-            node("Identity", ["told"], [second]),
+            node("Identity", ["given"], [second]),
         ]
         constants = {
             "channel": np.array(channel, np.int64),
             "two": np.float32(2),
             "three": np.float32(3),
-            "told": np.full(tuple(1 for _ in shape), number, np.float32),
+            "given": np.full(tuple(1 for _ in shape), number, np.float32),
         }
         outputs = {"predicted_depth": DEPTH_OUT, second: ("float32", shape)}
         return str(graph(tmp_path / f"{second}{channel}{len(shape)}.onnx", PICTURE_IN, outputs, nodes, constants))
@@ -48,7 +48,7 @@ def loaded(path: str, **options) -> DepthPro:
     return backend
 
 
-def told_value(image: np.ndarray, channel: int = 0) -> np.ndarray:
+def graph_value(image: np.ndarray, channel: int = 0) -> np.ndarray:
     """What the contract graph makes of a channel, at the photo's size."""
     return (image[..., channel] / 127.5 - 1) * 2 + 3
 
@@ -62,7 +62,7 @@ class TestContract:
         answer = backend.infer(image, Hints())
         focal = 0.5 * 128 / math.tan(math.radians(30))
         assert answer.intrinsics.fx == pytest.approx(focal)
-        np.testing.assert_allclose(answer.depth, focal / (128 * told_value(image)), rtol=0.01)
+        np.testing.assert_allclose(answer.depth, focal / (128 * graph_value(image)), rtol=0.01)
 
     @pytest.mark.parametrize("shape", [("batch_size",), ("batch_size", 1)])
     def test_focal_length_is_in_px_of_the_wide_square(self, contract_graph, shape):
@@ -98,11 +98,11 @@ class TestContract:
         first, second = (backend.infer(ramp(96, 128), Hints(intrinsics=camera)).depth for camera in (small, large))
         np.testing.assert_allclose(first, second)
 
-    def test_sky_is_not_known(self, told_network):
+    def test_sky_is_not_known(self, stand_in_network):
         """Trap: both forms clip inverse depth at 1e-4, so that the sky lies at 10 km."""
         depth = np.full((1, SIDE, SIDE), 5.0)
         depth[:, : SIDE // 2] = 1e4
-        network = told_network(
+        network = stand_in_network(
             PICTURE_IN,
             {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))},
             lambda shown, fed: {"predicted_depth": depth, "focallength_px": [[1500.0]]},
@@ -208,15 +208,15 @@ def answer_inverse(shown, feed):
 
 
 @pytest.mark.parametrize("form", ["metres", "inverse"])
-def test_conformance(told, told_network, form):
+def test_conformance(stand_in, stand_in_network, form):
     second = {"metres": {"focallength_px": ("float32", (1, 1))}, "inverse": {"field_of_view": ("float32", (1,))}}[form]
     answer = {"metres": answer_metres, "inverse": answer_inverse}[form]
 
     def attach(backend):
-        network = told_network(PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)
+        network = stand_in_network(PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)
         backend.bind(network)
         return [network]
 
-    report = check_backend(told(DepthPro, attach))
+    report = check_backend(stand_in(DepthPro, attach))
     report.raise_if_failed()
     assert report.accuracy["abs-rel"] < 0.003, report.accuracy

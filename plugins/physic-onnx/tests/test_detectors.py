@@ -35,10 +35,10 @@ def answering(graph, node, tmp_path):
         nodes.append(node("ReduceMean", [name], ["mean"], keepdims=0))
         nodes.append(node("Mul", ["mean", "nought"], ["nothing"]))
         for key, value in outputs.items():
-            constants[f"told_{key}"] = np.asarray(value, np.float32)
-            nodes.append(node("Add", [f"told_{key}", "nothing"], [key]))
-        told = {key: ("float32", np.shape(value)) for key, value in outputs.items()}
-        path = graph(tmp_path / "detector.onnx", {name: ("float32", shape)}, told, nodes, constants)
+            constants[f"given_{key}"] = np.asarray(value, np.float32)
+            nodes.append(node("Add", [f"given_{key}", "nothing"], [key]))
+        given = {key: ("float32", np.shape(value)) for key, value in outputs.items()}
+        path = graph(tmp_path / "detector.onnx", {name: ("float32", shape)}, given, nodes, constants)
         return open_detector(path, OnnxOptions(threads=1), "cpu")
 
     return make
@@ -215,10 +215,10 @@ def test_a_head_of_another_size_is_refused(answering):
 
 
 def test_another_file_is_refused_with_its_inputs_and_outputs(answering):
-    with pytest.raises(BackendError) as told:
+    with pytest.raises(BackendError) as raised:
         answering("picture", (1, 3, SIDE, SIDE), answer=np.zeros((1, 4)))
     for text in ("expected of RTMO", "expected of YOLOX", "expected of RT-DETR", "picture float32 (1, 3, 64, 64)"):
-        assert text in str(told.value)
+        assert text in str(raised.value)
 
 
 def test_no_detections_are_an_empty_array(answering):

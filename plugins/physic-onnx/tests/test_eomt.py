@@ -44,14 +44,14 @@ def in_square(mask):
 
 
 @pytest.fixture(scope="module")
-def eomt(told, told_network):
+def eomt(stand_in, stand_in_network):
     def attach(backend):
-        network = told_network(*PORTS, answer)
+        network = stand_in_network(*PORTS, answer)
         backend.bind(network)
         backend.network = network
         return (network,)
 
-    return told(Eomt, attach)
+    return stand_in(Eomt, attach)
 
 
 def test_conformance(eomt):

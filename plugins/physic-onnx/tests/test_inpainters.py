@@ -241,7 +241,7 @@ class Ready:
         return ()
 
 
-class ToldMiGan(Ready, MiGan):
+class MiGanStandIn(Ready, MiGan):
     def load(self, device="cpu"):
         if self._loaded is not None:
             return
@@ -249,7 +249,7 @@ class ToldMiGan(Ready, MiGan):
         self.bind(Painter(ports(image), ports({"result": ("uint8", ("b", 3, "h", "w"))}), "0 is hole"))
 
 
-class ToldLama(Ready, Lama):
+class LamaStandIn(Ready, Lama):
     def load(self, device="cpu"):
         if self._loaded is not None:
             return
@@ -257,11 +257,11 @@ class ToldLama(Ready, Lama):
         self.bind(Painter(ports(shapes), ports({"output": ("float32", ("b", 3, 512, 512))}), "1 is hole"))
 
 
-@parametrize_with_checks("inpainter", ToldMiGan)
+@parametrize_with_checks("inpainter", MiGanStandIn)
 def test_conformance_of_mi_gan(check):
     check()
 
 
-@parametrize_with_checks("inpainter", ToldLama)
+@parametrize_with_checks("inpainter", LamaStandIn)
 def test_conformance_of_lama(check):
     check()

@@ -66,9 +66,9 @@ class TestContract:
     def test_normals_are_left_alone(self, contract_graph):
         loaded(contract_graph(normals=True)).infer(ramp(308, 532), hints(500.0, 532, 308))
 
-    def test_canvas_of_a_free_file_can_be_chosen(self, contract_graph, told_network):
+    def test_canvas_of_a_free_file_can_be_chosen(self, contract_graph, stand_in_network):
         seen = []
-        network = told_network(
+        network = stand_in_network(
             {"pixel_values": ("float32", FORMS["published"][2])},
             {"pred_depth": ("float32", FORMS["published"][3])},
             lambda shown, fed: seen.append(fed["pixel_values"].shape) or {"pred_depth": fed["pixel_values"][:, 0]},
@@ -130,7 +130,7 @@ def perfect(shown, fed):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_conformance(told, told_network, form):
+def test_conformance(stand_in, stand_in_network, form):
     takes, gives, shape, map_shape = FORMS[form]
 
     def answer(shown, fed):
@@ -138,10 +138,10 @@ def test_conformance(told, told_network, form):
         return {gives: depth.reshape((1,) * (len(map_shape) - 2) + depth.shape)}
 
     def attach(backend):
-        network = told_network({takes: ("float32", shape)}, {gives: ("float32", map_shape)}, answer)
+        network = stand_in_network({takes: ("float32", shape)}, {gives: ("float32", map_shape)}, answer)
         backend.bind(network)
         return [network]
 
-    report = check_backend(told(Metric3d, attach))
+    report = check_backend(stand_in(Metric3d, attach))
     report.raise_if_failed()
     assert report.accuracy["abs-rel"] < 0.003, report.accuracy

@@ -25,7 +25,7 @@ MASK_OUT = ("float32", ("batch_size", "height", "width"))
 SCALE_OUT = ("float32", ("batch_size",))
 
 SHIFT, UNIT = -0.7, 2.3
-"""What the told network's z lacks, and metres in one of its units."""
+"""What the stand-in's z lacks, and metres in one of its units."""
 
 
 def outputs_called(scale: str) -> dict:
@@ -191,7 +191,7 @@ def test_focal_length_is_counted_in_half_diagonals(room, height, width, shift):
     np.testing.assert_allclose(found.depth, 3 * (3 + np.sin(u) + v**2), rtol=1e-4)
 
 
-def told_answer(shown, feed):
+def true_answer(shown, feed):
     """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the size of its feed."""
     height, width = feed["image"].shape[2:]
     rows, columns = shown.photo.shape[:2]
@@ -220,18 +220,18 @@ def told_answer(shown, feed):
 
 
 @pytest.fixture
-def perfect(told, told_network):
+def perfect(stand_in, stand_in_network):
     """An adapter with a network that knows the world, which is in ``networks``."""
     networks = []
 
     def make(kind):
         def attach(backend):
             if not networks:
-                networks.append(told_network(INPUTS, outputs_called("scale"), told_answer))
+                networks.append(stand_in_network(INPUTS, outputs_called("scale"), true_answer))
             backend.runner.open(backend, id(networks[0]), lambda: networks[0])
             return networks
 
-        return told(kind, attach)
+        return stand_in(kind, attach)
 
     make.networks = networks
     return make
@@ -323,7 +323,7 @@ class TestWorld:
 
 class TestOddAnswers:
     @pytest.fixture
-    def answering(self, told, told_network):
+    def answering(self, stand_in, stand_in_network):
         """A loaded adapter whose network always answers these points, this mask and this scale."""
 
         def make(kind, points, mask=1.0, scale=1.0):
@@ -334,13 +334,13 @@ class TestOddAnswers:
                 "mask": np.full((1, height, width), mask),
                 "scale": [scale],
             }
-            network = told_network(INPUTS, outputs_called("scale"), lambda shown, feed: answer)
+            network = stand_in_network(INPUTS, outputs_called("scale"), lambda shown, feed: answer)
 
             def attach(backend):
                 backend.runner.open(backend, id(network), lambda: network)
                 return [network]
 
-            backend = told(kind, attach)()
+            backend = stand_in(kind, attach)()
             backend.load()
             return backend, np.full((height, width, 3), 128, np.uint8)
 

@@ -33,8 +33,8 @@ def slope(shown, feed):
 
 
 @pytest.fixture
-def network(told_network):
-    made = told_network(INPUTS, OUTPUTS, slope)
+def network(stand_in_network):
+    made = stand_in_network(INPUTS, OUTPUTS, slope)
     made.show(object())
     return made
 

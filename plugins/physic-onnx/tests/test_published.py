@@ -160,7 +160,7 @@ class TestMiGan:
         check_backend(MiGan, options={"threads": 1}).raise_if_failed()
 
     def test_the_mask_is_0_in_the_hole(self):
-        """A hole in an even wall is filled with the wall; told the other way round, the red in it would stay."""
+        """A hole in an even wall is filled with the wall; read the other way round, the red in it would stay."""
         photo = np.full((300, 400, 3), (180, 170, 160), np.uint8)
         mask = np.zeros((300, 400), bool)
         mask[100:200, 150:220] = True

@@ -139,15 +139,15 @@ def decoder_body(node, signature, mask, fit):
     return [*corners, *sides, *more], constants
 
 
-def told_boxes(boxes, scores, graph, node, path):
+def detector_of_boxes(boxes, scores, graph, node, path):
     """A detector's file that sees people in these boxes of a 640 px frame."""
     dets = np.concatenate([boxes, np.reshape(scores, (-1, 1))], axis=1)[None].astype(np.float32)
     nodes = [
         node("ReduceMean", ["input"], ["mean"], keepdims=0),
         node("Mul", ["mean", "nought"], ["nothing"]),
-        node("Add", ["told", "nothing"], ["dets"]),
+        node("Add", ["given", "nothing"], ["dets"]),
     ]
-    constants = {"nought": np.float32(0), "told": dets}
+    constants = {"nought": np.float32(0), "given": dets}
     ports = {"input": ("float32", ("b", 3, 640, 640))}, {"dets": ("float32", dets.shape)}
     return graph(path, *ports, nodes, constants)
 
@@ -161,7 +161,7 @@ def test_the_mask_of_a_box_lies_at_that_box(folder, graph, node, tmp_path, signa
     """
     scale = 640 / max(size)
     boxes = np.array([[40.0, 60, 200, 290], [250, 30, 330, 310]])
-    detector = told_boxes(boxes * scale, [0.9, 0.8], graph, node, tmp_path / "detector.onnx")
+    detector = detector_of_boxes(boxes * scale, [0.9, 0.8], graph, node, tmp_path / "detector.onnx")
     options = Sam2Options(weights=str(folder(signature)), detector=str(detector), floor="none", threads=1)
     backend = Sam2(options)
     assert backend.missing() == ()
@@ -190,33 +190,32 @@ def test_a_lost_file_of_weights_is_named(folder):
         open_sam2(where, OnnxOptions(threads=1), "cpu")
 
 
-def networks_of(signature, told_network, answer=None, encoder_ports=None):
+def networks_of(signature, stand_in_network, answer=None, encoder_ports=None):
     def encode(shown, feed):
         return {name: np.zeros(shape, np.float32) for name, shape in zip(FEATURES[signature], MAPS, strict=True)}
 
-    encoder = told_network(*(encoder_ports or ENCODER[signature]), encode)
-    return encoder, told_network(*DECODER[signature], answer or (lambda shown, feed: {}))
+    encoder = stand_in_network(*(encoder_ports or ENCODER[signature]), encode)
+    return encoder, stand_in_network(*DECODER[signature], answer or (lambda shown, feed: {}))
 
 
-def test_sam3_s_tracker_sees_minus_1_to_1(told_network, shown):
+def test_sam3_s_tracker_sees_minus_1_to_1(stand_in_network, shown):
     ports = ({"pixel_values": ("float32", (1, 3, 1008, 1008))}, ENCODER["transformers.js"][1])
-    encoder, decoder = networks_of("transformers.js", told_network, encoder_ports=ports)
+    encoder, decoder = networks_of("transformers.js", stand_in_network, encoder_ports=ports)
     photo = np.full((30, 40, 3), 255, np.uint8)
     encoder.show(shown(photo))
     Sam2Networks(encoder, decoder).encode(photo)
     assert encoder.fed["pixel_values"] == pytest.approx(1.0)
 
 
-def test_files_of_transformers_js_get_prompts_in_their_layout(told_network, shown):
-    """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is left to chance."""
-    asked = []
+def prompts_fed(signature, answer, stand_in_network, shown):
+    """What the decoder is fed for two boxes, and for a point inside and one outside, of a photo of 256 x 512 px."""
+    fed = []
 
-    def answer(shown, feed):
-        asked.append(feed)
-        n = max(feed["input_boxes"].shape[1], 1)
-        return {"iou_scores": np.zeros((1, n, 3)), "pred_masks": np.zeros((1, n, 3, 256, 256))}
+    def record(photo, feed):
+        fed.append(feed)
+        return answer(feed)
 
-    encoder, decoder = networks_of("transformers.js", told_network, answer)
+    encoder, decoder = networks_of(signature, stand_in_network, record)
     photo = np.zeros((512, 256, 3), np.uint8)
     encoder.show(shown(photo))
     decoder.show(shown(photo))
@@ -226,7 +225,17 @@ def test_files_of_transformers_js_get_prompts_in_their_layout(told_network, show
     networks.masks_from_points(
         encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512])
     )
-    box, point = asked
+    return fed
+
+
+def test_files_of_transformers_js_get_prompts_in_their_layout(stand_in_network, shown):
+    """Boxes are boxes, beside no points at all; points come in a box, for without one the answer is left to chance."""
+
+    def answer(feed):
+        n = max(feed["input_boxes"].shape[1], 1)
+        return {"iou_scores": np.zeros((1, n, 3)), "pred_masks": np.zeros((1, n, 3, 256, 256))}
+
+    box, point = prompts_fed("transformers.js", answer, stand_in_network, shown)
     assert box["input_points"].shape == (1, 2, 0, 2)
     assert box["input_labels"].shape == (1, 2, 0)
     assert box["input_labels"].dtype == np.int64
@@ -237,10 +246,10 @@ def test_files_of_transformers_js_get_prompts_in_their_layout(told_network, show
     assert point["input_labels"].tolist() == [[[1, 0]]]
 
 
-def test_providers_without_empty_arrays_get_a_padding_point(told_network, shown):
+def test_providers_without_empty_arrays_get_a_padding_point(stand_in_network, shown):
     encoder, decoder = networks_of(
         "transformers.js",
-        told_network,
+        stand_in_network,
         lambda shown, feed: {"iou_scores": np.zeros((1, 1, 3)), "pred_masks": np.zeros((1, 1, 3, 256, 256))},
     )
     photo = np.zeros((20, 20, 3), np.uint8)
@@ -253,26 +262,14 @@ def test_providers_without_empty_arrays_get_a_padding_point(told_network, shown)
     assert decoder.fed["input_labels"].tolist() == [[[-1]]]
 
 
-def test_files_of_samexporter_get_prompts_in_their_layout(told_network, shown):
+def test_files_of_samexporter_get_prompts_in_their_layout(stand_in_network, shown):
     """A box is two points, labelled 2 and 3, and others come after them; labels are floats."""
-    asked = []
 
-    def answer(shown, feed):
-        asked.append(feed)
+    def answer(feed):
         n = len(feed["point_coords"])
         return {"iou_predictions": np.zeros((n, 3)), "masks": np.zeros((n, 3, 256, 256))}
 
-    encoder, decoder = networks_of("samexporter", told_network, answer)
-    photo = np.zeros((512, 256, 3), np.uint8)
-    encoder.show(shown(photo))
-    decoder.show(shown(photo))
-    networks = Sam2Networks(encoder, decoder)
-    encoded = networks.encode(photo)
-    networks.masks_from_boxes(encoded, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    networks.masks_from_points(
-        encoded, np.array([[0.0, 0.0]]), np.array([[255.0, 511.0]]), np.array([0.0, 256, 256, 512])
-    )
-    box, point = asked
+    box, point = prompts_fed("samexporter", answer, stand_in_network, shown)
     assert box["point_coords"][0].tolist() == [[1.5, 0.5], [1021.5, 1022.5]]
     assert box["point_labels"].tolist() == [[2, 3], [2, 3]]
     assert box["point_labels"].dtype == np.float32
@@ -282,10 +279,10 @@ def test_files_of_samexporter_get_prompts_in_their_layout(told_network, shown):
     assert point["point_labels"].tolist() == [[2, 3, 1, 0]]
 
 
-def test_halves_of_two_exports_are_refused(told_network):
-    encoder, _ = networks_of("transformers.js", told_network)
-    _, decoder = networks_of("samexporter", told_network)
-    with pytest.raises(BackendError, match=r"comes from transformers\.js and the decoder told\.onnx from samexporter"):
+def test_halves_of_two_exports_are_refused(stand_in_network):
+    encoder, _ = networks_of("transformers.js", stand_in_network)
+    _, decoder = networks_of("samexporter", stand_in_network)
+    with pytest.raises(BackendError, match=r"comes from transformers\.js and the decoder stand_in\.onnx from"):
         Sam2Networks(encoder, decoder)
 
 
@@ -345,7 +342,7 @@ def test_points_of_the_ground_are_outside_people_and_inside_the_photo():
 # A detector, an encoder and a decoder that know the world which is shown.
 
 
-def rt_detr(told_network, joints=False):
+def rt_detr(stand_in_network, joints=False):
     def answer(shown, feed):
         logits, boxes = np.full((1, 300, 80), -9.0), np.full((1, 300, 4), 0.5)
         height, width = shown.photo.shape[:2]
@@ -355,10 +352,10 @@ def rt_detr(told_network, joints=False):
         return {"logits": logits, "pred_boxes": boxes}
 
     ports = {"logits": ("float32", ("b", 300, 80)), "pred_boxes": ("float32", ("b", 300, 4))}
-    return told_network({"pixel_values": ("float32", ("b", 3, 640, 640))}, ports, answer)
+    return stand_in_network({"pixel_values": ("float32", ("b", 3, 640, 640))}, ports, answer)
 
 
-def rtmo(told_network):
+def rtmo(stand_in_network):
     def answer(shown, feed):
         scale = 640 / max(shown.photo.shape[:2])
         boxes = true_boxes(shown) * scale
@@ -370,10 +367,10 @@ def rtmo(told_network):
         return {"dets": np.concatenate([boxes, scores], 1)[None], "keypoints": joints}
 
     ports = {"dets": ("float32", ("b", "n", 5)), "keypoints": ("float32", ("b", "n", 17, 3))}
-    return told_network({"input": ("float32", ("b", 3, 640, 640))}, ports, answer)
+    return stand_in_network({"input": ("float32", ("b", 3, 640, 640))}, ports, answer)
 
 
-def yolox(told_network):
+def yolox(stand_in_network):
     cells = [(s, x, y) for s in (8, 16, 32) for y in range(640 // s) for x in range(640 // s)]
 
     def answer(shown, feed):
@@ -387,7 +384,7 @@ def yolox(told_network):
         return {"output": output}
 
     port = {"images": ("float32", (1, 3, 640, 640))}
-    return told_network(port, {"output": ("float32", (1, len(cells), 85))}, answer)
+    return stand_in_network(port, {"output": ("float32", (1, len(cells), 85))}, answer)
 
 
 def true_boxes(shown):
@@ -542,16 +539,16 @@ def test_the_real_class_answers_points_in_a_box_the_same(real):
 
 
 @pytest.fixture(scope="module")
-def sam2(told, told_network):
+def sam2(stand_in, stand_in_network):
     def make(signature, detector):
         def attach(backend):
-            encoder, decoder = networks_of(signature, told_network, decode(signature))
-            seer = detector(told_network)
+            encoder, decoder = networks_of(signature, stand_in_network, decode(signature))
+            seer = detector(stand_in_network)
             backend._networks, backend._detector = Sam2Networks(encoder, decoder), Detector(seer)
             backend.encoder = encoder
             return encoder, decoder, seer
 
-        return told(Sam2, attach)
+        return stand_in(Sam2, attach)
 
     return make
 

@@ -86,7 +86,7 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
         outputs = model(pixel_values=pictures.float(), **index)
     answers = processor.post_process_pose_estimation(outputs, boxes=[theirs])[0]
     maps = outputs.heatmaps.numpy()
-    told = wild = 0
+    same = wild = 0
     for row, (answer, box) in enumerate(zip(answers, boxes, strict=True)):
         score = answer["scores"].numpy()
         assert np.allclose(found.confidence[row], np.clip(score, 0, 1), atol=2e-3)
@@ -100,6 +100,6 @@ def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[
         tame = (step <= 1).all(1) & (score > 0)
         assert (np.abs(found.points[row] - start) / cell).max() <= 1.001
         assert np.quantile(apart[tame], 0.9) < 0.02
-        told, wild = told + int(tame.sum()), wild + int((~tame).sum())
-    print(f"{told} joints as theirs; of {wild} theirs went off, or has no peak above zero")
-    assert told > 40
+        same, wild = same + int(tame.sum()), wild + int((~tame).sum())
+    print(f"{same} joints as theirs; of {wild} theirs went off, or has no peak above zero")
+    assert same > 40

@@ -1,4 +1,4 @@
-"""WiLoR: BGR or RGB as the file wants, left hands in a mirror, and the kit on a told network."""
+"""WiLoR: BGR or RGB as the file wants, left hands in a mirror, and the kit on stand-ins."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ LEFT, RIGHT = np.array([60.0, 80, 120, 130]), np.array([180.0, 100, 240, 170])
 
 
 @pytest.fixture
-def recorded(told_network: Any) -> Any:
+def recorded(stand_in_network: Any) -> Any:
     """The adapter, and what its network was fed; hand i of those fed turns its joints by (0.1 (i + 1), 0.2, 0.3)."""
 
     def make(signature: str = MINI, matrices: bool = False, **options: Any) -> tuple[Wilor, list[np.ndarray]]:
         fed: list[np.ndarray] = []
         backend = Wilor(Wilor.Options(**options))
         shape = ("b", 15, 3, 3) if matrices else ("b", 15, 3)
-        network = told_network(
+        network = stand_in_network(
             {"image": PICTURES[signature]},
             {"hand_pose": ("float32", shape), "global_orient": ("float32", ("b", 1, *shape[2:]))},
             lambda *_: {},
@@ -56,10 +56,10 @@ def recorded(told_network: Any) -> Any:
             n = len(feed["image"])
             first = 0.1 * (np.arange(n) + 1 + sum(len(f) for f in fed[:-1]))
             vectors = np.stack([first, np.full(n, 0.2), np.full(n, 0.3)], -1)[:, None].repeat(16, 1)
-            told = (
+            rotations = (
                 Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(n, 16, 3, 3) if matrices else vectors
             )
-            parts = {"hand_pose": told[:, 1:], "global_orient": told[:, :1]}
+            parts = {"hand_pose": rotations[:, 1:], "global_orient": rotations[:, :1]}
             return [parts[name].astype(np.float32) for name in outputs]
 
         network.run = run
@@ -125,9 +125,9 @@ def test_unsure_and_small_hands_are_left_out(recorded: Any) -> None:
     assert not fed  # the network is not even asked
 
 
-def test_another_number_of_joints_is_refused(told_network: Any) -> None:
+def test_another_number_of_joints_is_refused(stand_in_network: Any) -> None:
     backend = Wilor()
-    network = told_network({"image": PICTURES[MINI]}, {"hand_pose": ("float32", ("b", 16, 3))}, lambda *_: {})
+    network = stand_in_network({"image": PICTURES[MINI]}, {"hand_pose": ("float32", ("b", 16, 3))}, lambda *_: {})
     network.run = lambda feed, outputs: [np.zeros((len(feed["image"]), 16, 3), np.float32)]
     backend.bind(network)
     with pytest.raises(BackendError, match="where 2 hands have 15 rotations each"):
@@ -144,7 +144,7 @@ def turned_wrist(parameters: Any, row: int, side: int) -> np.ndarray:
     return whole.as_rotvec()
 
 
-def told_wilor(told: Any, told_network: Any) -> type:
+def stand_in_wilor(stand_in: Any, stand_in_network: Any) -> type:
     """The adapter over a network that knows the fingers of the world's people, and right hands only."""
 
     def attach(backend: Any) -> list[Any]:
@@ -170,7 +170,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
             assert best[0] < 4, f"no hand looks like this: {best[0]:.1f} grey levels"
             return backend.rows[best[1]], best[2]
 
-        network = told_network(
+        network = stand_in_network(
             {"image": PICTURES[MINI]},
             {"hand_pose": ("float32", ("b", 15, 3)), "global_orient": ("float32", ("b", 1, 3))},
             answer,
@@ -178,7 +178,7 @@ def told_wilor(told: Any, told_network: Any) -> type:
         backend.bind(network)
         return [network]
 
-    class Told(told(Wilor, attach)):  # type: ignore[misc]
+    class StandIn(stand_in(Wilor, attach)):  # type: ignore[misc]
         def infer(self, image: np.ndarray, people: People, keypoints: Keypoints) -> Any:
             from physic_core.adapters.hand_boxes import hand_boxes
 
@@ -192,12 +192,12 @@ def told_wilor(told: Any, told_network: Any) -> type:
                 self.rows = [int(np.abs(world.boxes - box).max(1).argmin()) for box in people.boxes]
             return super().infer(image, people, keypoints)
 
-    return Told
+    return StandIn
 
 
-def test_conformance(told: Any, told_network: Any) -> None:
+def test_conformance(stand_in: Any, stand_in_network: Any) -> None:
     options = {"least_size_px": 8.0, "least_confidence": 0.3}
-    report = check_backend(told_wilor(told, told_network), "hand_estimator", options=options)
+    report = check_backend(stand_in_wilor(stand_in, stand_in_network), "hand_estimator", options=options)
     print(report.summary, report.accuracy)
     report.raise_if_failed()
     assert report.accuracy["degrees"] < 1
