@@ -4,26 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from physic_testing.bench.estimator_statistics import Figure
 
 Record = Mapping[str, Any]
 Strata = Sequence[Sequence[Record]]
 """The records of each data set."""
 
 DRAWS, SEED = 1000, 20261121
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A number with its 95 % interval, NaN where it is unknown, over ``count`` records."""
-
-    value: float
-    low: float
-    high: float
-    count: int
 
 
 def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> Figure:

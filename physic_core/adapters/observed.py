@@ -5,9 +5,10 @@ Body networks also return a pose for hidden limbs, without marking it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import Field
 
 from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
 from physic_core.types.skeletons import SIDES, is_finger
@@ -15,7 +16,13 @@ from physic_core.types.skeletons import SIDES, is_finger
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Keypoints
 
-__all__ = ["observed_joints"]
+__all__ = ["SeenConfidence", "observed_joints"]
+
+SeenConfidence = Annotated[
+    float,
+    Field(ge=0, le=1, description="confidence of keypoints from which their joints count as seen; 0 takes all"),
+]
+"""Type of a backend's option ``seen_confidence``, the argument ``least`` of :func:`observed_joints`."""
 
 _LIMBS = {name: joint_pair(name) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")}
 _FEET, _COLLARS = joint_pair("foot"), joint_pair("collar")

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["FINGER_JOINTS", "JOINT_INDEX", "JOINT_NAMES", "NUM_JOINTS", "PARENTS", "SIDES", "joint_pair"]
+__all__ = [
+    "FINGER_JOINTS",
+    "JOINT_INDEX",
+    "JOINT_NAMES",
+    "NUM_JOINTS",
+    "PARENTS",
+    "ROTATION_FIELDS",
+    "SIDES",
+    "joint_pair",
+]
 
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 
@@ -47,6 +56,17 @@ def joint_pair(name: str) -> list[int]:
 
 
 NUM_JOINTS = len(JOINT_NAMES)
+
+ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
+    ("global_orient", 1),
+    ("body_pose", 21),
+    ("jaw_pose", 1),
+    ("leye_pose", 1),
+    ("reye_pose", 1),
+    ("left_hand_pose", 15),
+    ("right_hand_pose", 15),
+)
+"""Rotations of BodyParameters, in the order of the joints, with the number of joints of each."""
 
 FINGER_JOINTS: tuple[tuple[tuple[int, ...], ...], ...] = tuple(
     tuple(tuple(JOINT_INDEX[f"{side}_{finger}{k}"] for k in (1, 2, 3)) for finger in _FINGERS) for side in SIDES

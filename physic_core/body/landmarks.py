@@ -38,14 +38,7 @@ def keypoints_on_body(keypoints: Keypoints) -> Keypoints:
     skeleton = keypoints.joint_set
     if len(skeleton.fitted) == len(skeleton):
         return keypoints
-    columns = list(skeleton.fitted)
-    return replace(
-        keypoints,
-        points=keypoints.points[:, columns],
-        confidence=keypoints.confidence[:, columns],
-        skeleton=skeleton.take(columns),
-        world=None if keypoints.world is None else keypoints.world[:, columns],
-    )
+    return keypoints.take(skeleton.fitted)
 
 
 _SHARES_OFF = 1e-6

@@ -6,24 +6,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import NUM_JOINTS
+from physic_core.body.joints import NUM_JOINTS, ROTATION_FIELDS
 from physic_core.body.rotations import rotmat_to_rotvec
 from physic_core.errors import BodyModelError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import BodyParameters
 
 __all__ = ["parameters_from_rotations", "rotations_from_parameters"]
-
-_ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
-    ("global_orient", 1),
-    ("body_pose", 21),
-    ("jaw_pose", 1),
-    ("leye_pose", 1),
-    ("reye_pose", 1),
-    ("left_hand_pose", 15),
-    ("right_hand_pose", 15),
-)
-"""Fields of BodyParameters and their numbers of joints, in joint order."""
 
 
 def rotations_from_parameters(
@@ -36,7 +25,7 @@ def rotations_from_parameters(
     """
     rows = len(parameters)
     columns = []
-    for name, count in _ROTATION_FIELDS:
+    for name, count in ROTATION_FIELDS:
         value = getattr(parameters, name)
         if value.shape != (rows, 3 * count):
             raise BodyModelError(
@@ -66,9 +55,9 @@ def parameters_from_rotations(
             f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one matrix for each joint"
         )
     rotvecs = torch.from_numpy(rotmat_to_rotvec(rotations.detach().double().cpu().numpy()))
-    pieces = rotvecs.split([count for _, count in _ROTATION_FIELDS], dim=1)  # type: ignore[no-untyped-call]
+    pieces = rotvecs.split([count for _, count in ROTATION_FIELDS], dim=1)  # type: ignore[no-untyped-call]
     poses = {
-        name: piece.flatten(1).float().cpu().numpy() for (name, _), piece in zip(_ROTATION_FIELDS, pieces, strict=True)
+        name: piece.flatten(1).float().cpu().numpy() for (name, _), piece in zip(ROTATION_FIELDS, pieces, strict=True)
     }
     given = transl.new_zeros(rows, 0) if expression is None else expression
     rest = {"betas": betas, "expression": given, "transl": transl}

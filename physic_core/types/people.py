@@ -10,6 +10,8 @@ from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from physic_core.types.arrays import BoolArray, FloatArray
     from physic_core.types.surfaces import SurfaceLabels
 
@@ -43,6 +45,16 @@ class Keypoints(ShortRepr):
             ValueError: no standard skeleton has this name.
         """
         return skeleton_named(self.skeleton)
+
+    def take(self, columns: Sequence[int]) -> Keypoints:
+        """Return the keypoints of these columns, in this order."""
+        chosen = list(columns)
+        return Keypoints(
+            points=self.points[:, chosen],
+            confidence=self.confidence[:, chosen],
+            skeleton=self.joint_set.take(chosen),
+            world=None if self.world is None else self.world[:, chosen],
+        )
 
 
 @dataclass(frozen=True)

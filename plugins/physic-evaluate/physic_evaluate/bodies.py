@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.joints import JOINT_NAMES, ROTATION_FIELDS
 from physic_core.errors import InputError
 from physic_core.files.npz import read_arrays
 from physic_core.files.regular import open_regular
@@ -25,22 +25,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["POSE_JOINTS", "SMPL_NAMES", "BodyFiles", "PosedBody", "rotations_of"]
+__all__ = ["SMPL_NAMES", "BodyFiles", "PosedBody", "rotations_of"]
 
 SMPL_NAMES = (*JOINT_NAMES[:22], "left_hand", "right_hand")
 """Joints of SMPL."""
 
 _SUFFIXES = (".npz", ".pkl")
-POSE_JOINTS = (
-    ("global_orient", 1),
-    ("body_pose", 21),
-    ("jaw_pose", 1),
-    ("leye_pose", 1),
-    ("reye_pose", 1),
-    ("left_hand_pose", 15),
-    ("right_hand_pose", 15),
-)
-"""Rotation parameters of SMPL-X, in the order of its joints, with the number of joints of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +129,7 @@ class BodyFiles:
         path = self.file("smplx", gender)
         model = _model(str(path))
         joined = np.concatenate(
-            [_pose(parameters, name, count, path) for name, count in POSE_JOINTS],
+            [_pose(parameters, name, count, path) for name, count in ROTATION_FIELDS],
         )[None]
         betas, expression = (_shape_of(parameters, name, count) for name, count in (("betas", 10), ("expression", 10)))
         transl = _translation(parameters)

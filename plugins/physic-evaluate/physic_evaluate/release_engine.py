@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.body.joints import ROTATION_FIELDS
 from physic_core.errors import InputError
-from physic_evaluate.bodies import POSE_JOINTS
 from physic_evaluate.damage import number_array, require_finite
 from physic_evaluate.readers.base import archive_arrays
 from physic_evaluate.readers.physic_release import point_contact, release_parameters
@@ -48,8 +48,8 @@ def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) ->
         raise InputError("the release holds parameters of SMPL-X: give --smplx FILE or FOLDER")
     people = release_parameters(arrays, "init", path)
     count, skeleton = len(people), SKELETONS["coco17"]
-    rest = {name: np.tile(np.eye(3), (joints, 1, 1)) for name, joints in POSE_JOINTS}
-    rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in POSE_JOINTS]) for p in people])
+    rest = {name: np.tile(np.eye(3), (joints, 1, 1)) for name, joints in ROTATION_FIELDS}
+    rotations = np.stack([np.concatenate([p.get(name, rest[name]) for name, _ in ROTATION_FIELDS]) for p in people])
     contact = np.zeros((count, model.num_vertices))
     if "contact_deco" in arrays:
         given = number_array(arrays, "contact_deco", path, (-1, model.num_vertices))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -66,19 +66,20 @@ def measure(records: Sequence[Record], methods: Sequence[str], rules: Sequence[s
 
 def text_table(tables: Tables) -> str:
     """Return the figures with intervals for a terminal, then the differences."""
-    parts = [_aligned(_figure_rows(tables))]
-    if tables.differences:
-        parts.append(f"Difference from {tables.methods[0]}, on people whom both measure, in frames that both have")
-        parts.append(_aligned(_difference_rows(tables)))
-    return "\n\n".join(parts) + "\n"
+    return _with_differences(tables, _aligned)
 
 
 def markdown_table(tables: Tables) -> str:
     """Return the same as Markdown."""
-    parts = [_markdown(_figure_rows(tables))]
+    return _with_differences(tables, _markdown)
+
+
+def _with_differences(tables: Tables, draw: Callable[[list[list[str]]], str]) -> str:
+    """Return the figures and, if there are several methods, their differences from the first."""
+    parts = [draw(_figure_rows(tables))]
     if tables.differences:
-        parts.append(f"Difference from {tables.methods[0]}, on people whom both measure, in frames that both have:")
-        parts.append(_markdown(_difference_rows(tables)))
+        parts.append(f"Difference from {tables.methods[0]}, on people whom both measure, in frames that both have")
+        parts.append(draw(_difference_rows(tables)))
     return "\n\n".join(parts) + "\n"
 
 

@@ -15,14 +15,13 @@ from pydantic import Field
 
 from physic_core.adapters.crop_camera import camerahmr_inputs, translation_from_crop
 from physic_core.adapters.crops import crop_around_box, padded_region, resample_crop
-from physic_core.adapters.observed import observed_joints
+from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
 from physic_core.adapters.smpl import empty_bodies
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.checkout_backend import (
     CheckoutProject,
-    SeenConfidence,
     batch_slices,
     inference_context,
     to_numpy,

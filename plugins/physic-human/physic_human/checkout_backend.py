@@ -9,7 +9,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -29,7 +29,6 @@ __all__ = [
     "CheckoutNetwork",
     "CheckoutOptions",
     "CheckoutProject",
-    "SeenConfidence",
     "batch_slices",
     "checkpoint_error",
     "inference_context",
@@ -40,12 +39,6 @@ __all__ = [
 
 MANIFEST = Path(__file__).parent / "weights"
 _LOG = logging.getLogger(__name__)
-
-SeenConfidence = Annotated[
-    float,
-    Field(ge=0, le=1, description="of keypoints from which their joints count as seen in the photo; 0 takes all"),
-]
-"""Type of the option ``seen_confidence``."""
 
 
 class CheckoutOptions(Options):

@@ -18,12 +18,12 @@ from pydantic import Field
 
 from physic_core import weights
 from physic_core.adapters.devices import check_device
-from physic_core.adapters.observed import observed_joints
+from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.smpl import bodies_from_smpl, empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options, Packages, Requirement
 from physic_core.types import Bodies, Mesh
-from physic_human.checkout_backend import MANIFEST, SeenConfidence, to_numpy
+from physic_human.checkout_backend import MANIFEST, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from physic_core.adapters.checkouts import Checkout
 from physic_core.adapters.mhr import NUM_KEYPOINTS, joints_from_keypoints
-from physic_core.adapters.observed import observed_joints
+from physic_core.adapters.observed import SeenConfidence, observed_joints
 from physic_core.adapters.smpl import empty_bodies, parameters_from_rotvecs
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import BodyEstimator, Options, Requirement
@@ -26,7 +26,6 @@ from physic_human.checkout_backend import (
     CheckoutBackend,
     CheckoutOptions,
     CheckoutProject,
-    SeenConfidence,
     batch_slices,
     checkpoint_error,
     inference_context,

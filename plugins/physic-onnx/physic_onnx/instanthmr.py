@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.observed import SeenConfidence
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator
 
@@ -40,12 +41,7 @@ class InstantHmrOptions(OnnxBackendOptions):
 
     weights: str = Field("instanthmr", description=WEIGHTS_HELP)
     batch: int = Field(8, ge=1, le=1024, description="people a run, where the file leaves that free")
-    seen_confidence: float = Field(
-        0.5,
-        ge=0,
-        le=1,
-        description="confidence of keypoints from which their joints count as seen; 0 takes all",
-    )
+    seen_confidence: SeenConfidence = 0.5
 
 
 class InstantHmr(OnnxBackend, BodyEstimator):

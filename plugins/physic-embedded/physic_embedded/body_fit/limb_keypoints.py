@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
@@ -42,13 +41,7 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
         columns = [i for i in columns if skeleton.names[i] in SKELETONS["coco23"].names]
     if len(columns) == len(skeleton):
         return keypoints
-    return replace(
-        keypoints,
-        points=keypoints.points[:, columns],
-        confidence=keypoints.confidence[:, columns],
-        skeleton=skeleton.take(columns),
-        world=None if keypoints.world is None else keypoints.world[:, columns],
-    )
+    return keypoints.take(columns)
 
 
 def keypoint_indices(skeleton: Skeleton) -> dict[str, int]:

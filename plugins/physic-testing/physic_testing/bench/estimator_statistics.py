@@ -34,7 +34,7 @@ class Statistic:
 
 @dataclass(frozen=True)
 class Figure:
-    """A statistic, its 95 % interval by a bootstrap over photos, and how many values it is of."""
+    """A statistic, its 95 % interval by a bootstrap, and how many values it is of; NaN where it is unknown."""
 
     value: float
     low: float

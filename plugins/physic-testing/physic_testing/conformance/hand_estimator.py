@@ -84,13 +84,10 @@ def check_rotations_are_relative_to_the_flat_hand(subject: BackendUnderTest) -> 
 
 def check_wrists_are_in_the_cameras_frame(subject: BackendUnderTest) -> None:
     """`wrists`, if given, rotates each hand from the T-pose to the camera frame, not to the forearm."""
-    photo = _photo_with_hands(subject)
-    hands, truth = subject.result(photo), true_wrists(subject.case(photo).truth)
-    if hands.wrists is None:
+    errors = _wrist_errors_deg(subject)
+    if errors is None:
         return
-    shown = hands.confidence > 0
-    off = float(rotation_errors_deg(hands.wrists, truth)[shown].mean())
-    swapped = float(rotation_errors_deg(hands.wrists, truth[:, ::-1])[shown].mean())
+    off, swapped = errors
     expect(
         min(off, swapped) < MAX_WRIST_ERROR_DEG,
         f"rotations from the T-pose to the camera's frame, within {MAX_WRIST_ERROR_DEG:.0f} degrees",
@@ -101,19 +98,27 @@ def check_wrists_are_in_the_cameras_frame(subject: BackendUnderTest) -> None:
 
 def check_left_wrist_comes_first(subject: BackendUnderTest) -> None:
     """`wrists`, if given, has the left wrist first, and neither wrist is mirrored."""
-    photo = _photo_with_hands(subject)
-    hands, truth = subject.result(photo), true_wrists(subject.case(photo).truth)
-    if hands.wrists is None:
+    errors = _wrist_errors_deg(subject)
+    if errors is None:
         return
-    shown = hands.confidence > 0
-    off = float(rotation_errors_deg(hands.wrists, truth)[shown].mean())
-    swapped = float(rotation_errors_deg(hands.wrists, truth[:, ::-1])[shown].mean())
+    off, swapped = errors
     expect(
         off < swapped,
         "the left wrist first, then the right one",
         f"{off:.0f} degrees off as they are, {swapped:.0f} with the sides exchanged",
         _MIRRORING,
     )
+
+
+def _wrist_errors_deg(subject: BackendUnderTest) -> tuple[float, float] | None:
+    """Return the mean errors of the wrists of detected hands, as they are and with sides exchanged; None without."""
+    photo = _photo_with_hands(subject)
+    hands, truth = subject.result(photo), true_wrists(subject.case(photo).truth)
+    if hands.wrists is None:
+        return None
+    shown = hands.confidence > 0
+    off, swapped = (rotation_errors_deg(hands.wrists, t)[shown].mean() for t in (truth, truth[:, ::-1]))
+    return float(off), float(swapped)
 
 
 def _fingers(subject: BackendUnderTest) -> tuple[FloatArray, FloatArray, BoolArray]:

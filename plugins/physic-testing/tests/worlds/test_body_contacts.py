@@ -6,29 +6,23 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
-from physic_core.body import load_body
 from physic_testing.worlds.body_contacts import NONE, touched_item, touched_own_part, touched_people
 from physic_testing.worlds.rooms import Room
 from physic_testing.worlds.solids import LEVEL_GROUND, Block
 from physic_testing.worlds.textures import Patch
 
+from .float64_model import float64_model
+
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray
 
 REACH = 0.02
 
 
 @lru_cache(maxsize=1)
-def model() -> BodyModel:
-    return load_body("embedded").to(dtype=torch.float64)
-
-
-@lru_cache(maxsize=1)
 def t_pose() -> FloatArray:
-    vertices: FloatArray = model()(*model().zero_pose()).vertices[0].numpy()
+    vertices: FloatArray = float64_model()(*float64_model().zero_pose()).vertices[0].numpy()
     return vertices
 
 
@@ -48,17 +42,17 @@ def test_an_item_is_touched_within_the_reach_by_outer_vertices() -> None:
 def test_people_touch_each_other_and_no_one_far_away() -> None:
     body = t_pose()
     near = np.stack([body, body + np.array([0.0, 0.0, 0.2])])
-    person, part = touched_people(model(), near, REACH)
+    person, part = touched_people(float64_model(), near, REACH)
     assert set(person[0].tolist()) == {NONE, 1}
     assert set(person[1].tolist()) == {NONE, 0}
     assert np.array_equal(person == NONE, part == NONE)
-    assert not (person[:, ~model().outer.numpy()] != NONE).any()
-    person, part = touched_people(model(), np.stack([body, body + np.array([0.0, 0.0, 3.0])]), REACH)
+    assert not (person[:, ~float64_model().outer.numpy()] != NONE).any()
+    person, part = touched_people(float64_model(), np.stack([body, body + np.array([0.0, 0.0, 3.0])]), REACH)
     assert (person == NONE).all()
     assert (part == NONE).all()
 
 
 def test_hands_and_feet_of_a_t_pose_touch_no_part_of_the_own_body() -> None:
-    found = touched_own_part(model(), t_pose()[None], REACH)[0]
+    found = touched_own_part(float64_model(), t_pose()[None], REACH)[0]
     for name in ("left_hand", "right_hand", "left_sole", "right_sole"):
-        assert (found[model().contact_sets[name].numpy()] == NONE).all()
+        assert (found[float64_model().contact_sets[name].numpy()] == NONE).all()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,6 @@ import torch
 import trimesh
 from scipy.spatial import KDTree
 
-from physic_core.body import load_body
 from physic_core.engine.distances import hinge_angles
 from physic_testing.worlds import CONTACT_DISTANCE, World, build_world
 from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
@@ -20,17 +18,13 @@ from physic_testing.worlds.contact_fit import largest_penetration
 from physic_testing.worlds.skin_patches import contact_skin
 from physic_testing.worlds.solo_actions import draw_person
 
+from .float64_model import float64_model
+
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray
 
 _SIZE = (96, 72)
 _SAMPLE = ("hands_on_hips", "lean_on_post", "sit_on_cushion", "hold_ball", "hold_hands")
-
-
-@lru_cache(maxsize=1)
-def _model() -> BodyModel:
-    return load_body("embedded").to(dtype=torch.float64)
 
 
 @pytest.fixture(scope="module", params=_SAMPLE)
@@ -39,7 +33,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 def _part(name: str) -> BoolArray:
-    part: BoolArray = _model().part_of_vertex.numpy() == _model().part_names.index(name)
+    part: BoolArray = float64_model().part_of_vertex.numpy() == float64_model().part_names.index(name)
     return part
 
 
@@ -63,12 +57,12 @@ def _apart(surface: trimesh.Trimesh, points: FloatArray) -> FloatArray:
 def test_plans_bend_joints_only_as_joints_bend(name: str) -> None:
     for seed in range(4):
         rng = np.random.default_rng(seed)
-        plan = CONTACT_ACTIONS[name](draw_person(_model(), rng), rng)
+        plan = CONTACT_ACTIONS[name](draw_person(float64_model(), rng), rng)
         assert plan.action == name
         hinges = hinge_angles(roma.rotvec_to_rotmat(torch.as_tensor(plan.pose)[None]))
         assert hinges.min() > -0.05, seed
         assert hinges.max() < 2.75, seed
-        patches = contact_skin(_model()).patches
+        patches = contact_skin(float64_model()).patches
         assert all(touch.patch in patches and (not touch.target or touch.target in patches) for touch in plan.touches)
         assert all(i < len(plan.blocks) for touch in plan.touches for i in touch.blocks or ())
 
