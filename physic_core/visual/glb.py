@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Look",
+    "add_joints",
     "body_material",
     "build_glb",
     "export_glb",
@@ -167,6 +168,7 @@ def build_glb(
     skins: Mapping[int, Rig],
     reason: str = "",
     look: Callable[[GlbBuffer, int, ExportRequest], Look] = _mannequin,
+    camera: bool = True,
 ) -> GlbBuffer:
     """Return a GLB file of the people of a request.
 
@@ -176,6 +178,7 @@ def build_glb(
         skins: person -> rig, of those that get a skeleton.
         reason: why others get none.
         look: called with the file, to which it can add textures, and the person.
+        camera: whether to write the camera of the photo.
     """
     glb, result, frame = GlbBuffer(generator="PhySIC"), request.result, request.frame
     nodes: list[int] = []
@@ -184,7 +187,8 @@ def build_glb(
         nodes += _add_floor(glb, background, request)
     for index in request.people:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
-    nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
+    if camera:
+        nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
         "units": "metres",
         "axes": frame.axes,
@@ -229,8 +233,11 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
     }
     tops, skin = list[int](), dict[str, int]()
     if rig is not None:
-        top, skin = _add_skeleton(glb, name, rig)
+        top, joints = add_joints(glb, f"{name}_skeleton", rig)
         tops.append(top)
+        inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
+        entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
+        skin = {"skin": glb.add("skins", entry)}
         indices, weights = skin_influences(rig.weights)
         for group in range(indices.shape[1] // 4):
             columns = slice(4 * group, 4 * group + 4)
@@ -239,8 +246,8 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
     return [*tops, _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)]
 
 
-def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, int]]:
-    """Add joint nodes and the skin; return the index of the node above them, and the property of a skinned node."""
+def add_joints(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, list[int]]:
+    """Add the joints of a rig in its pose, and return the index of the node above them, and theirs."""
     quaternions = Rotation.from_matrix(rig.rotations).as_quat()
     first = len(glb.tree.get("nodes", ()))
     for joint, joint_name in enumerate(rig.names):
@@ -253,12 +260,8 @@ def _add_skeleton(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, dict[str, i
         if children:
             node["children"] = children
         glb.add("nodes", node)
-    joints = list(range(first, first + len(rig.names)))
-    inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
     # A node of its own above each skeleton: Blender makes one armature of skeletons with a common parent.
-    top = glb.add("nodes", {"name": f"{name}_skeleton", "children": [first]})
-    entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
-    return top, {"skin": glb.add("skins", entry)}
+    return glb.add("nodes", {"name": name, "children": [first]}), list(range(first, first + len(rig.names)))
 
 
 def _add_mesh(

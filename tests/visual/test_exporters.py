@@ -154,7 +154,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
     assert rest == (
-        "amass, bvh, coco, hot, mjcf, obj, ply, usd: in physic-export, which is not installed, or hidden by "
+        "amass, bvh, coco, hot, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed, or hidden by "
         "PHYSIC_PLUGINS='': `pip install -e plugins/physic-export` in a checkout of PhySIC"
     )
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0

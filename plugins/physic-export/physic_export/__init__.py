@@ -1,4 +1,6 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, HOT, MJCF, OBJ, PLY and USD."""
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, HOT, MJCF, OBJ, PLY, USD and
+VRM.
+"""
 
 from __future__ import annotations
 
@@ -112,6 +114,17 @@ def physic_exporters() -> list[ExporterRecord]:
             packages=("pxr",),
             extra="usd",
             options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
+        ),
+        ExporterRecord(
+            "vrm",
+            (".vrm",),
+            "physic_export.vrm:export_vrm",
+            "VRM avatars: Unity with UniVRM, three-vrm, Blender's VRM add-on",
+            "textured body in a T-pose, and the pose (.vrma), one of each per person",
+            stem="avatar",
+            bodies="required",
+            per_person=True,
+            options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
         ),
     ]
 

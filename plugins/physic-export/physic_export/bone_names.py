@@ -6,9 +6,9 @@ from physic_core.body.joints import JOINT_NAMES
 
 __all__ = ["BONE_NAMES", "bone_names"]
 
-BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
+BONE_NAMES = ("smplx", "mixamo", "unreal", "unity", "vrm")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine bones; the
-HumanBodyBones of Unity's humanoid avatar."""
+HumanBodyBones of Unity's humanoid avatar; the humanoid bones of VRM 1.0."""
 
 _MIXAMO = {
     "pelvis": "Hips",
@@ -61,6 +61,7 @@ _UNITY = {
     "eye": "Eye",
 }
 _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
+_VRM_THUMB = {"1": "Metacarpal", "2": "Proximal", "3": "Distal"}
 
 
 def bone_names(style: str) -> tuple[str, ...]:
@@ -73,6 +74,11 @@ def _name(joint: str, style: str) -> str:
     finger, number = limb[:-1], limb[-1:]
     if style == "smplx":
         return joint
+    if style == "vrm":
+        if finger == "thumb":
+            return f"{side}Thumb{_VRM_THUMB[number]}"
+        name = _name(joint, "unity")
+        return name[0].lower() + name[1:]
     if style == "unreal":
         if not limb:
             return _UNREAL.get(joint, joint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, te
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
 from physic_export.bone_names import bone_names
-from physic_export.skins import skins_of
+from physic_export.skins import Skins, skins_of
 from physic_export.t_pose import t_pose
 from physic_export.textures import encode_jpeg, encode_png
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from physic_core.visual.glb_buffer import GlbBuffer
     from physic_core.visual.rig import Rig
 
-__all__ = ["export_glb"]
+__all__ = ["add_animation", "add_variants", "body_look", "export_glb"]
 
 _VARIANTS = ("photo", "neutral", "contact")
 
@@ -52,32 +53,16 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     textured = colors.textured
 
     def look(glb: GlbBuffer, index: int, _: ExportRequest) -> Look:
-        if textured is None:
-            return Look(body_material("body", BODY_RGB))
-        texture, mesh, name = textured.textures[index], textured.mesh, f"person_{index}"
-        photo = body_material(name, texture=glb.texture(encode_jpeg(texture.image), "image/jpeg", name))
-        photo["extensions"] = {"KHR_materials_unlit": {}}
-        photo["extras"] = {"share_from_photo": round(texture.shown, 4)}
-        picture = glb.texture(encode_png(textured.contact_image(result, index)), "image/png", f"{name}_contact")
-        materials = (photo, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
-        mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
-        uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
-        return Look(
-            materials[_VARIANTS.index(str(options["skin"]))],
-            {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
-            mesh.vertex,
-            mesh.faces,
-            {"TEXCOORD_0": uv, "_FILLED": texture.vertex_filled[mesh.vertex]},
-        )
+        return body_look(glb, index, colors)
 
     background = textured_scene(result) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
     if textured is not None:
-        used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
-        glb.tree["extensionsUsed"] = sorted(used)
-        glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": name} for name in _VARIANTS]}}
+        add_variants(glb)
     if skins:
-        _add_animation(glb, list(skins.values()), request.frame.up_vector)
+        up, joints = request.frame.up_vector, [skin["joints"] for skin in glb.tree["skins"]]
+        keys = [(nodes, (t_pose(rig, up), rig)) for nodes, rig in zip(joints, skins.values(), strict=True)]
+        add_animation(glb, (0.0, _FRAME_S), keys)
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and textured is not None:
         for index in request.people:
@@ -85,9 +70,46 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
-def _add_animation(glb: GlbBuffer, rigged: list[Rig], up: NDArray[np.float64]) -> None:
-    """Add an animation of all people: T-pose at 0 s, pose at frame 1."""
-    times = glb.accessor(np.array([0.0, _FRAME_S], np.float32), bounds=True)
+def body_look(glb: GlbBuffer, index: int, colors: Skins) -> Look:
+    """Return the materials of a person, as variants, and their texture coordinates."""
+    textured, request = colors.textured, colors.request
+    if textured is None:
+        return Look(body_material("body", BODY_RGB))
+    texture, mesh, name = textured.textures[index], textured.mesh, f"person_{index}"
+    photo = body_material(name, texture=glb.texture(encode_jpeg(texture.image), "image/jpeg", name))
+    photo["extensions"] = {"KHR_materials_unlit": {}}
+    photo["extras"] = {"share_from_photo": round(texture.shown, 4)}
+    picture = glb.texture(encode_png(textured.contact_image(request.result, index)), "image/png", f"{name}_contact")
+    materials = (photo, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
+    mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
+    uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
+    return Look(
+        materials[_VARIANTS.index(str(request.options["skin"]))],
+        {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
+        mesh.vertex,
+        mesh.faces,
+        {"TEXCOORD_0": uv, "_FILLED": texture.vertex_filled[mesh.vertex]},
+    )
+
+
+def add_variants(glb: GlbBuffer) -> None:
+    """Name the variants of the materials of :func:`body_look`."""
+    used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
+    glb.tree["extensionsUsed"] = sorted(used)
+    glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": name} for name in _VARIANTS]}}
+
+
+def add_animation(
+    glb: GlbBuffer, seconds: Sequence[float], skeletons: Sequence[tuple[list[int], Sequence[Rig]]]
+) -> None:
+    """Add the animation ``pose``, which steps from pose to pose.
+
+    Args:
+        glb: the file.
+        seconds: time of each pose.
+        skeletons: indices of the 55 joints, and their pose at each time.
+    """
+    times = glb.accessor(np.array(seconds, np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
@@ -96,11 +118,10 @@ def _add_animation(glb: GlbBuffer, rigged: list[Rig], up: NDArray[np.float64]) -
         samplers.append({"input": times, "output": output, "interpolation": "STEP"})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
-    for skin, rig in zip(glb.tree["skins"], rigged, strict=True):
-        standing = t_pose(rig, up)
-        rotations = torch.from_numpy(np.stack([standing.rotations, rig.rotations]))
+    for joints, poses in skeletons:
+        rotations = torch.from_numpy(np.stack([pose.rotations for pose in poses]))
         quaternions = roma.rotmat_to_unitquat(rotations).numpy()
-        add(skin["joints"][0], "translation", np.stack([standing.offsets[0], rig.offsets[0]]))
-        for joint, node in enumerate(skin["joints"]):
+        add(joints[0], "translation", np.stack([pose.offsets[0] for pose in poses]))
+        for joint, node in enumerate(joints):
             add(node, "rotation", quaternions[:, joint])
     glb.add("animations", {"name": "pose", "samplers": samplers, "channels": channels})

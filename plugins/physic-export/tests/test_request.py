@@ -17,7 +17,7 @@ from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
 from physic_export import physic_exporters
 
-NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd"
+NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd, vrm"
 
 
 def physic(*arguments: object) -> Result:
