@@ -1,4 +1,4 @@
-"""Bundle what the report page uses of three.js to ``plugins/physic-viewer/physic_viewer/report/page/three.js``.
+"""Bundle what the report page uses of three.js to ``plugins/physic-viewer/physic_viewer/report/page/vendor/three.js``.
 
 Needs node and npm, and fetches the packages ``three`` and ``esbuild`` in the versions below to a temporary folder. Run
 from the repository's root:
@@ -22,7 +22,9 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-PAGE = Path(__file__).resolve().parents[1] / "plugins" / "physic-viewer" / "physic_viewer" / "report" / "page"
+VENDOR = (
+    Path(__file__).resolve().parents[1] / "plugins" / "physic-viewer" / "physic_viewer" / "report" / "page" / "vendor"
+)
 ENTRY = """
 export {
   Box3, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, Float32BufferAttribute,
@@ -72,10 +74,10 @@ def main() -> None:
         content = bundle(Path(folder)).encode("utf-8")
     digest = hashlib.sha256(content).hexdigest()
     if check:
-        same = (PAGE / "three.js").read_bytes() == content
+        same = (VENDOR / "three.js").read_bytes() == content
         sys.exit(0 if same else f"three.js has another content than {digest}")
-    (PAGE / "three.js").write_bytes(content)
-    (PAGE / "three.sha256").write_text(f"{digest}  three.js\n")
+    (VENDOR / "three.js").write_bytes(content)
+    (VENDOR / "three.sha256").write_text(f"{digest}  three.js\n")
     print(f"three.js: {len(content)} bytes, {digest}")
 
 

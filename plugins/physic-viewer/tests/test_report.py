@@ -223,8 +223,8 @@ def test_a_page_of_failure_says_what_is_wrong():
 
 
 def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
-    content = (PAGE / "three.js").read_bytes()
-    assert (PAGE / "three.sha256").read_text().split() == [hashlib.sha256(content).hexdigest(), "three.js"]
+    content = (PAGE / "vendor" / "three.js").read_bytes()
+    assert (PAGE / "vendor" / "three.sha256").read_text().split() == [hashlib.sha256(content).hexdigest(), "three.js"]
     head = content[:1400].decode()
     assert "The MIT License" in head
     assert "three.js authors" in head

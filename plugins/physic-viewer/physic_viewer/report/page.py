@@ -50,10 +50,10 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
         _part("report.html"),
         {
             "GENERATOR": PAGE_MARK,
-            "POLICY": _policy(_part("three.js"), own),
+            "POLICY": _policy(_part("vendor/three.js"), own),
             "TITLE": _text(title or "Reconstruction"),
             "STYLE": _part("report.css"),
-            "THREE": _part("three.js"),
+            "THREE": _part("vendor/three.js"),
             "DATA": data,
             "SCRIPT": own,
         },
