@@ -245,14 +245,18 @@ def _pictures(
     reconstruction: Reconstruction, *, preview: bool, glb: bool | str
 ) -> tuple[dict[str, bytes], Exception | None]:
     """Return GLB files and preview by name, and the error if they cannot be made."""
+    from threadpoolctl import threadpool_limits
+
     from physic_core.visual.glb import glb_files
 
     try:
-        made = dict(glb_files(reconstruction, parts=glb is True)) if glb else {}
-        if preview:
-            from physic_core.visual.preview import preview_png
+        # Matrices of three columns: other threads of BLAS would take as much processor time again, waiting.
+        with threadpool_limits(limits=1, user_api="blas"):
+            made = dict(glb_files(reconstruction, parts=glb is True)) if glb else {}
+            if preview:
+                from physic_core.visual.preview import preview_png
 
-            made[PREVIEW_FILE] = preview_png(reconstruction)
+                made[PREVIEW_FILE] = preview_png(reconstruction)
     except Exception as error:
         return {}, error
     return made, None

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics, Reconstruction, UInt8Array
+    from physic_core.visual.export.request import Frame
 
 __all__ = [
     "Look",
@@ -78,17 +79,19 @@ class Look:
 
 @dataclass(frozen=True)
 class Background:
-    """Mesh of the scene and its texture.
+    """Mesh of the scene, its texture, and the floor.
 
     Attributes:
         surface: in the camera frame.
         uv: (V, 2) of each vertex, counted from the top.
         jpeg: the photo without people.
+        floor: vertices and faces of what is drawn of it, see :func:`drawn_floor`; None without a floor.
     """
 
     surface: SceneMesh
     uv: NDArray[np.float32]
     jpeg: bytes
+    floor: tuple[NDArray[np.float64], NDArray[np.int64]] | None
 
 
 def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[str, bytes]]:
@@ -101,7 +104,7 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
     """
     posed = tuple(index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
-    background = textured_scene(result)
+    background = textured_scene(result, request.frame)
     if parts:
         yield "scene.glb", build_glb(replace(request, people=()), background, {}).content()
         for index in range(len(result.people)):
@@ -125,7 +128,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         InputError: the skeleton of the bodies is not known.
     """
     skins = dict(rigs(request))
-    background = textured_scene(request.result) if request.scene else None
+    background = textured_scene(request.result, request.frame) if request.scene else None
     content = build_glb(request, background, skins).content()
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
 
@@ -280,11 +283,12 @@ def _add_mesh(
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
-def textured_scene(result: Reconstruction) -> Background:
-    """Return mesh and texture of the scene."""
+def textured_scene(result: Reconstruction, frame: Frame) -> Background:
+    """Return mesh and texture of the scene, and its floor in a frame."""
     surface = mesh_scene(result.scene, depth_limit(result))
     texture, (width, height) = _power_of_two(result.scene.colors)
-    return Background(surface, ((surface.pixels + 0.5) / [width, height]).astype(np.float32), texture)
+    uv = ((surface.pixels + 0.5) / [width, height]).astype(np.float32)
+    return Background(surface, uv, texture, drawn_floor(result, frame, surface))
 
 
 def _add_scene(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
@@ -304,10 +308,9 @@ def _add_scene(glb: GlbBuffer, background: Background, request: ExportRequest) -
 
 def _add_floor(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
     """Add what is drawn of the floor, if there is one, and return the index of its node."""
-    drawn = drawn_floor(request.result, request.frame, background.surface)
-    if drawn is None:
+    if background.floor is None:
         return []
-    vertices, faces = drawn
+    vertices, faces = background.floor
     if not len(faces):
         return [glb.add("nodes", {"name": "floor"})]
     normals = np.broadcast_to(request.frame.up_vector, vertices.shape)

@@ -15,7 +15,6 @@ from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     RayCastMesh,
     View,
-    composite,
     prepare_meshes,
     render_mesh,
     render_points,
@@ -51,8 +50,8 @@ class PreviewGeometry:
     Attributes:
         people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1.
-        points: (M, 3) points of the scene.
-        point_colors: (M, 3) sRGB in 0-1.
+        points: (M, 3) float32 points of the scene.
+        point_colors: (M, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
         upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
         low: (3,) minimum corner of the box around the people, upright frame; around most of the scene without people.
@@ -62,8 +61,8 @@ class PreviewGeometry:
 
     people: RayCastMesh | None
     people_colors: Array
-    points: Array
-    point_colors: Array
+    points: NDArray[np.float32]
+    point_colors: NDArray[np.float32]
     spacing: float
     upright: Array
     low: Array
@@ -85,7 +84,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
-    low, high = _bounds([transform_points(matrix, vertices) for vertices in bodies], transform_points(matrix, points))
+    low, high = _bounds(bodies, points, matrix)
     return PreviewGeometry(
         people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
@@ -99,20 +98,20 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     )
 
 
-def _cloud(scene: Scene, limit: float, stride: int) -> tuple[Array, Array]:
+def _cloud(scene: Scene, limit: float, stride: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return scene points (M, 3) of every n-th pixel up to a depth in metres, and their sRGB colours."""
     points, valid = scene.points[::stride, ::stride], scene.valid[::stride, ::stride]
     with np.errstate(invalid="ignore"):
-        valid = valid & np.isfinite(points).all(-1) & (points[..., 2] < limit)
-    return points[valid].astype(np.float64), scene.colors[::stride, ::stride][valid] / 255.0
+        valid = valid & np.isfinite(points.sum(-1)) & (points[..., 2] < limit)
+    return points[valid].astype(np.float32), scene.colors[::stride, ::stride][valid] / np.float32(255.0)
 
 
-def _bounds(people: Sequence[Array], points: Array) -> tuple[Array, Array]:
-    if people:
-        vertices = np.concatenate(people)
+def _bounds(bodies: Sequence[Array], points: NDArray[np.float32], upright: Array) -> tuple[Array, Array]:
+    if bodies:
+        vertices = transform_points(upright, np.concatenate(bodies))
         return vertices.min(0), vertices.max(0)
     if len(points):
-        low, high = np.percentile(points, [5, 95], axis=0)
+        low, high = np.percentile(transform_points(upright, points), [5, 95], axis=0)
         return low, high
     return np.array([-1.0, -1.0, -3.0]), np.array([1.0, 1.0, -1.0])
 
@@ -205,8 +204,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         middle[1] = start[1] + size[1] / scale / 2
     center = turn.T @ (axes[:2].T @ middle - eye)
     view = View.orthographic(axes @ turn, center, scale, size, start=float(near))
-    distance = transform_points(geometry.upright, geometry.points) @ axes[2]
-    picture = _draw(geometry, view, distance < near, distance < far)
+    picture = _draw(geometry, view, float(near - far))
     spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3)]))
     column, row = (float(value) for value in spots[1, :2])
     return LabeledView(
@@ -225,15 +223,15 @@ def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int
     return wide if scales[0] >= _MIN_SCALE_RATIO * scales[1] else ends
 
 
-def _draw(geometry: PreviewGeometry, view: View, kept: NDArray[np.bool_], faint: NDArray[np.bool_]) -> UInt8Array:
-    """Draw people and some of the points of the scene, of which some are faint, (M,) bool each."""
-    paper = np.array(BACKGROUND_RGB) / 255
-    tints = np.where(faint[:, None], _FAINT * geometry.point_colors + (1 - _FAINT) * paper, geometry.point_colors)
+def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float) -> UInt8Array:
+    """Draw people, and points of the scene, which are faint beyond a distance in metres."""
+    paper = (np.array(BACKGROUND_RGB) / 255).astype(np.float32)
     radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * view.focal[0]), 1, _MAX_RADIUS_PX))
-    scene = render_points(view, geometry.points[kept], tints[kept], radius)
-    picture = composite(scene, np.broadcast_to(paper.astype(np.float32), (*view.size[::-1], 3)))
+    scene = render_points(view, geometry.points, geometry.point_colors, radius)
+    veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha)[..., None]
+    picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
         people = render_mesh(geometry.people, view, geometry.people_colors)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
-        picture = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
+        picture[...] = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)

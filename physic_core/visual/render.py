@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from physic_core.types import Intrinsics
 
     Array = NDArray[np.float64]
+    AnyFloat = NDArray[np.floating[Any]]
 
 __all__ = [
     "LONGEST_BODY_EDGE_M",
@@ -33,7 +34,8 @@ __all__ = [
     "render_points",
 ]
 
-_RAYS = 2  # along each side of a pixel
+_RAYS = 2  # along each side of a pixel that has an edge
+_EDGE = 0.06  # difference of colour or coverage between neighbouring pixels that is an edge, of 1
 
 LONGEST_BODY_EDGE_M = 2.0
 """Longest edge of a body's triangle that is drawn. Those of plausible bodies are up to 6 cm long."""
@@ -82,11 +84,14 @@ class View:
         origin = middle + start * axes[2]
         return cls(axes * [[1.0], [-1.0], [-1.0]], origin, np.full(2, scale), centre, size, True)
 
-    def project(self, points: Array) -> Array:
+    def project(self, points: AnyFloat) -> AnyFloat:
         """Project points (N, 3) to column and row in px, and distance from the origin along the view in metres."""
-        spots = (points - self.origin) @ self.axes.T
-        depth = 1.0 if self.is_parallel else np.where(spots[:, 2:] > 1e-6, spots[:, 2:], np.nan)
-        return np.concatenate([spots[:, :2] / depth * self.focal + self.centre, spots[:, 2:]], 1)
+        spots: AnyFloat = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(points.dtype)
+        if not self.is_parallel:
+            spots[:, :2] /= np.where(spots[:, 2:] > 1e-6, spots[:, 2:], np.nan)
+        spots[:, :2] *= self.focal
+        spots[:, :2] += self.centre
+        return spots
 
     def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
         """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
@@ -157,7 +162,7 @@ def prepare_meshes(
 
 
 def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> Layer:
-    """Render meshes by ray casting, with light from the upper left and four rays a pixel.
+    """Render meshes by ray casting, with light from the upper left: one ray a pixel, and four where there is an edge.
 
     Args:
         shapes: meshes in the frame of ``viewer``.
@@ -174,17 +179,15 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> Layer:
     x0, y0 = np.clip(np.floor(low) - 1, 0, viewer.size).astype(int).tolist()
     x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
     if x0 < x1 and y0 < y1:
-        steps = [
-            np.arange(start * _RAYS, end * _RAYS) / _RAYS - 0.5 + 0.5 / _RAYS for start, end in ((x0, x1), (y0, y1))
-        ]
-        columns, rows = np.meshgrid(*steps)
-        fine = np.zeros((columns.size, 4), np.float32)
-        depth = np.full(columns.size, np.inf, np.float32)
-        hit, shaded, far = _cast_rays(shapes, viewer, colors, columns.ravel(), rows.ravel())
-        fine[hit, :3], fine[hit, 3], depth[hit] = shaded, 1.0, far
-        box = x1 - x0, y1 - y0
-        color[y0:y1, x0:x1] = cv2.resize(fine.reshape(*columns.shape, 4), box, interpolation=cv2.INTER_AREA)
-        distance[y0:y1, x0:x1] = depth.reshape(box[1], _RAYS, box[0], _RAYS).min((1, 3))
+        columns, rows = np.meshgrid(np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64))
+        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows)
+        near = np.ones((3, 3), np.uint8)
+        edge = (cv2.dilate(coarse, near) - cv2.erode(coarse, near) > _EDGE).any(-1)
+        steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
+        beside, below = np.tile(steps, _RAYS), np.repeat(steps, _RAYS)
+        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below)
+        coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
+        color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
     return Layer(color[..., :3], color[..., 3], distance)
 
 
@@ -193,39 +196,43 @@ def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) 
     return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
 
 
-def render_points(viewer: View, points: Array, colors: Array, radius: int = 1) -> Layer:
+def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> Layer:
     """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top."""
     import cv2
 
     width, height = viewer.size
-    spots = viewer.project(points)
+    column, row, distance = viewer.project(points).T
     with np.errstate(invalid="ignore"):
-        inside = ((spots[:, :2] > -0.5) & (spots[:, :2] < viewer.size)).all(-1)
+        inside = (column > -0.5) & (column < width) & (row > -0.5) & (row < height) & (distance > 0)
     order = np.flatnonzero(inside)
-    order = order[np.argsort(-spots[order, 2])]  # the nearest come last
-    columns, rows = np.minimum(np.round(spots[order, :2]), (width - 1, height - 1)).astype(np.int64).T
+    order = order[np.argsort(-distance[order])]  # the nearest come last
+    columns = np.minimum(np.round(column[order]), width - 1).astype(np.int64)
+    rows = np.minimum(np.round(row[order]), height - 1).astype(np.int64)
     rank = np.zeros((height, width), np.float32)
     rank[rows, columns] = np.arange(1, len(order) + 1)  # numpy keeps the last of several writes
     rank = cv2.dilate(rank, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8))
     drawn = rank > 0
-    color, distance = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
+    color, depth = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
     shown = order[rank[drawn].astype(np.int64) - 1]
-    color[drawn], distance[drawn] = colors[shown], spots[shown, 2]
-    return Layer(color, drawn.astype(np.float32), distance)
+    color[drawn], depth[drawn] = colors[shown], distance[shown]
+    return Layer(color, drawn.astype(np.float32), depth)
 
 
 def _cast_rays(
     shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Cast rays; return the indices of those that hit, and colour and distance of each hit."""
-    origins, directions = viewer.rays(columns, rows)
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cast rays (...); return colour and coverage (..., 4), 0 where nothing is hit, and distance (...), inf there."""
+    origins, directions = viewer.rays(columns.ravel(), rows.ravel())
     hits = shapes.caster.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
     corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
     spots = origins[hit] + hits.distance[hit, None] * directions[hit]
     base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
-    return hit, _shade(normals, directions[hit], viewer.axes, base), viewer.project(spots)[:, 2]
+    color, distance = np.zeros((columns.size, 4), np.float32), np.full(columns.size, np.inf, np.float32)
+    color[hit, :3], color[hit, 3] = _shade(normals, directions[hit], viewer.axes, base), 1.0
+    distance[hit] = viewer.project(spots)[:, 2]
+    return color.reshape(*columns.shape, 4), distance.reshape(columns.shape)
 
 
 def _shade(normals: Array, directions: Array, axes: Array, base: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from physic_core.adapters.threads import limited_threads
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES, PARENTS
 from physic_core.body.parameters import rotations_from_parameters
@@ -138,4 +139,5 @@ def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:
     if not request.people:
         return []
     model = body_of_result(request.result, request.body_file)
-    return [(index, pose_rig(model, person, request.frame)) for index, person in request.chosen()]
+    with limited_threads():
+        return [(index, pose_rig(model, person, request.frame)) for index, person in request.chosen()]

@@ -55,7 +55,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     def look(glb: GlbBuffer, index: int, _: ExportRequest) -> Look:
         return body_look(glb, index, colors)
 
-    background = textured_scene(result) if request.scene else None
+    background = textured_scene(result, request.frame) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
     if textured is not None:
         add_variants(glb)
