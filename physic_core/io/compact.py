@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
+from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec, camera_specs
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable
+    from collections.abc import Collection, Container, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -106,7 +106,7 @@ def is_compact(names: Container[str]) -> bool:
 
 def is_of_people(name: str) -> bool:
     """Whether an array is also in the file of a result that was saved without its scene."""
-    return not name.startswith(_OF_SCENE)
+    return not (name.startswith(_OF_SCENE) or name.endswith("_image"))
 
 
 def expand_people(arrays: Arrays) -> Arrays:
@@ -132,12 +132,15 @@ def expand_arrays(arrays: Arrays) -> Arrays:
     return found
 
 
-def specs_of(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
+def specs_of(
+    arrays: Iterable[str], *, compact: bool, views: Sequence[Collection[int]] = ()
+) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
     """Return the specifications of the arrays of a file, shared ones and those of each person.
 
     Args:
         arrays: names of the arrays in the file.
         compact: whether it has the smaller form.
+        views: indices of the people in each photo of a result that has several, the reference first.
     """
     names = set(arrays)
     of_people = {match.string[match.end() :] for name in names if (match := _OF_PERSON.match(name))}
@@ -146,7 +149,7 @@ def specs_of(arrays: Iterable[str], *, compact: bool) -> tuple[tuple[ArraySpec, 
         forms = [(spec, *_OTHER_FORMS.get(spec.name, ())) for spec in shared]
         shared = tuple(next((form for form in each if form.name in names), each[0]) for each in forms)
     return (
-        tuple(spec for spec in shared if not spec.optional or spec.name in names),
+        tuple(spec for spec in (*shared, *camera_specs(views)) if not spec.optional or spec.name in names),
         tuple(spec for spec in of_person if not spec.optional or spec.name in of_people),
     )
 

@@ -21,7 +21,7 @@ from physic_core.io.schema_file import schema_fault
 from physic_core.types import Skeleton
 
 if TYPE_CHECKING:
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import CameraView, Person, Reconstruction
 
 __all__ = [
     "READABLE_VERSIONS",
@@ -33,11 +33,12 @@ __all__ = [
     "to_document",
 ]
 
-SCHEMA_VERSION = 3
-"""Of written documents. Version 3 has a checksum of the document. Version 2 gives each check a state and a direction;
-version 1 has ``ok`` instead."""
+SCHEMA_VERSION = 4
+"""Of the newest documents. Version 4 has ``cameras``, and is written for several photos alone; the result of one photo
+is version 3. Version 3 has a checksum of the document. Version 2 gives each check a state and a direction; version 1
+has ``ok`` instead."""
 
-READABLE_VERSIONS = (1, 2, 3)
+READABLE_VERSIONS = (1, 2, 3, 4)
 
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
@@ -61,7 +62,7 @@ def to_document(
     scene, floor = reconstruction.scene, reconstruction.scene.floor
     document = {
         "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": SCHEMA_VERSION if reconstruction.cameras else SCHEMA_VERSION - 1,
         "units": {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"},
         "frame": {
             "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
@@ -74,6 +75,7 @@ def to_document(
         "intrinsics": to_record(reconstruction.intrinsics),
         "grade": reconstruction.grade,
         "lens": to_record(reconstruction.lens),
+        **_cameras(reconstruction.cameras),
         "checks": to_record(reconstruction.checks),
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
@@ -163,6 +165,23 @@ def _skeleton(skeleton: Skeleton | str) -> dict[str, Any]:
         return {"skeleton": skeleton}
     points = {"names": skeleton.names, "on_body": skeleton.on_body, "weights": skeleton.weights}
     return {"skeleton": skeleton.name, "skeleton_points": points}
+
+
+def _cameras(cameras: Sequence[CameraView]) -> dict[str, Any]:
+    """Return ``cameras`` of several photos; of the reference, all but the name is elsewhere in the document."""
+    others = [
+        {
+            "photo": camera.photo,
+            "intrinsics": to_record(camera.intrinsics),
+            "rotation": camera.rotation,
+            "translation": camera.translation,
+            "rotation_sigma": camera.rotation_sigma,
+            "position_sigma": camera.position_sigma,
+            "people": [{"index": index, "score": one.score} for index, one in camera.people.items()],
+        }
+        for camera in cameras[1:]
+    ]
+    return {"cameras": [{"photo": cameras[0].photo}, *others]} if cameras else {}
 
 
 def _person(index: int, person: Person) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -21,7 +21,16 @@ from physic_core.files.document_checksum import EDITED
 from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_arrays
 from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
-from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, check_arrays, npz_checksum, number_of_people, to_arrays
+from physic_core.io.arrays import (
+    CAMERA_ARRAYS,
+    DETECTION_ARRAYS,
+    PERSON_ARRAYS,
+    SHARED_ARRAYS,
+    check_arrays,
+    npz_checksum,
+    number_of_people,
+    to_arrays,
+)
 from physic_core.io.compact import (
     compact_arrays,
     expand_arrays,
@@ -52,8 +61,10 @@ from physic_core.types import (
     NO_PARTNER,
     BodyContact,
     BodyParameters,
+    CameraView,
     CheckState,
     ContactPartner,
+    Detection,
     Intrinsics,
     Lens,
     Person,
@@ -136,7 +147,8 @@ def save_reconstruction(
         arrays = compact_arrays(arrays)
     # Pictures are made before the folder is locked.
     pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
-    stored = _StoredArrays(ARRAYS_FILE, arrays, specs_of(arrays, compact=compact), "" if compact else "f")
+    specs = specs_of(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
+    stored = _StoredArrays(ARRAYS_FILE, arrays, specs, "" if compact else "f")
     pictures = {name: pictures[name] for name in names if name in pictures}
     written = _write(reconstruction, folder, stored, pictures, overwrite=overwrite)
     if failure is not None:
@@ -155,7 +167,8 @@ def save_people(
 
     pictures = {PREVIEW_FILE: preview_png(reconstruction)} if preview else {}
     arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_of_people(n)}
-    shared, of_person = specs_of(arrays, compact=True)
+    views = [camera.people for camera in reconstruction.cameras]
+    shared, of_person = specs_of(arrays, compact=True, views=views)
     specs = tuple(spec for spec in shared if spec.name in arrays), of_person
     stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
     return _write(reconstruction, check_writable(folder), stored, pictures, overwrite=overwrite)
@@ -359,7 +372,13 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
     people, image = len(document["people"]), document["image"]
     sizes = {"H": image["height"], "W": image["width"], "P": 0 if document["scene"]["floor"] is None else 1}
     is_of_people_alone = path.name == PEOPLE_FILE
-    shared, of_person = specs_of(headers, compact=is_of_people_alone or is_compact(headers))
+    views = [[one["index"] for one in camera.get("people", ())] for camera in document.get("cameras", ())]
+    if strangers := {index for view in views for index in view} - set(range(people)):
+        raise ValueError(f"{DOCUMENT_FILE} lists person {min(strangers)} in a photo, and has {people} people")
+    for number, camera in enumerate(document.get("cameras", ())[1:], start=1):
+        sizes |= {f"H{number}": camera["intrinsics"]["height"], f"W{number}": camera["intrinsics"]["width"]}
+    compact = is_of_people_alone or is_compact(headers)
+    shared, of_person = specs_of(headers, compact=compact, views=views)
     if is_of_people_alone:
         shared = tuple(spec for spec in shared if is_of_people(spec.name))
     required = [spec.name for spec in shared]
@@ -399,7 +418,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
     # The first results were written without checks.
     checks = parse_checks(document.get("checks", ()), document["schema_version"])
-    return Reconstruction(
+    result = Reconstruction(
         **own,
         intrinsics=from_record(Intrinsics, document["intrinsics"]),
         scene=Scene(
@@ -422,6 +441,31 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         unposed=from_records(UnposedPerson, document.get("unposed")),
         lens=from_optional(Lens, document.get("lens")),
         contact_partners=from_records(ContactPartner, document.get("contact_partners")),
+    )
+    cameras = document.get("cameras", ())
+    others = [_camera(record, f"camera_{c}_", arrays) for c, record in enumerate(cameras) if c]
+    first = [CameraView.of_reference(result, record["photo"]) for record in cameras[:1]]
+    return replace(result, cameras=(*first, *others)) if first else result
+
+
+def _camera(record: Mapping[str, Any], prefix: str, arrays: Mapping[str, NDArray[Any]]) -> CameraView:
+    """Return a photo but the reference."""
+    rotation, translation = (np.array(from_json(record[name]), np.float64) for name in ("rotation", "translation"))
+    return CameraView(
+        **_values(CAMERA_ARRAYS, arrays, prefix=prefix),
+        photo=record["photo"],
+        intrinsics=from_record(Intrinsics, record["intrinsics"]),
+        rotation=rotation,
+        translation=translation,
+        rotation_sigma=from_json(record["rotation_sigma"]),
+        position_sigma=from_json(record["position_sigma"]),
+        people={
+            one["index"]: Detection(
+                **_values(DETECTION_ARRAYS, arrays, prefix=f"{prefix}person_{one['index']}_"),
+                score=from_json(one["score"]),
+            )
+            for one in record["people"]
+        },
     )
 
 

@@ -22,6 +22,7 @@ from physic_core.types.results import Person, Reconstruction, Scene
 from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
 from physic_core.types.support import Support, SupportState
 from physic_core.types.surfaces import SURFACE_NAMES, SurfaceLabels
+from physic_core.types.views import CameraView, Detection
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -39,11 +40,13 @@ __all__ = [
     "BodyContact",
     "BodyParameters",
     "CameraTrust",
+    "CameraView",
     "CheckResult",
     "CheckState",
     "ContactPartner",
     "ContactProbability",
     "DepthMap",
+    "Detection",
     "Grade",
     "Hands",
     "Hints",

@@ -1,4 +1,4 @@
-"""Result of a run: scene, people and contacts of one photo."""
+"""Result of a run: scene, people and contacts."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
     from physic_core.types.support import Support
+    from physic_core.types.views import CameraView
 
 __all__ = ["Person", "Reconstruction", "Scene"]
 
@@ -127,7 +128,7 @@ class Person(ShortRepr):
 
 @dataclass(frozen=True)
 class Reconstruction(ShortRepr):
-    """People, scene and contacts of one photo, in one metric camera frame.
+    """People, scene and contacts of one photo, or of several of one moment, in the metric frame of one camera.
 
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
@@ -150,6 +151,8 @@ class Reconstruction(ShortRepr):
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
         contact_partners: everything that people touch; ``Person.contact_partner`` has indices into it.
+        cameras: of all photos of a result that has several, the reference first, in whose frame everything is; empty
+            for a single photo.
     """
 
     image: UInt8Array
@@ -170,6 +173,7 @@ class Reconstruction(ShortRepr):
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     contact_partners: tuple[ContactPartner, ...] = ()
+    cameras: tuple[CameraView, ...] = ()
 
     def __post_init__(self) -> None:
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
@@ -181,6 +185,7 @@ class Reconstruction(ShortRepr):
         parts = (
             "1 person" if people == 1 else f"{people} people",
             *([f"{len(self.unposed)} without a body"] if self.unposed else []),
+            *([f"{len(self.cameras)} photos"] if self.cameras else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
             "no floor" if self.scene.floor is None else "floor assumed" if rejected else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",

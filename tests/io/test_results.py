@@ -280,7 +280,7 @@ def test_a_result_of_another_schema_version_is_refused(tmp_path, reconstruction)
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"schema_version": 3', b'"schema_version": 99'))
     assert message_of(tmp_path) == (
-        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1, 2 and 3; "
+        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1, 2, 3 and 4; "
         "load it with the PhySIC that wrote it, or run the reconstruction again"
     )
 

@@ -63,7 +63,7 @@ def test_a_result_of_the_pipeline_fulfils_the_schema_without_further_keys(tmp_pa
     ("change", "fault"),
     [
         ({"grade": "fine"}, "$.grade: 'fine' is not one of ['good', 'doubtful', 'bad', None]"),
-        ({"schema_version": 1}, "$.schema_version: 3 was expected"),
+        ({"schema_version": 1}, "$.schema_version: 1 is not one of [3, 4]"),
         ({"people": None}, "$.people: None is not of type 'array'"),
     ],
     ids=["grade", "version", "people"],
@@ -90,6 +90,6 @@ def test_a_result_that_an_earlier_version_wrote_is_still_read(version: int):
 def test_every_key_is_described_in_the_schema():
     nested = dict(properties(SCHEMA))
     assert [name for name, one in SCHEMA["properties"].items() if "description" not in one] == []
-    for name in ("intrinsics", "check", "person", "support", "partner", "contact", "unposed", "stage", "backend"):
+    for name in SCHEMA["$defs"].keys() - {"number", "array"}:
         nested |= dict(properties(SCHEMA["$defs"][name], f"{name}."))
     assert [name for name, one in nested.items() if not {"description", "$ref"} & set(one)] == []
