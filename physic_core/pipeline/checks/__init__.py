@@ -14,6 +14,7 @@ from physic_core.pipeline.checks.person import check_person
 from physic_core.pipeline.checks.photo import check_photo
 from physic_core.pipeline.checks.result import failed_checks, unknown_checks, warning_messages
 from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
+from physic_core.pipeline.checks.views import with_cameras
 
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
@@ -30,6 +31,7 @@ __all__ = [
     "run_checks",
     "unknown_checks",
     "warning_messages",
+    "with_cameras",
 ]
 
 

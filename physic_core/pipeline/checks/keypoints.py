@@ -10,8 +10,7 @@ from physic_core.body.joints import JOINT_INDEX, SIDES
 from physic_core.types import skeleton_named
 
 if TYPE_CHECKING:
-    from physic_core.pipeline.estimate import Estimates
-    from physic_core.pipeline.solution import Solution
+    from physic_core.types import FloatArray, Intrinsics, Skeleton
 
 __all__ = ["limb_keypoint_error"]
 
@@ -23,16 +22,30 @@ _FEWEST = 4
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
 
-def limb_keypoint_error(estimates: Estimates, solution: Solution, person: int) -> float | None:
+def limb_keypoint_error(
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    box: FloatArray,
+    skeleton: Skeleton | str,
+    camera: Intrinsics,
+) -> float | None:
     """Return the 0.9 quantile of the limb joints' distances from their confident keypoints, of the box's diagonal.
 
-    None with fewer than four such keypoints or without a body.
+    Args:
+        joints: (55, 3) of the body, in the frame of the camera, metres.
+        points: (J, 2) keypoints of the person, px.
+        confidence: (J,) of the keypoints.
+        box: (4,) of the person, px, x0 y0 x1 y1.
+        skeleton: of the keypoints.
+        camera: of the photo.
+
+    Returns:
+        None with fewer than four such keypoints or without a body.
     """
-    names = skeleton_named(estimates.keypoints.skeleton).names
+    names = skeleton_named(skeleton).names
     rows = [(names.index(name), JOINT_INDEX[name]) for name in _LIMB_JOINTS if name in names]
-    points, confidence = estimates.keypoints.points[person], estimates.keypoints.confidence[person]
-    pixels = np.asarray(solution.joints[person], np.float64) @ solution.intrinsics.matrix.T
-    box = np.asarray(estimates.people.boxes[person], np.float64)
+    pixels = np.asarray(joints, np.float64) @ camera.matrix.T
     diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
     errors = [
         float(np.linalg.norm(points[k] - pixels[j, :2] / pixels[j, 2])) for k, j in rows if confidence[k] >= _CONFIDENT

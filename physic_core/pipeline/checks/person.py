@@ -69,7 +69,14 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
     )
     yield check_value(
         "limb_keypoints",
-        limb_keypoint_error(estimates, solution, person),
+        limb_keypoint_error(
+            solution.joints[person],
+            estimates.keypoints.points[person],
+            estimates.keypoints.confidence[person],
+            np.asarray(estimates.people.boxes[person], np.float64),
+            estimates.keypoints.skeleton,
+            solution.intrinsics,
+        ),
         "a limb misses its keypoints: its pose is doubtful, look at it over the photo in preview.png",
         unmeasured="too few joints of the limbs have a confident keypoint",
     )

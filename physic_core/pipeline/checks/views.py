@@ -1,0 +1,64 @@
+"""Self-checks of a result of several photos: whether its people are where each photo shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.pipeline.checks.grade import grade_photo
+from physic_core.pipeline.checks.keypoints import limb_keypoint_error
+from physic_core.pipeline.checks.result import check_value, warning_messages
+
+if TYPE_CHECKING:
+    from physic_core.types import CameraView, CheckResult, Reconstruction
+
+__all__ = ["with_cameras"]
+
+
+def with_cameras(result: Reconstruction, cameras: Sequence[CameraView]) -> Reconstruction:
+    """Return a result with the cameras of several photos, a check of each photo, and the grade and warnings of all.
+
+    Args:
+        result: in the frame of the reference camera.
+        cameras: the reference first.
+    """
+    cameras = tuple(cameras)
+    found = tuple(_check_views(result, cameras[1:]))
+    checks = (*result.checks, *found)
+    return replace(
+        result,
+        cameras=cameras,
+        checks=checks,
+        warnings=(*result.warnings, *warning_messages(found)),
+        grade=grade_photo(checks, [person.grade for person in result.people if person.grade is not None]),
+    )
+
+
+def _check_views(result: Reconstruction, cameras: Sequence[CameraView]) -> Iterator[CheckResult]:
+    """Compare the bodies with the keypoints of each photo."""
+    for camera in cameras:
+        errors = [
+            limb_keypoint_error(
+                camera.to_camera(result.people[index].joints),
+                seen.keypoints,
+                seen.keypoint_confidence,
+                np.asarray(seen.box, np.float64),
+                result.skeleton,
+                camera.intrinsics,
+            )
+            for index, seen in camera.people.items()
+        ]
+        measured = [error for error in errors if error is not None]
+        check = check_value(
+            "view_keypoints",
+            median(measured) if measured else None,
+            f"the people are not where {camera.photo} shows them: its camera is wrong, or the people moved; look at "
+            "its row in preview.png, and leave the photo out",
+            unmeasured=f"no person has enough confident keypoints in {camera.photo}",
+        )
+        label = f"{check.label} in {camera.photo}"
+        yield replace(check, label=label, message=check.message.replace(check.label, label))
