@@ -46,8 +46,8 @@ def scene(
 ) -> None:
     """Reconstruct one moment from two to eight photos.
 
-    Writes the files of `physic run` for the photo that shows most people, cameras.json, scene_points.ply, and
-    photos.png with a row for each photo.
+    Writes the files of `physic run` with all cameras and a row of the preview for each photo, moment.json and
+    scene_points.ply. The frame is that of the photo that shows most people.
     """
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')

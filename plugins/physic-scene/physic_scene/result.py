@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
+from physic_core import with_cameras
+from physic_core.types import CameraView, Detection
 from physic_scene.reference import scene_scales, solved_camera
 from physic_scene.types import CameraPose, ScenePerson, SceneResult
 
@@ -31,22 +34,27 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
     photos, v = solved.chosen.photos, solved.reference
     cameras = tuple(_cameras(solved))
     people = _people(solved, reconstruction, model)
+    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, people, photos[v].index))
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
     moved = [f"person {i} moved between the photos, and is as one photo shows" for i, p in enumerate(people) if p.moved]
     notes = (
         f"cameras of {len(photos)} photos from {len(solved.rows)} people; the frame is that of {photos[v].name}",
-        *(one.message for one in solved.chosen.left_out),
         *moved,
     )
+    left_out = tuple(one.message for one in solved.chosen.left_out)
     return SceneResult(
-        reconstruction=reconstruction,
+        reconstruction=replace(
+            reconstruction,
+            notes=(*reconstruction.notes, *notes),
+            warnings=(*reconstruction.warnings, *left_out),
+        ),
         reference=photos[v].index,
         cameras=cameras,
         people=people,
         left_out=solved.chosen.left_out,
         points=points,
         colors=colors,
-        notes=notes,
+        notes=(notes[0], *left_out, *moved),
         diagnostics={
             "matched_pixels": {
                 f"{photos[m.views[0]].name}, {photos[m.views[1]].name}": len(m.first) for m in solved.chosen.background
@@ -81,6 +89,35 @@ def _cameras(solved: SolvedScene) -> list[CameraPose]:
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
                 result=photo.result,
+            )
+        )
+    return found
+
+
+def _views(
+    reconstruction: Reconstruction, cameras: tuple[CameraPose, ...], people: tuple[ScenePerson, ...], reference: int
+) -> list[CameraView]:
+    """Return the cameras of the result, the reference first."""
+    found: list[CameraView] = []
+    for camera in cameras:
+        if camera.index == reference:
+            found.insert(0, CameraView.of_reference(reconstruction, camera.photo))
+            continue
+        shown = {}
+        for p, person in zip(camera.people, camera.result.people, strict=True):
+            row = None if p is None or people[p].moved else people[p].row
+            if row is not None:
+                shown[row] = Detection.of(person)
+        found.append(
+            CameraView(
+                photo=camera.photo,
+                image=camera.result.image,
+                intrinsics=camera.intrinsics,
+                rotation=np.asarray(camera.rotation, np.float64),
+                translation=np.asarray(camera.translation, np.float64),
+                rotation_sigma=float(np.radians(camera.rotation_sigma_deg)),
+                position_sigma=float(camera.position_sigma_m),
+                people=dict(sorted(shown.items())),
             )
         )
     return found

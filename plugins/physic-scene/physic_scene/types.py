@@ -123,7 +123,7 @@ class SceneResult(ShortRepr):
     diagnostics: dict[str, Any]
 
     def save(self, folder: str, *, overwrite: bool = False) -> None:
-        """Write the files of ``Reconstruction.save``, ``cameras.json``, ``scene_points.ply`` and ``photos.png``.
+        """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``.
 
         Args:
             folder: created if it does not exist.

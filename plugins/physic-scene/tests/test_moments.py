@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from PIL import Image
 
-from physic_core import Pipeline, load_config
+from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
@@ -119,16 +118,56 @@ def test_another_energy_is_refused(alone):
         other.join(alone[:2])
 
 
-def test_save_writes_the_result_and_the_cameras(solved, tmp_path):
+def test_the_reconstruction_has_the_cameras_and_the_people_of_each_photo(solved, alone, worlds):
+    result = solved.reconstruction
+    by_name = {camera.photo: camera for camera in solved.cameras}
+    assert result.cameras[0].photo == solved.cameras[solved.reference].photo
+    assert sorted(camera.photo for camera in result.cameras) == ["a.png", "b.png", "c.png"]
+    for view in result.cameras[1:]:
+        camera = by_name[view.photo]
+        assert view.centre == pytest.approx(camera.centre)
+        assert np.degrees(view.rotation_sigma) == pytest.approx(camera.rotation_sigma_deg)
+        assert list(view.people) == [0, 1]
+        for index, seen in view.people.items():
+            pixels = view.to_camera(result.people[index].joints[:1]) @ view.intrinsics.matrix.T
+            x, y = (pixels[0, :2] / pixels[0, 2]).round().astype(int)
+            assert seen.mask[max(0, y - 12) : y + 12, max(0, x - 12) : x + 12].any()
+
+
+def test_each_photo_has_a_check(solved):
+    checks = [check for check in solved.reconstruction.checks if check.name == "view_keypoints"]
+    others = [camera.photo for camera in solved.reconstruction.cameras[1:]]
+    assert [check.title for check in checks] == [f"Limbs off their keypoints in {photo}" for photo in others]
+    assert all(check.ok and check.value is not None for check in checks)
+
+
+def test_a_camera_that_is_wrong_is_named(solved):
+    result = solved.reconstruction
+    plain = replace(result, cameras=(), checks=(), warnings=())
+    wrong = replace(result.cameras[1], translation=result.cameras[1].translation + np.array([1.0, 0.0, 0.0]))
+    found = with_cameras(plain, [result.cameras[0], wrong, result.cameras[2]])
+    assert [check.failed for check in found.checks] == [True, False]
+    assert found.warnings == (
+        f"the people are not where {wrong.photo} shows them: its camera is wrong, or the people moved; look at its row "
+        "in preview.png, and leave the photo out",
+    )
+
+
+def test_a_photo_that_is_left_out_is_a_warning_of_the_result(solver, alone):
+    found = solver.join([alone[0], alone[1], alone[0]], ["a.png", "b.png", "again.png"])
+    assert "again.png is left out: it is the same picture as a.png" in found.reconstruction.warnings
+
+
+def test_save_writes_the_result_and_the_moment(solved, tmp_path):
     solved.save(str(tmp_path / "out"))
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"reconstruction.json", "cameras.json", "scene_points.ply", "photos.png", "preview.png"} <= names
-    document = json.loads((tmp_path / "out" / "cameras.json").read_text())
-    assert document["version"] == 1
-    assert [camera["photo"] for camera in document["cameras"]] == ["a.png", "b.png", "c.png"]
-    assert np.allclose(document["cameras"][1]["rotation"], solved.cameras[1].rotation, atol=1e-5)
-    with Image.open(tmp_path / "out" / "photos.png") as picture:
-        assert picture.height > 3 * 300
+    assert {"reconstruction.json", "moment.json", "scene_points.ply", "preview.png"} <= names
+    loaded = load_reconstruction(tmp_path / "out")
+    assert [camera.photo for camera in loaded.cameras] == [c.photo for c in solved.reconstruction.cameras]
+    assert (loaded.cameras[1].rotation == solved.reconstruction.cameras[1].rotation).all()
+    document = json.loads((tmp_path / "out" / "moment.json").read_text())
+    assert [photo["people"] for photo in document["photos"]] == [[0, 1]] * 3
+    assert [person["row"] for person in document["people"]] == [0, 1]
 
 
 def test_the_command_names_what_is_wrong(tmp_path):
