@@ -80,17 +80,22 @@ def mock_config() -> Any:
     return load_config(preset="mock", flags={"noise": mocks})
 
 
+def world_seed(name: str, seed: int) -> int:
+    """Return the seed of a world, from the seed of a run."""
+    return int(np.random.default_rng(seed).integers(0, 1 << 31, len(NAMES))[NAMES.index(name)])
+
+
 def run_worlds(given: argparse.Namespace) -> None:
     """Print a row for each number of views, and one of the average of single results."""
     from physic_scene import Scene
     from physic_testing.worlds import build_world, view_names
 
     given.out.mkdir(parents=True, exist_ok=True)
-    config, seeds = mock_config(), np.random.default_rng(given.seed).integers(0, 1 << 31, len(NAMES))
+    config = mock_config()
     rows: dict[str, list[dict[str, float]]] = {}
     with Scene(config) as scene:
         for name in given.names:
-            seed = int(seeds[NAMES.index(name)])
+            seed = world_seed(name, given.seed)
             names = view_names(f"{name}+other", max(given.views))
             worlds = [build_world(view, seed, SIZE) for view in names]
             alone = [

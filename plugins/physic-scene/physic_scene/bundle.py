@@ -4,13 +4,16 @@ Unknown are the pose of each camera but the reference's, the logarithm of each f
 person's keypoints in the reference frame. Residuals, in units of their expected sizes, through a Cauchy loss:
 
 * keypoints: projected points against detections;
-* bodies: points against the landmarks of each photo's body, up to that body's place and, weakly, its turn;
-* bones: lengths between points against those of the bodies; they give the scale;
+* bodies: points against the landmarks of each photo's body, up to that body's place and, weakly, its turn; errors along
+  the line of sight are larger;
+* bones: lengths between points against those of the bodies;
 * floors: their normals against each other;
 * background: distances of matched background pixels from their epipolar lines;
-* focal lengths against those of the photos.
+* focal lengths against those of the photos, whose errors have a part in common.
 
-Solved by Levenberg-Marquardt steps on sparse normal equations.
+The sizes are those of ``measured_errors.json``. The mean length of all bones gives the scale, after the adjustment:
+points are means of bodies that are turned against each other, and thereby come out smaller. Solved by
+Levenberg-Marquardt steps on sparse normal equations.
 """
 
 from __future__ import annotations
@@ -21,11 +24,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from physic_core.types.skeletons import SIDES
+from physic_scene.measured import measured_errors
 from physic_scene.rigid import Pose
 
 if TYPE_CHECKING:
@@ -35,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = ["Bundle", "BundleSettings", "Observations", "PixelMatches", "PoseUncertainty", "adjust", "uncertainties"]
 
 _NEAREST_M = 0.1
+_KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
 _BONES = (
     ("shoulder", "elbow"),
     ("elbow", "wrist"),
@@ -46,27 +51,20 @@ _BONES = (
 
 @dataclass(frozen=True)
 class BundleSettings:
-    """Expected sizes of the residuals.
+    """Settings of the bundle adjustment; most expected sizes are those of ``measured_errors.json``.
 
     Attributes:
-        keypoint: error of a keypoint of confidence 1, as a share of the person's stature in px.
-        body_m: error of a body's landmarks, up to its place and turn, metres.
-        body_turn_deg: error of a body's turn.
-        bone: error of the logarithm of a bone's length.
-        floor_deg: error of a floor's normal, degrees.
+        keypoint: error of a keypoint of confidence 1 to which a body is fitted, as a share of the stature in px.
         epipolar_px: distance of a background pixel from its epipolar line, px of a photo 1000 px wide.
-        outlier: beyond this many expected sizes, a residual counts as an outlier.
+        outlier: beyond this many expected sizes, a residual counts as an outlier. 0.7 gives the least errors of
+            directions of twelve worlds, and makes the stated uncertainty theirs; 1.0 and 1.5 have larger ones.
         steps: most steps at each of ``rounds``.
         rounds: factors on ``outlier``, one after the other, so that a rough start can converge.
     """
 
     keypoint: float = 0.02
-    body_m: float = 0.06
-    body_turn_deg: float = 15.0
-    bone: float = 0.06
-    floor_deg: float = 8.0
     epipolar_px: float = 2.0
-    outlier: float = 1.5
+    outlier: float = 0.7
     steps: int = 25
     rounds: tuple[float, ...] = (8.0, 3.0, 1.0)
 
@@ -93,6 +91,7 @@ class Observations:
     Attributes:
         K: (V, 3, 3) px.
         focal_sigma: (V,).
+        names: of the J keypoints.
         points: (V, P, J, 2) px.
         confidence: (V, P, J); 0 where a photo does not show the person or the keypoint.
         landmarks: (V, P, J, 3) metres, camera frames.
@@ -108,6 +107,7 @@ class Observations:
 
     K: FloatArray
     focal_sigma: FloatArray
+    names: tuple[str, ...]
     points: FloatArray
     confidence: FloatArray
     landmarks: FloatArray
@@ -137,14 +137,14 @@ class Observations:
             )
 
         names = people[0].skeleton.names
-        ends = [(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in _BONES]
-        bones = np.array([(names.index(a), names.index(b)) for a, b in ends if a in names and b in names])
+        bones = bones_of(names)
         landmarks = gather("landmarks")
         length = np.linalg.norm(landmarks[:, :, bones[:, 0]] - landmarks[:, :, bones[:, 1]], axis=-1)
         mean = np.exp(np.nanmean(np.where(shown[..., None], np.log(length), np.nan), axis=0))
         return cls(
             K=np.stack([photo.K for photo in people]),
             focal_sigma=np.array([photo.focal_sigma for photo in people]),
+            names=tuple(names),
             points=gather("points"),
             confidence=gather("confidence") * shown[..., None],
             landmarks=landmarks,
@@ -247,6 +247,12 @@ class _Block:
     group: IntArray | None = None
 
 
+def bones_of(names: Sequence[str]) -> IntArray:
+    """Return the keypoints (B, 2) at the ends of the bones of a skeleton's arms, legs and trunk."""
+    ends = [(f"{side}_{a}", f"{side}_{b}") for side in SIDES for a, b in _BONES]
+    return np.array([(names.index(a), names.index(b)) for a, b in ends if a in names and b in names])
+
+
 def adjust(
     observations: Observations, start: Bundle, reference: int, settings: BundleSettings = BundleSettings()
 ) -> Bundle:
@@ -307,42 +313,45 @@ def _normal_equations(
 ) -> tuple[csc_array, FloatArray, float]:
     """Return normal matrix, gradient and energy, with Cauchy weights."""
     size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
-    normal, gradient, energy = csc_array((size, size)), np.zeros(size), 0.0
+    limit, energy, first = settings.outlier**2, 0.0, 0
+    values, rows, columns, residuals = [], [], [], []
     for block in _blocks(observations, state, reference, settings):
         square = (block.residual**2).sum(1)
+        weight = np.ones(len(square))
         if block.robust:
-            limit = settings.outlier**2
             if block.group is not None:
                 total, count = (np.bincount(block.group, weights) for weights in (square, None))
                 square = (total / np.maximum(count, 1))[block.group]
             weight = 1 / (1 + square / limit)
             energy += float(limit * np.log1p(square / limit).sum())
         else:
-            weight = np.ones(len(square))
             energy += float(square.sum())
         m, d, k = block.jacobian.shape
-        rows = np.repeat(np.arange(m * d), k)
-        columns = np.repeat(block.columns[:, None], d, axis=1).reshape(-1)
         root = np.sqrt(weight)[:, None]
-        jacobian = coo_array(((root[..., None] * block.jacobian).reshape(-1), (rows, columns)), (m * d, size)).tocsc()
-        normal = normal + jacobian.T @ jacobian
-        gradient += jacobian.T @ (root * block.residual).reshape(-1)
-    return csc_array(normal), gradient, energy
+        values.append((root[..., None] * block.jacobian).reshape(-1))
+        rows.append(first + np.repeat(np.arange(m * d), k))
+        columns.append(np.repeat(block.columns[:, None], d, axis=1).reshape(-1))
+        residuals.append((root * block.residual).reshape(-1))
+        first += m * d
+    places = np.concatenate(rows), np.concatenate(columns)
+    jacobian = csr_array(coo_array((np.concatenate(values), places), (first, size)))
+    return csc_array(jacobian.T @ jacobian), jacobian.T @ np.concatenate(residuals), energy
 
 
 def _blocks(observations: Observations, state: Bundle, reference: int, settings: BundleSettings) -> list[_Block]:
     views, people = observations.shown.shape
     joints = state.points.shape[1]
+    errors = measured_errors()
+    own_errors = errors.of(observations.names)
     first_point, first_turn = 7 * views, 7 * views + state.points.size
     first_place = first_turn + state.place.size
-    turns = Rotation.from_matrix(state.turn.reshape(-1, 3, 3)).as_rotvec().reshape(-1)
     blocks = [
         # The frame is that of the reference camera.
         _prior(np.zeros(6), 6 * reference, 1e-4),
-        _prior(state.log_focal, 6 * views, observations.focal_sigma),
-        _prior(turns, first_turn, np.radians(settings.body_turn_deg)),
-        # The place of a body is free; where a photo does not show the person, it is without meaning.
+        _focal_block(state.log_focal, observations.focal_sigma, 6 * views),
+        # The place of a body is free; where a photo does not show the person, place and turn are without meaning.
         _prior(state.place.reshape(-1), first_place, 1e4),
+        _prior(np.zeros(state.place.size), first_turn, 1e4),
     ]
     for v, p in zip(*np.nonzero(observations.shown), strict=True):
         at = first_point + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
@@ -352,25 +361,55 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         local = local + state.translation[v]
         by_point = np.broadcast_to(state.rotation[v], (joints, 3, 3))
         uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
-        weight = np.sqrt(observations.confidence[v, p]) / (settings.keypoint * observations.size_px[v, p])
+        confidence = observations.confidence[v, p]
+        unit = errors.keypoint_sigma(confidence) * observations.size_px[v, p]
+        weight = np.sqrt(own_errors.share) * (confidence > 0) / unit
         seen = weight > 0
         jacobian = np.concatenate([by_local @ turned, by_local @ by_point, by_focal[..., None]], axis=2)
         columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
         residual = weight[:, None] * (uv - observations.points[v, p])
         keypoints = _Block(residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen])
         blocks.append(replace(keypoints, group=observations.limb[seen]))
-        body = observations.landmarks[v, p] - observations.landmarks[v, p].mean(axis=0)
-        body = body @ state.turn[v, p].T
-        middle = observations.landmarks[v, p].mean(axis=0) + state.place[v, p]
+        middle = observations.landmarks[v, p].mean(axis=0)
+        body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
+        away = local - body - middle - state.place[v, p]
         jacobian = np.concatenate([turned, by_point, _cross(body), -np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
         own = 3 * (v * people + p) + np.broadcast_to(np.arange(3), (joints, 3))
         columns = np.concatenate([camera, at, first_turn + own, first_place + own], axis=1)
-        landmarks = _Block((local - body - middle) / settings.body_m, jacobian / settings.body_m, columns)
-        blocks.append(replace(landmarks, group=observations.limb))
-    blocks.append(_bone_block(observations, state, first_point, settings))
-    blocks += _floor_blocks(observations, state, settings)
+        scaled = _along_and_across(middle, 1 / own_errors.along_m, 1 / own_errors.across_m)
+        residual = np.einsum("jab,jb->ja", scaled, away)
+        blocks.append(_Block(residual, scaled @ jacobian, columns, group=observations.limb))
+        about, tilt = 1 / np.radians(errors.turn_deg)
+        turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
+        vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
+        blocks.append(_Block((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
+    blocks.append(_bone_block(observations, state, first_point, errors.bone))
+    blocks += _floor_blocks(observations, state, errors.floor_deg)
     blocks += [_epipolar_block(match, observations, state, settings) for match in observations.background]
     return blocks
+
+
+def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
+    """Return matrices (n, 3, 3) that scale vectors along the line of sight to a point (3,), and across it."""
+    ray = point / np.linalg.norm(point)
+    line = np.outer(ray, ray)
+    scaled: FloatArray = along[:, None, None] * line + across[:, None, None] * (np.eye(3) - line)
+    return scaled
+
+
+def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> _Block:
+    """Return the residuals of the logarithms of focal lengths (V,), whose errors have a part in common."""
+    common, own = np.square(measured_errors().focal)
+    share = common / (common + own)
+    covariance = (1 - share) * np.diag(sigma**2) + share * np.outer(sigma, sigma)
+    # Known cameras have errors of their own.
+    known = sigma < _KNOWN_FOCAL
+    covariance[known] = 0
+    covariance[:, known] = 0
+    covariance[known, known] = sigma[known] ** 2
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    columns = first + np.arange(len(sigma))
+    return _Block((white @ log_focal)[None], white[None], columns[None], robust=False)
 
 
 def _limb(name: str) -> int:
@@ -390,13 +429,13 @@ def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> _Block:
     return _Block((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
 
 
-def _bone_block(observations: Observations, state: Bundle, first_point: int, settings: BundleSettings) -> _Block:
+def _bone_block(observations: Observations, state: Bundle, first_point: int, bone: float) -> _Block:
     """Return the residuals of bone lengths."""
     people, joints, _ = state.points.shape
     a, b = observations.bones.T
     along = state.points[:, b] - state.points[:, a]
     length = np.maximum(np.linalg.norm(along, axis=-1), 1e-3)
-    sigma = np.where(np.isnan(observations.bone_sigma), settings.bone, observations.bone_sigma)[:, None]
+    sigma = np.where(np.isnan(observations.bone_sigma), bone, observations.bone_sigma)[:, None]
     residual = np.log(length / observations.bone_m) / sigma
     slope = along / length[..., None] ** 2 / sigma[..., None]
     person = joints * np.arange(people)[:, None]
@@ -405,10 +444,11 @@ def _bone_block(observations: Observations, state: Bundle, first_point: int, set
     return _Block(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
 
 
-def _floor_blocks(observations: Observations, state: Bundle, settings: BundleSettings) -> list[_Block]:
+def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -> list[_Block]:
     """Return the residuals of the floors' normals of each two photos."""
     known = np.flatnonzero(np.isfinite(observations.up).all(1))
-    unit = np.radians(settings.floor_deg) * np.sqrt(max(len(known), 1))
+    # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they count as n floors.
+    unit = np.radians(floor_deg) * np.sqrt(max(len(known), 1))
     blocks = []
     for a, b in itertools.combinations(known, 2):
         motion = state.rotation[b] @ state.rotation[a].T

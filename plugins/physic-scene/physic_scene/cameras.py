@@ -17,7 +17,6 @@ from physic_scene.rigid import Pose
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray
-    from physic_scene.observations import PhotoPeople
     from physic_scene.scene import SceneSettings
     from physic_scene.selection import ChosenPhotos
 
@@ -34,15 +33,9 @@ class FitSettings:
     Attributes:
         keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
             stature in px.
-        stature: error of the logarithm of a person's estimated stature, for the scale.
-        statures: the same of all people together.
-        distance: error of the logarithm of the distances in one photo alone, for the scale.
     """
 
     keypoint: float = 0.15
-    stature: float = 0.06
-    statures: float = 0.05
-    distance: float = 0.15
 
 
 @dataclass(frozen=True)
@@ -108,7 +101,7 @@ def solve_cameras(
     people = [photo.people for photo in chosen.photos]
     seen = found.observations
     sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
-    bundle = found.bundle.scaled(_scale(people, rows, seen, found.bundle, settings.fit))
+    bundle = found.bundle.scaled(_scale(seen, found.bundle))
     bodies = fit_bodies(people, rows, seen, bundle, model, (settings.bundle, settings.bodies))
     return SolvedScene(chosen, found.reference, rows, moved, seen, bundle, sigmas, bodies, found.errors)
 
@@ -132,22 +125,23 @@ def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], s
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
 
-def _scale(
-    people: Sequence[PhotoPeople], rows: IntArray, observations: Observations, bundle: Bundle, settings: FitSettings
-) -> float:
-    """Return the factor that brings people nearer to their distances in the photos alone; 1 with a known stature."""
-    if np.isfinite(observations.bone_sigma).any():
-        return 1.0
-    by_view = []
-    for v, photo in enumerate(people):
-        here = np.flatnonzero(rows[:, v] >= 0)
-        if len(here):
-            middle = bundle.pose(v).to_camera(bundle.points[here].mean(axis=1))[:, 2]
-            alone = photo.landmarks[rows[here, v]].mean(axis=1)[:, 2]
-            by_view.append(np.median(np.log(alone / np.maximum(middle, 0.1))))
-    sure = 1 / (settings.stature**2 / len(rows) + settings.statures**2)
-    unsure = len(by_view) / settings.distance**2
-    return float(np.exp(unsure / (sure + unsure) * np.mean(by_view)))
+def _scale(observations: Observations, bundle: Bundle) -> float:
+    """Return the factor that gives people their mean size in the photos alone, or that of known statures.
+
+    A person counts once, whatever the number of photos: their errors of stature have common causes. Distances in the
+    photos alone follow from the same statures, and from focal lengths that the bundle corrects.
+    """
+    size = np.log(_spread(observations.landmarks))
+    alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
+    factor = alone - np.log(_spread(bundle.points))
+    known = np.isfinite(observations.bone_sigma)
+    return float(np.exp(factor[known if known.any() else slice(None)].mean()))
+
+
+def _spread(points: FloatArray) -> FloatArray:
+    """Return the size (...) of people: the root mean square distance of their keypoints (..., J, 3) from the middle."""
+    spread: FloatArray = np.linalg.norm(points - points.mean(axis=-2, keepdims=True), axis=(-2, -1))
+    return spread
 
 
 def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
@@ -182,7 +176,8 @@ def _start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
     """Return poses of all cameras, along the pairs of photos with the highest scores."""
     poses = {reference: Pose.identity()}
     while len(poses) < len(chosen.photos):
-        _, a, b = max((match.score, a, b) for (a, b), match in chosen.matches.items() if (a in poses) != (b in poses))
+        linked = ((a, b) for (a, b), match in chosen.matches.items() if match.pairs and (a in poses) != (b in poses))
+        a, b = max(linked, key=lambda pair: (chosen.matches[pair].score, len(chosen.matches[pair].pairs)))
         motion = chosen.matches[a, b].motion
         if a in poses:
             poses[b] = motion.after(poses[a])
@@ -203,11 +198,13 @@ def _with_statures(
     known = np.zeros(len(people))
     known[order] = statures if len(statures) == len(people) else np.resize(statures, len(people))
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
+    landmarks = observations.landmarks.copy()
     for p, row in enumerate(rows[:, 0]):
         if row >= 0 and known[row] > 0:
             estimated = np.mean(
                 [photo.people.stature[i] for photo, i in zip(chosen.photos, rows[p], strict=True) if i >= 0]
             )
             bone_m[p] *= known[row] / estimated
+            landmarks[:, p] *= known[row] / estimated
             sigma[p] = _KNOWN_BONE
-    return replace(observations, bone_m=bone_m, bone_sigma=sigma)
+    return replace(observations, landmarks=landmarks, bone_m=bone_m, bone_sigma=sigma)

@@ -1,25 +1,39 @@
 """Who is who: people of several photos matched by shape, pose, the colours of clothes, and geometry.
 
-For each pair of photos, each pair of people gives a hypothesis of the relative camera. The assignment of all people
-under the best hypothesis is that of the pair of photos. Tracks over all photos then join these pairs, the surest first.
+Each cue gives the logarithm of a likelihood ratio (LLR), "the same person" over "different people", from the table that
+was measured for it; their sum decides. For each pair of photos, each pair of people gives a hypothesis of the relative
+camera. The assignment of all people under the best hypothesis is that of the pair of photos. People over all photos
+then follow by joining the surest pairs first, as long as the photos of both sides agree.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from physic_scene.measured import measured_errors
 from physic_scene.rigid import Pose, angle_deg, fit_rotation
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
 
-__all__ = ["MatchingSettings", "PairMatch", "Tracks", "join_tracks", "match_pair"]
+__all__ = [
+    "MatchingSettings",
+    "PairMatch",
+    "Tracks",
+    "join_tracks",
+    "joined_matches",
+    "look_cues",
+    "match_pair",
+    "place_cues",
+    "relative_motion",
+]
 
 _BODY = 22  # joints without hands and face
 _PELVIS = 0
@@ -27,24 +41,22 @@ _PELVIS = 0
 
 @dataclass(frozen=True)
 class MatchingSettings:
-    """Expected differences between two photos of one person; costs are squares in units of these.
+    """Prior odds of the matching; how much each cue says is measured (``measured_errors.json``).
 
     Attributes:
-        pose_m: mean distance of 22 joints after the best rotation about the pelvis.
-        stature: of the logarithm of stature.
-        colour: CIELAB distance of the mean colour of a body part.
-        turn_deg: between the camera's rotation from one person and from another.
-        place: distance of a person from the place that the other photo gives, as a share of the distance from the
-            cameras.
-        unmatched: largest cost of two people who are matched; the sum of the squares above.
+        stranger: logarithm of the odds that a person of one photo is none of the other photo, before anything was
+            compared; 0 is even odds.
+        mirrored: the same that a photo is mirrored, by its people; photos are rarely mirrored.
+        hypotheses: most pairs of people of two photos that give a relative camera, the likest first.
     """
 
-    pose_m: float = 0.07
-    stature: float = 0.06
-    colour: float = 14.0
-    turn_deg: float = 20.0
-    place: float = 0.12
-    unmatched: float = 12.0
+    stranger: float = 0.0
+    mirrored: float = 7.0
+    hypotheses: int = 16
+
+    def accept(self, one: int, two: int) -> float:
+        """Return the least LLR of two people of photos with this many people that makes them the same person."""
+        return float(np.log(max(one, two, 1))) + self.stranger
 
 
 @dataclass(frozen=True)
@@ -52,14 +64,16 @@ class PairMatch:
     """People of two photos who are the same.
 
     Attributes:
-        pairs: (person of the first, person of the second, cost) of each matched pair.
-        score: sum over the pairs of ``unmatched`` minus their cost; 0 without a match.
+        pairs: (person of the first, person of the second, LLR) of each matched pair.
+        score: sum over the pairs of their LLR over that of acceptance; 0 without a match.
         motion: from the frame of the first camera to that of the second, up to the errors of depth.
+        llr: (N, M) of all pairs of people, under this motion if any pair matches.
     """
 
     pairs: tuple[tuple[int, int, float], ...]
     score: float
     motion: Pose
+    llr: FloatArray
 
 
 @dataclass(frozen=True)
@@ -75,110 +89,155 @@ class Tracks:
 
 def match_pair(one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings) -> PairMatch:
     """Match the people of two photos."""
-    best = PairMatch((), 0.0, Pose.identity())
-    if not len(one) or not len(two):
-        return best
-    looks, turns = _look_costs(one, two, settings)
-    order = np.argsort(looks, axis=None)
+    cues, turns = look_cues(one, two)
+    looks = _llr(cues, np.zeros((len(one), len(two))))
+    best = PairMatch((), 0.0, Pose.identity(), looks)
+    accept = settings.accept(len(one), len(two))
+    order = np.argsort(-looks, axis=None)[: settings.hypotheses]
     for i, j in zip(*np.unravel_index(order, looks.shape), strict=True):
-        if looks[i, j] > settings.unmatched:
-            break
-        rotation, pairs = turns[i, j], [(int(i), int(j), 0.0)]
-        motion = _motion(one, two, rotation, pairs)
-        for _ in range(2):
-            cost = looks + _place_costs(one, two, motion, turns, settings)
-            pairs = _assign(cost, settings.unmatched)
+        pairs = [(int(i), int(j), float(looks[i, j]))]
+        for _ in range(3):
+            motion = relative_motion(one, two, pairs)
+            llr = looks + _place_llr(one, two, motion, turns, pairs)
+            pairs = _assign(llr, accept)
             if not pairs:
                 break
-            motion = _refined_motion(one, two, pairs)
-        score = sum(settings.unmatched - cost for *_, cost in pairs)
+        score = sum(own - accept for *_, own in pairs)
         if score > best.score:
-            best = PairMatch(tuple(pairs), float(score), motion)
+            best = PairMatch(tuple(pairs), float(score), motion, llr)
     return best
 
 
-def join_tracks(people: Sequence[PhotoPeople], matches: dict[tuple[int, int], PairMatch]) -> Tracks:
+def join_tracks(
+    people: Sequence[PhotoPeople], matches: dict[tuple[int, int], PairMatch], settings: MatchingSettings
+) -> Tracks:
     """Join matches of pairs of photos to people over all photos; no photo shows a person twice.
+
+    Two groups of views of a person are joined if the LLRs of all their pairs together say so.
 
     Args:
         people: of each photo.
         matches: of each pair of photos a < b.
+        settings: of the matching.
     """
-    links = []
-    for (a, b), match in matches.items():
-        # A pair of photos that agrees on many people is surer of each of them.
-        links += [(match.score - 3 * cost, a, i, b, j) for i, j, cost in match.pairs]
-    group = {(v, i): {(v, i)} for v, photo in enumerate(people) for i in range(len(photo))}
-    for _, a, i, b, j in sorted(links, reverse=True):
-        one, two = group[a, i], group[b, j]
-        if one is two or {v for v, _ in one} & {v for v, _ in two}:
-            continue
-        one |= two
-        for member in two:
-            group[member] = one
-    distinct = {id(members): members for members in group.values()}.values()
-    tracks = sorted((members for members in distinct if len(members) > 1), key=lambda m: (-len(m), min(m)))
+    groups = [{v: i} for v, photo in enumerate(people) for i in range(len(photo))]
+    accept = settings.accept(max(map(len, people)), 1)
+
+    def together(one: dict[int, int], two: dict[int, int]) -> float:
+        if one.keys() & two.keys():
+            return -np.inf
+        pairs = [((a, i), (b, j)) if a < b else ((b, j), (a, i)) for a, i in one.items() for b, j in two.items()]
+        return float(sum(matches[a, b].llr[i, j] for (a, i), (b, j) in pairs))
+
+    gain = {(g, h): together(groups[g], groups[h]) for g, h in itertools.combinations(range(len(groups)), 2)}
+    while gain:
+        (g, h), most = max(gain.items(), key=lambda item: item[1])
+        if most <= accept:
+            break
+        groups[g] = groups[g] | groups[h]
+        gain = {pair: value for pair, value in gain.items() if h not in pair and g not in pair}
+        alive = {k for pair in gain for k in pair} | {k for k in range(len(groups)) if k not in (g, h) and groups[k]}
+        groups[h] = {}
+        gain |= {(min(g, k), max(g, k)): together(groups[g], groups[k]) for k in alive if groups[k]}
+    tracks = sorted((m for m in groups if len(m) > 1), key=lambda m: (-len(m), min(m.items())))
     rows = np.full((len(tracks), len(people)), -1)
     for t, members in enumerate(tracks):
-        for v, i in members:
+        for v, i in members.items():
             rows[t, v] = i
     return Tracks(rows)
 
 
-def _look_costs(one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings) -> tuple[FloatArray, FloatArray]:
-    """Return costs (N, M) of pose, stature and colours, and the rotations (N, M, 3, 3) between the cameras."""
-    costs, turns = np.zeros((len(one), len(two))), np.zeros((len(one), len(two), 3, 3))
-    weight = np.ones(_BODY)
-    for i in range(len(one)):
-        for j in range(len(two)):
-            a, b = (p.joints[k, :_BODY] - p.joints[k, _PELVIS] for p, k in ((one, i), (two, j)))
-            scale = np.linalg.norm(b) / np.linalg.norm(a)
-            turns[i, j] = fit_rotation(a, b, weight)
-            pose = np.linalg.norm(scale * a @ turns[i, j].T - b, axis=1).mean() / settings.pose_m
-            size = np.log(one.stature[i] / two.stature[j]) / settings.stature
-            colour = np.linalg.norm(one.colours[i] - two.colours[j], axis=1) / settings.colour
-            seen = colour[np.isfinite(colour)]
-            costs[i, j] = pose**2 + size**2 + (2 * np.mean(np.minimum(seen, 4) ** 2) if len(seen) else 1.0)
-    return costs, turns
+def joined_matches(
+    people: Sequence[PhotoPeople],
+    matches: dict[tuple[int, int], PairMatch],
+    rows: IntArray,
+    settings: MatchingSettings,
+) -> dict[tuple[int, int], PairMatch]:
+    """Return the matches of pairs of photos that follow from the people (P, V) over all photos."""
+    found = {}
+    for (a, b), match in matches.items():
+        both = rows[(rows[:, [a, b]] >= 0).all(1)]
+        pairs = tuple((int(row[a]), int(row[b]), float(match.llr[row[a], row[b]])) for row in both)
+        accept = settings.accept(len(people[a]), len(people[b]))
+        score = max(sum(own - accept for *_, own in pairs), 0.0)
+        motion = relative_motion(people[a], people[b], pairs) if pairs else match.motion
+        found[a, b] = replace(match, pairs=pairs, score=score, motion=motion)
+    return found
 
 
-def _motion(one: PhotoPeople, two: PhotoPeople, rotation: FloatArray, pairs: list[tuple[int, int, float]]) -> Pose:
-    """Return the motion with a known rotation that takes the pelvis of matched people to where the other photo is."""
-    i, j = _columns(pairs)
-    moved = two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T
-    return Pose(rotation, np.median(moved, axis=0))
+def look_cues(one: PhotoPeople, two: PhotoPeople) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Compare the people of two photos without their places.
+
+    Returns:
+        The cues (N, M), and the rotations (N, M, 3, 3) between the cameras that each pair gives. The cues are "pose",
+        the mean distance of 22 joints after the best rotation about the pelvis, metres; "stature", the logarithm of the
+        ratio; "chroma" and "lightness", mean CIELAB distances of the colours of body parts, NaN where no part is seen
+        in both.
+    """
+    shape = (len(one), len(two))
+    cues = {name: np.full(shape, np.nan) for name in ("pose", "stature", "chroma", "lightness")}
+    turns, weight = np.zeros((*shape, 3, 3)), np.ones(_BODY)
+    for i, j in np.ndindex(shape):
+        a, b = (p.joints[k, :_BODY] - p.joints[k, _PELVIS] for p, k in ((one, i), (two, j)))
+        turns[i, j] = fit_rotation(a, b, weight)
+        scale = np.linalg.norm(b) / np.linalg.norm(a)
+        cues["pose"][i, j] = np.linalg.norm(scale * a @ turns[i, j].T - b, axis=1).mean()
+        cues["stature"][i, j] = abs(np.log(one.stature[i] / two.stature[j]))
+        away = one.colours[i] - two.colours[j]
+        seen = away[np.isfinite(away).all(1)]
+        if len(seen):
+            cues["chroma"][i, j] = np.linalg.norm(seen[:, 1:], axis=1).mean()
+            cues["lightness"][i, j] = np.abs(seen[:, 0]).mean()
+    return cues, turns
 
 
-def _refined_motion(one: PhotoPeople, two: PhotoPeople, pairs: list[tuple[int, int, float]]) -> Pose:
-    """Return the motion that fits all joints of matched people: turns by their poses, and by their places."""
-    i, j = _columns(pairs)
-    a, b = one.joints[i, :_BODY], two.joints[j, :_BODY]
-    inner = [x - x[:, :1] for x in (a, b)]
-    outer = [(x[:, 0] - x[:, 0].mean(axis=0)) for x in (a, b)]
-    source, target = (np.concatenate([x.reshape(-1, 3), y]) for x, y in zip(inner, outer, strict=True))
-    # Places have the error of depth, poses that of limbs.
-    weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
-    return _motion(one, two, fit_rotation(source, target, weight), pairs)
+def place_cues(one: PhotoPeople, two: PhotoPeople, motion: Pose, turns: FloatArray) -> dict[str, FloatArray]:
+    """Compare the places and directions of the people of two photos under a motion between the cameras.
 
-
-def _columns(pairs: list[tuple[int, int, float]]) -> tuple[IntArray, IntArray]:
-    """Return the people of the first and of the second photo."""
-    return np.array([i for i, *_ in pairs], np.int64), np.array([j for _, j, _ in pairs], np.int64)
-
-
-def _place_costs(
-    one: PhotoPeople, two: PhotoPeople, motion: Pose, turns: FloatArray, settings: MatchingSettings
-) -> FloatArray:
-    """Return costs (N, M) of the places and directions of people under a motion between the cameras."""
+    Returns:
+        The cues (N, M) "place", the distance of the pelvis from where the other photo has it, as a share of the mean
+        distance from both cameras; and "turn", the angle between the rotation that a pair gives and that of the motion,
+        degrees.
+    """
     there = motion.to_camera(one.joints[:, _PELVIS])
     apart = np.linalg.norm(there[:, None] - two.joints[None, :, _PELVIS], axis=-1)
     reach = (one.joints[:, _PELVIS, 2][:, None] + two.joints[:, _PELVIS, 2][None]) / 2
-    turn = angle_deg(turns, motion.rotation)
-    cost: FloatArray = (apart / (settings.place * reach)) ** 2 + (turn / settings.turn_deg) ** 2
-    return cost
+    return {"place": apart / reach, "turn": angle_deg(turns, motion.rotation)}
 
 
-def _assign(cost: FloatArray, unmatched: float) -> list[tuple[int, int, float]]:
-    """Return the assignment with the best sum of ``unmatched`` minus cost; pairs of a higher cost stay apart."""
-    rows, columns = linear_sum_assignment(np.minimum(cost, unmatched))
-    return [(int(i), int(j), float(cost[i, j])) for i, j in zip(rows, columns, strict=True) if cost[i, j] < unmatched]
+def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Sequence[tuple[int, int, float]]) -> Pose:
+    """Return the motion between the cameras that fits matched people: turns by their poses, and by their places."""
+    i, j = (np.array([pair[k] for pair in pairs], np.int64) for k in (0, 1))
+    a, b = one.joints[i, :_BODY], two.joints[j, :_BODY]
+    inner = [x - x[:, :1] for x in (a, b)]
+    outer = [x[:, 0] - x[:, 0].mean(axis=0) for x in (a, b)]
+    source, target = (np.concatenate([x.reshape(-1, 3), y]) for x, y in zip(inner, outer, strict=True))
+    # Places have the error of depth, poses that of limbs.
+    weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
+    rotation = fit_rotation(source, target, weight)
+    return Pose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))
+
+
+def _llr(cues: dict[str, FloatArray], start: FloatArray) -> FloatArray:
+    tables = measured_errors().cues
+    return sum((tables[name](values) for name, values in cues.items()), start)
+
+
+def _place_llr(
+    one: PhotoPeople, two: PhotoPeople, motion: Pose, turns: FloatArray, pairs: Sequence[tuple[int, int, float]]
+) -> FloatArray:
+    """Return the LLR (N, M) of places and turns under the motion of some pairs.
+
+    The motion fits these pairs better than others, and a single pair without error.
+    """
+    cues = place_cues(one, two, motion, turns)
+    i, j = (np.array([pair[k] for pair in pairs], np.int64) for k in (0, 1))
+    for values in cues.values():
+        values[i, j] *= len(pairs) / (len(pairs) - 1) if len(pairs) > 1 else np.nan
+    return _llr(cues, np.zeros(turns.shape[:2]))
+
+
+def _assign(llr: FloatArray, accept: float) -> list[tuple[int, int, float]]:
+    """Return the assignment with the largest sum of LLRs over acceptance; pairs below it stay apart."""
+    rows, columns = linear_sum_assignment(np.maximum(llr, accept), maximize=True)
+    return [(int(i), int(j), float(llr[i, j])) for i, j in zip(rows, columns, strict=True) if llr[i, j] > accept]

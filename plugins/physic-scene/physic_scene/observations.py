@@ -12,10 +12,11 @@ import torch
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.types import CameraTrust, Keypoints
+from physic_scene.measured import measured_errors
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Person, Reconstruction, Skeleton
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Person, Reconstruction, Skeleton
 
 __all__ = ["COLOUR_GROUPS", "PhotoPeople", "observe"]
 
@@ -29,8 +30,7 @@ COLOUR_GROUPS = (
 )
 """Body parts whose mean colours are compared."""
 
-_FOCAL_SIGMA = {CameraTrust.KNOWN: 0.003, CameraTrust.ESTIMATED: 0.12, CameraTrust.GUESSED: 0.25}
-"""Standard deviation of log(focal length) where the camera does not state one."""
+_KNOWN_FOCAL, _GUESSED_FOCAL = 0.003, 0.25  # standard deviations of log(focal length)
 
 _FEWEST_PIXELS = 12  # of a body part, for its colour
 
@@ -102,7 +102,7 @@ def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
     return PhotoPeople(
         rows=rows,
         K=result.intrinsics.matrix,
-        focal_sigma=result.intrinsics.focal_sigma or _FOCAL_SIGMA[result.intrinsics.trust],
+        focal_sigma=_focal_sigma(result.intrinsics),
         skeleton=found.joint_set,
         points=np.nan_to_num(np.asarray(found.points, np.float64)),
         confidence=np.where(inside & finite, found.confidence, 0.0),
@@ -115,6 +115,16 @@ def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
         size_px=result.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
         up=np.full(3, np.nan) if floor is None else np.asarray(floor.normal, np.float64),
     )
+
+
+def _focal_sigma(camera: Intrinsics) -> float:
+    """Return the standard deviation of log(focal length); the measured one where an estimator states none."""
+    if camera.focal_sigma:
+        return camera.focal_sigma
+    if camera.known:
+        return _KNOWN_FOCAL
+    estimated = float(np.hypot(*measured_errors().focal))
+    return _GUESSED_FOCAL if camera.trust is CameraTrust.GUESSED else estimated
 
 
 def _parameters(people: list[Person], model: BodyModel) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

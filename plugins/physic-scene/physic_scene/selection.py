@@ -13,7 +13,7 @@ from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.background import Background, BackgroundSettings, is_mirrored, match_background, same_photo, sees
-from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, match_pair
+from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.types import LeftOut
 
 if TYPE_CHECKING:
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from physic_scene.observations import PhotoPeople
 
 __all__ = ["ChosenPhotos", "Photo", "select_photos"]
-
-_MIRRORED = 1.5  # factor of the score of a mirrored photo over its own
-_SURE = 6.0  # least score of a mirrored photo: that of half a sure match
 
 
 @dataclass(frozen=True)
@@ -116,14 +113,16 @@ def select_photos(
     pixels = {(a, b): match_background(seen[a], seen[b], (a, b), settings) for a, b in pairs}
     mirrors = {(a, b): is_mirrored(seen[a], seen[b], pixels[a, b], settings) for a, b in pairs}
     matches = {(a, b): match_pair(kept[a].people, kept[b].people, matching) for a, b in pairs}
+    people = [photo.people for photo in kept]
+    rows = join_tracks(people, matches, matching).rows
     found = ChosenPhotos(
         tuple(kept),
-        join_tracks([photo.people for photo in kept], matches).rows,
-        matches,
+        rows,
+        joined_matches(people, matches, rows, matching),
         tuple(m for m in pixels.values() if m is not None),
         tuple(left),
     )
-    for view in reversed(_mirrored_views(found, mirrors, matching)):
+    for view in reversed(_mirrored_views(kept, matches, mirrors, matching)):
         found = found.without(
             view, "mirrored", "it is mirrored: left and right are swapped in its people or background"
         )
@@ -131,18 +130,21 @@ def select_photos(
 
 
 def _mirrored_views(
-    chosen: ChosenPhotos, mirrors: dict[tuple[int, int], bool], settings: MatchingSettings
+    photos: Sequence[Photo],
+    matches: dict[tuple[int, int], PairMatch],
+    mirrors: dict[tuple[int, int], bool],
+    settings: MatchingSettings,
 ) -> list[int]:
     """Return the photos that fit the others better in a mirror, by their people or by their background."""
-    views = range(len(chosen.photos))
+    views = range(len(photos))
     by_background = [sum(mirrors[min(a, b), max(a, b)] for b in views if b != a) for a in views]
     found = []
     for a in views:
         others = [b for b in views if b != a]
-        upright = sum(chosen.matches[min(a, b), max(a, b)].score for b in others)
-        turned = mirrored(chosen.photos[a].people)
-        in_mirror = sum(match_pair(turned, chosen.photos[b].people, settings).score for b in others)
-        by_people = in_mirror > _MIRRORED * upright + _SURE
+        upright = sum(matches[min(a, b), max(a, b)].score for b in others)
+        turned = mirrored(photos[a].people)
+        in_mirror = sum(match_pair(turned, photos[b].people, settings).score for b in others)
+        by_people = in_mirror > upright + settings.mirrored
         # Of two photos that mirror each other, the later one is left out.
         majority = by_background[a] > len(others) / 2 or (len(views) == 2 and by_background[a] and a == 1)
         if (by_people and (len(views) > 2 or a == 1)) or majority:

@@ -10,7 +10,8 @@ from physic_scene.bundle import Bundle, Observations, PixelMatches, adjust, unce
 from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
 
 WIDTH, FOCAL = 1000, 900.0
-JOINTS = 12  # shoulder, elbow, wrist, hip, knee and ankle of each side
+NAMES = tuple(f"{s}_{n}" for s in ("left", "right") for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"))
+JOINTS = len(NAMES)
 
 
 @pytest.fixture
@@ -34,7 +35,8 @@ def observations(points, poses, rng, noise_px=0.0, background=()):
     turned = local + rng.normal(0, 0.03, local.shape)
     return Observations(
         K=np.stack([K] * len(poses)),
-        focal_sigma=np.full(len(poses), 0.01),
+        focal_sigma=np.full(len(poses), 0.005),
+        names=NAMES,
         points=pixels + noise_px * rng.normal(size=pixels.shape),
         confidence=np.ones(pixels.shape[:3]),
         landmarks=turned,

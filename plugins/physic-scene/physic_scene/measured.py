@@ -1,0 +1,143 @@
+"""Sizes of the errors of single photos, as measured on synthetic worlds: ``measured_errors.json``.
+
+``benchmarks/scene_errors.py`` writes the file, which states the worlds that it was measured on.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from physic_core.types import FloatArray, IntArray
+
+__all__ = ["CueTable", "KeypointErrors", "MeasuredErrors", "keypoint_class", "keypoint_clusters", "measured_errors"]
+
+FILE = "measured_errors.json"
+
+_CLASSES = {
+    "head": ("nose", "eye", "ear", "mouth", "head"),
+    "shoulder": ("shoulder", "neck"),
+    "elbow": ("elbow",),
+    "hand": ("wrist", "hand", "thumb", "index", "middle", "ring", "pinky"),
+    "hip": ("hip", "pelvis"),
+    "knee": ("knee",),
+    "foot": ("ankle", "heel", "foot", "big_toe", "small_toe"),
+}
+
+
+@dataclass(frozen=True)
+class CueTable:
+    """Logarithm of the likelihood ratio of the same person over different people, by the value of one cue.
+
+    Attributes:
+        values: (n,) of the cue, increasing.
+        llr: (n,) there, natural logarithm; constant outside, linear between.
+    """
+
+    values: FloatArray
+    llr: FloatArray
+
+    def __call__(self, cue: FloatArray) -> FloatArray:
+        """Return the ratio (...) of values (...) of the cue; 0 where it is NaN, which says nothing."""
+        found: FloatArray = np.nan_to_num(np.interp(cue, self.values, self.llr), nan=0.0)
+        return found
+
+
+@dataclass(frozen=True)
+class KeypointErrors:
+    """Errors of J keypoints of a skeleton.
+
+    Attributes:
+        share: (J,) factor on the information of a detected keypoint: those of a cluster have a part of their errors in
+            common.
+        along_m: (J,) standard deviation of a landmark on a single photo's body along the line of sight, metres, up to
+            the body's place and turn.
+        across_m: (J,) the same across the line of sight, about each axis.
+    """
+
+    share: FloatArray
+    along_m: FloatArray
+    across_m: FloatArray
+
+
+@dataclass(frozen=True)
+class MeasuredErrors:
+    """Content of ``measured_errors.json``.
+
+    Attributes:
+        confidence: (n,) of keypoints, increasing.
+        keypoint: (n,) standard deviation of a keypoint of this confidence, as a share of the stature in px.
+        keypoint_correlation: of two keypoints of a cluster.
+        landmark_m: class of keypoint -> standard deviations (along, across) the line of sight.
+        turn_deg: standard deviation of a body's turn about the line of sight, and about each axis across it.
+        bone: of the logarithm of a bone's length, up to the stature.
+        floor_deg: of a floor's normal about each of two axes.
+        focal: of the logarithm of an estimated focal length: the part that the photos of a moment share, and the own.
+        cues: name of a cue of matching -> its table.
+    """
+
+    confidence: FloatArray
+    keypoint: FloatArray
+    keypoint_correlation: float
+    landmark_m: Mapping[str, tuple[float, float]]
+    turn_deg: tuple[float, float]
+    bone: float
+    floor_deg: float
+    focal: tuple[float, float]
+    cues: Mapping[str, CueTable]
+
+    def keypoint_sigma(self, confidence: FloatArray) -> FloatArray:
+        """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the stature in px."""
+        found: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
+        return found
+
+    def of(self, names: Sequence[str]) -> KeypointErrors:
+        """Return the errors of the keypoints of a skeleton."""
+        cluster = keypoint_clusters(names)
+        size = np.bincount(cluster)[cluster]
+        sigmas = np.array([self.landmark_m[keypoint_class(name)] for name in names])
+        return KeypointErrors(
+            1 / (1 + (size - 1) * self.keypoint_correlation), along_m=sigmas[:, 0], across_m=sigmas[:, 1]
+        )
+
+
+def keypoint_class(name: str) -> str:
+    """Return the class of a keypoint, such as "hand" for "left_index1"; "head" for names of no class."""
+    side, _, point = name.partition("_")
+    point = point if side in SIDES else name
+    return next((kind for kind, starts in _CLASSES.items() if point.startswith(starts)), "head")
+
+
+def keypoint_clusters(names: Sequence[str]) -> IntArray:
+    """Return the number (J,) of the cluster of each keypoint: those of one class and, but for the head, one side."""
+    side = [name.partition("_")[0] if name.startswith(SIDES) else "" for name in names]
+    keys = [(kind, "" if kind == "head" else s) for s, kind in zip(side, map(keypoint_class, names), strict=True)]
+    order = sorted(set(keys))
+    return np.array([order.index(key) for key in keys])
+
+
+@cache
+def measured_errors() -> MeasuredErrors:
+    """Return the content of the file."""
+    content = json.loads(files("physic_scene").joinpath(FILE).read_text("utf-8"))
+    return MeasuredErrors(
+        confidence=np.array(content["keypoint"]["confidence"]),
+        keypoint=np.array(content["keypoint"]["sigma"]),
+        keypoint_correlation=content["keypoint"]["correlation"],
+        landmark_m={name: (along, across) for name, (along, across) in content["landmark_m"].items()},
+        turn_deg=tuple(content["turn_deg"]),
+        bone=content["bone"],
+        floor_deg=content["floor_deg"],
+        focal=tuple(content["focal"]),
+        cues={name: CueTable(np.array(t["values"]), np.array(t["llr"])) for name, t in content["cues"].items()},
+    )
