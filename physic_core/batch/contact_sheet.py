@@ -19,7 +19,7 @@ from physic_core.batch.saving import thumbnail_path
 from physic_core.files.atomic import atomic_write
 from physic_core.io.result_folder import ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE
 
-__all__ = ["MAX_PHOTOS", "contact_sheet", "pages_command", "result_link", "write_contact_sheet"]
+__all__ = ["MAX_PHOTOS", "command_for_missing_pages", "contact_sheet", "result_link", "write_contact_sheet"]
 
 MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
@@ -38,7 +38,7 @@ def write_contact_sheet(out: Path, limit: int = MAX_PHOTOS) -> Path:
     page = contact_sheet(
         [_card(out, row, above) for row in shown],
         left_out,
-        pages_command(out, [str(row.get("folder", "")) for row in shown]),
+        command_for_missing_pages(out, [str(row.get("folder", "")) for row in shown]),
     )
     with atomic_write(out) as temporary:
         temporary("contact-sheet.html").write_text(page, encoding="utf-8")
@@ -76,7 +76,7 @@ def result_link(out: Path, folder: str) -> str:
     return f"{folder}/{next(names, '')}"
 
 
-def pages_command(out: Path, folders: Iterable[str]) -> str:
+def command_for_missing_pages(out: Path, folders: Iterable[str]) -> str:
     """Return the command that writes the pages of results; "" if each that can be loaded has one.
 
     Args:

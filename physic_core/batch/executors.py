@@ -12,7 +12,7 @@ from physic_core.batch.machine import default_workers
 from physic_core.batch.run import run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.discovery.catalog import EXECUTORS
-from physic_core.discovery.installed import find_one, import_target
+from physic_core.discovery.installed import find_record, import_target
 from physic_core.discovery.records import ExecutorRecord
 from physic_core.errors import ConfigError, PluginError
 
@@ -56,7 +56,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == LOCAL:
         return _local(settings)
-    found = find_one(ExecutorRecord, name, "executor", own=LOCAL, known=EXECUTORS)
+    found = find_record(ExecutorRecord, name, "executor", own=LOCAL, known=EXECUTORS)
     executor: Executor = import_target(found, "executor")(settings)
     if not callable(executor):
         raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")

@@ -25,14 +25,14 @@ __all__ = [
     "PhotoItem",
     "PhotoList",
     "default_id",
-    "file_stamp",
     "find_photos",
     "in_shard",
     "list_photos",
     "parse_shard",
     "photo_folder",
+    "photo_of_row",
+    "size_and_mtime",
     "stamped",
-    "table_item",
 ]
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix in suffixes)
@@ -66,10 +66,10 @@ class PhotoItem:
 
 def stamped(item: PhotoItem) -> PhotoItem:
     """Return a photo with the size and time that its file has now."""
-    return replace(item, stamp=file_stamp(item.path))
+    return replace(item, stamp=size_and_mtime(item.path))
 
 
-def file_stamp(path: str) -> tuple[int, int] | None:
+def size_and_mtime(path: str) -> tuple[int, int] | None:
     """Return the size in bytes and the modification time in ns of a file; None if it cannot be found."""
     try:
         status = os.stat(path)
@@ -251,12 +251,12 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
         if unknown := sorted(set(row) - set(_COLUMNS)):
             raise InputError(f"{table}: unknown column {quoted(unknown[0])}; a table may have {', '.join(_COLUMNS)}")
         try:
-            yield table_item(row, table.parent)
+            yield photo_of_row(row, table.parent)
         except ValueError as error:
             raise InputError(f"{table}, row {number}: {error}") from error
 
 
-def table_item(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
+def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
     """Return the photo of a row with "path", and where given "camera", "stature", "depth", "pointmap" and "id".
 
     A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.machine import peak_memory_mb
-from physic_core.batch.photos import PhotoItem, file_stamp, photo_folder, stamped
-from physic_core.batch.result_files import file_sizes, result_digest
+from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
+from physic_core.batch.result_files import file_sizes_text, result_digest
 from physic_core.batch.saving import Saving, save_photo, write_thumbnail
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
 from physic_core.configuration.model import as_config
@@ -98,7 +98,7 @@ class PhotoProcessor:
         try:
             result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
-            files = file_sizes(Path(self.job.out), photo_folder(item.id), self.job.saving)
+            files = file_sizes_text(Path(self.job.out), photo_folder(item.id), self.job.saving)
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -149,7 +149,7 @@ def failed_row(
         "seconds": seconds,
         "attempts": attempts,
         # A file that was replaced meanwhile is not the one that failed.
-        "photo": file_digest(item.path) if file_stamp(item.path) == item.stamp else "",
+        "photo": file_digest(item.path) if size_and_mtime(item.path) == item.stamp else "",
     }
 
 

@@ -21,7 +21,7 @@ from physic_core.io.result_folder import (
 )
 from physic_core.io.results import read_document
 
-__all__ = ["file_sizes", "is_complete", "names_of_files", "result_digest"]
+__all__ = ["file_sizes_text", "is_complete", "names_of_files", "result_digest"]
 
 _THUMBNAIL = "thumbnail"
 
@@ -38,7 +38,7 @@ def result_digest(folder: Path, saving: Saving) -> str:
     return (digests_of_result(folder) or {}).get(arrays, "")
 
 
-def file_sizes(out: Path, folder: str, saving: Saving) -> str:
+def file_sizes_text(out: Path, folder: str, saving: Saving) -> str:
     """Return "NAME=BYTES NAME=BYTES ..." of the files of a photo's folder, and of its thumbnail as the last one.
 
     Raises:

@@ -8,7 +8,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.contact_sheet import MAX_PHOTOS, contact_sheet, pages_command, result_link, write_contact_sheet
+from physic_core.batch.contact_sheet import (
+    MAX_PHOTOS,
+    command_for_missing_pages,
+    contact_sheet,
+    result_link,
+    write_contact_sheet,
+)
 from physic_core.errors import InputError, OutputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
@@ -49,7 +55,7 @@ def write_index(folder: Path, results: Sequence[Path]) -> Path:
         return write_contact_sheet(folder)
     cards = [_card(folder, result) for result in results[:MAX_PHOTOS]]
     with atomic_write(check_writable(folder)) as temporary:
-        command = pages_command(folder, [card["title"] for card in cards])
+        command = command_for_missing_pages(folder, [card["title"] for card in cards])
         page = contact_sheet(cards, max(0, len(results) - MAX_PHOTOS), command)
         temporary(_SHEET).write_text(page, encoding="utf-8")
     return path

@@ -35,7 +35,7 @@ __all__ = [
     "Outcome",
     "SupervisedWorker",
     "WorkerSettings",
-    "known_error",
+    "error_named",
     "report_calls_to",
     "run_in_workers",
 ]
@@ -265,7 +265,7 @@ class _Worker(Generic[Task]):
                 title, call_limit = content
                 call_end = time.monotonic() + call_limit if title else math.inf
             elif kind == "refused":
-                raise known_error(*content)
+                raise error_named(*content)
             elif kind == "died":
                 self._process.join(_END_S)
                 how = _describe_end(self._process.exitcode, self._log)
@@ -364,7 +364,7 @@ def _print_error() -> None:
     traceback.print_exc()
 
 
-def known_error(name: str, message: str) -> PhysicError:
+def error_named(name: str, message: str) -> PhysicError:
     """Return an error of a worker from the name of its class; BackendError if that is not of physic_core.errors."""
     kind = getattr(errors, name, None)
     if isinstance(kind, type) and issubclass(kind, PhysicError):

@@ -21,7 +21,7 @@ from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.body.rotations_from_joints import finite_rows, has_torso_joints
-from physic_core.body.surface_fit import SURFACE_SIGMA_M, SurfaceTargets, VertexSample, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SURFACE_SIGMA_M, SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 
@@ -202,7 +202,7 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | No
 def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> tuple[BodyFit, Array]:
     """Fit the model to posed meshes; return the fit and the mean distance (N,) in metres."""
     ids = sample_vertices(model)
-    patches = VertexSample.of(model, ids)
+    patches = SampledBodyModel.of(model, ids)
     if _same_topology(mesh, model):
         points, weights, sigma = mesh.vertices[:, ids].astype(np.float64), np.ones(len(ids)), _OWN_SIGMA_M
     else:

@@ -18,7 +18,7 @@ from physic_core.body.joint_fit import BodyFit
 from physic_core.body.joints import joint_pair
 from physic_core.body.nearest_surface import SurfaceIndex
 from physic_core.body.rotations import rotation_between
-from physic_core.body.surface_fit import SurfaceTargets, VertexSample, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 
@@ -71,7 +71,7 @@ class Correspondence:
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
 
-def register_to_mesh(rest: RestMesh, model: BodyModel, patches: VertexSample, normals: Array) -> BodyFit:
+def register_to_mesh(rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: Array) -> BodyFit:
     """Fit a body model to a mesh in the T-pose, by iterated closest points.
 
     Args:
@@ -105,8 +105,8 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
         mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
     normals = vertex_normals(mean, model.faces.cpu().numpy())
     ids = sample_vertices(model)
-    fit = register_to_mesh(rest, model, VertexSample.of(model, ids), normals[ids])
-    laid = VertexSample.of(model, np.arange(model.num_vertices)).posed(fit)[0]
+    fit = register_to_mesh(rest, model, SampledBodyModel.of(model, ids), normals[ids])
+    laid = SampledBodyModel.of(model, np.arange(model.num_vertices)).posed(fit)[0]
     surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
     on = surface.nearest(laid, vertex_normals(laid, model.faces.cpu().numpy()))
     sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & model.outer.cpu().numpy()
@@ -122,7 +122,7 @@ def _align_tips(rest: RestMesh, model: BodyModel) -> BodyFit:
     """Fit crown, fingertips and toes of the model to those of the mesh, with rigid arms and legs."""
     with torch.no_grad():
         mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
-    patches = VertexSample.of(model, _tips(mean))
+    patches = SampledBodyModel.of(model, _tips(mean))
     targets = rest.vertices[_tips(rest.vertices)].astype(np.float64)[None]
     weights = np.full((1, len(patches.ids)), 1 / _TIP_SIGMA_M**2)
     world = np.broadcast_to(np.eye(3), (1, 55, 3, 3)).copy()

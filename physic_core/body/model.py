@@ -17,7 +17,7 @@ from physic_core.body.skinning import Skin
 from physic_core.errors import BodyModelError
 from physic_core.geometry.coarse_mesh import CoarseMesh, coarse_mesh
 from physic_core.geometry.mesh import faces_of_vertices
-from physic_core.geometry.tensors import moved
+from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -125,7 +125,7 @@ class BodyModel:
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> BodyModel:
         """Return a copy on another device, or in another float type."""
-        return moved(self, device, dtype)
+        return to_device(self, device, dtype)
 
     def __call__(
         self,
@@ -179,7 +179,7 @@ class BodyModel:
             raise BodyModelError(str(error)) from error
         own = self.regressors.get(skeleton)
         found = skeleton_regressor(skeleton, self.surface_points) if own is None else own
-        return moved(found, self.device, self.dtype)
+        return to_device(found, self.device, self.dtype)
 
     def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
         """Return the keypoints (B, J, 3) of a skeleton on posed bodies, metres.

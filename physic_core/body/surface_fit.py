@@ -19,7 +19,7 @@ from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["SURFACE_SIGMA_M", "SurfaceTargets", "VertexSample", "fit_surface", "sample_vertices"]
+__all__ = ["SURFACE_SIGMA_M", "SampledBodyModel", "SurfaceTargets", "fit_surface", "sample_vertices"]
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _DAMPING_M2 = 1e-4
 
 
 @dataclass(frozen=True)
-class VertexSample:
+class SampledBodyModel:
     """Blend shapes and skinning weights of some vertices of a model, NumPy float64.
 
     Attributes:
@@ -65,7 +65,7 @@ class VertexSample:
     bound: Array
 
     @classmethod
-    def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> VertexSample:
+    def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> SampledBodyModel:
         """Extract the data of the vertices ``ids`` (n,) of a model."""
         count, kinematics = model.num_betas, model.kinematics
         skin = model.skin.subset(torch.as_tensor(ids, device=model.device))
@@ -181,7 +181,7 @@ class SurfaceTargets:
 
 
 def fit_surface(
-    patches: VertexSample,
+    patches: SampledBodyModel,
     targets: SurfaceTargets,
     rounds: int = _ROUNDS,
     start: BodyFit | None = None,
@@ -230,7 +230,7 @@ def fit_surface(
     return BodyFit(world, betas, transl)
 
 
-def _kabsch_rotations(patches: VertexSample, points: Array, weights: Array) -> Array:
+def _kabsch_rotations(patches: SampledBodyModel, points: Array, weights: Array) -> Array:
     """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points, by Kabsch."""
     rest = np.broadcast_to(np.eye(3), (1, NUM_JOINTS, 3, 3))
     now = patches.linear(rest)[0]

@@ -29,7 +29,7 @@ from physic_core.cache.folders import results_folder
 from physic_core.cache.lru_folder import RESULT_SUFFIX, mark_used, trim_folder
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
-from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
+from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
 from physic_core.files.npz import MAX_BYTES
 from physic_core.interfaces import INTERFACES
 
@@ -204,7 +204,7 @@ def canonicalize(result: T) -> T:
 
 
 def _pack(result: object) -> tuple[dict[str, Any], Any]:
-    arrays, document = pack(result)
+    arrays, document = split_arrays(result)
     if any(array.dtype.hasobject for array in arrays.values()):
         raise TypeError("an array of Python objects cannot be stored.")
     _unpack(arrays, document)
@@ -213,7 +213,7 @@ def _pack(result: object) -> tuple[dict[str, Any], Any]:
 
 def _unpack(arrays: dict[str, Any], document: Any) -> Any:
     try:
-        return unpack(arrays, document, _CLASSES)
+        return join_arrays(arrays, document, _CLASSES)
     except (KeyError, AttributeError) as error:
         raise TypeError(f"{error} is no part of a result.") from error
 

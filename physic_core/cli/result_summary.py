@@ -10,7 +10,7 @@ from typing import Any
 
 from physic_core.cli.listing import format_table
 from physic_core.files.strict_json import from_json
-from physic_core.io.records import from_optional, from_records, parse_checks
+from physic_core.io.records import from_record_or_none, from_records, parse_checks
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 
@@ -112,7 +112,7 @@ def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
         return "; ".join(failed)
     if own and person.get("grade") != "good":
         return f"not measured: {', '.join(check.title for check in own)}"
-    support = from_optional(Support, person.get("support"))
+    support = from_record_or_none(Support, person.get("support"))
     return "-" if support is None else str(support)
 
 

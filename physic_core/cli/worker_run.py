@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.workers import SupervisedWorker, WorkerSettings, known_error
+from physic_core.batch.workers import SupervisedWorker, WorkerSettings, error_named
 from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def reconstruct_in_worker(photo: Path, arguments: RunArguments) -> tuple[Reconst
         raise BackendError(f"{photo}: {outcome.message}")
     error, value = outcome.value
     if error:
-        raise known_error(error, value)
+        raise error_named(error, value)
     result, messages = value
     return result, messages
 

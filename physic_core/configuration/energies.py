@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.catalog import ENERGIES
-from physic_core.discovery.installed import Installed, find_installed, find_one, import_target
+from physic_core.discovery.installed import Installed, find_installed, find_record, import_target
 from physic_core.discovery.records import EnergyRecord
 from physic_core.errors import PluginError
 
@@ -57,4 +57,4 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
 
 def _find(name: str) -> Installed[EnergyRecord]:
-    return find_one(EnergyRecord, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)
+    return find_record(EnergyRecord, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)

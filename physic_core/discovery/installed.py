@@ -25,7 +25,7 @@ from physic_core.errors import ConfigError, PhysicError, PluginError
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = ["Installed", "call_target", "explain_absence", "find_installed", "find_one", "import_target"]
+__all__ = ["Installed", "call_target", "explain_absence", "find_installed", "find_record", "import_target"]
 
 _Record = TypeVar("_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | ReportRecord)
 
@@ -64,7 +64,7 @@ def find_installed(
     return tuple(found)
 
 
-def find_one(kind: type[_Record], name: str, role: str, *, own: str, known: Mapping[str, str]) -> Installed[_Record]:
+def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: Mapping[str, str]) -> Installed[_Record]:
     """Return the record of a name.
 
     Args:

@@ -27,12 +27,12 @@ __all__ = [
     "KnownDistances",
     "KnownGeometry",
     "KnownScene",
-    "body_point",
     "known_geometry",
     "scale_scene",
+    "scale_scene_to_known_sizes",
     "scene_factor",
-    "size_scene",
     "stature_factor",
+    "vertices_at_ray",
 ]
 
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
@@ -113,7 +113,9 @@ class KnownScene(ShortRepr):
     factor: float | None
 
 
-def size_scene(known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState) -> KnownScene:
+def scale_scene_to_known_sizes(
+    known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
+) -> KnownScene:
     """Scale the scene to known sizes, if they give its scale; arguments as in :func:`known_geometry`."""
     geometry = known_geometry(known, stature, masks, scene)
     factor = scene_factor(geometry, None if scene.floor_normal is None else scene.floor_offset)
@@ -243,7 +245,7 @@ class BodyPoint:
         return point
 
 
-def body_point(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
+def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
     """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray (3,)."""
     seen = facing_camera(normals, vertices, _FACING_DEG)
     seen = seen if bool(seen.any()) else torch.ones_like(seen)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Arrays = dict[str, NDArray[Any]]
 
-__all__ = ["DamagedFileError", "pack", "read_archive", "unpack", "write_archive"]
+__all__ = ["DamagedFileError", "join_arrays", "read_archive", "split_arrays", "write_archive"]
 
 _DOCUMENT = "document"
 
@@ -30,7 +30,7 @@ class DamagedFileError(Exception):
     """Raised if a file is damaged, or was not written by :func:`write_archive`."""
 
 
-def pack(value: object) -> tuple[Arrays, Any]:
+def split_arrays(value: object) -> tuple[Arrays, Any]:
     """Split a dataclass into arrays and a JSON document of all other values.
 
     Args:
@@ -66,12 +66,12 @@ def pack(value: object) -> tuple[Arrays, Any]:
     return arrays, packed(value, type(value).__name__)
 
 
-def unpack(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[type]) -> Any:
-    """Restore a value that :func:`pack` has split into arrays and a JSON document.
+def join_arrays(arrays: Mapping[str, NDArray[Any]], document: Any, classes: Iterable[type]) -> Any:
+    """Restore a value that :func:`split_arrays` has split into arrays and a JSON document.
 
     Args:
         arrays: by path.
-        document: as returned by :func:`pack`.
+        document: as returned by :func:`split_arrays`.
         classes: every dataclass that the document may name.
 
     Raises:

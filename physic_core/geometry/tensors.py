@@ -12,7 +12,7 @@ import torch
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["moved", "tensor"]
+__all__ = ["tensor", "to_device"]
 
 Record = TypeVar("Record")
 
@@ -26,7 +26,7 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))
 
 
-def moved(record: Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> Record:
+def to_device(record: Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> Record:
     """Return a copy of a dataclass on another device, with its floating-point tensors in another type.
 
     Args:
@@ -38,10 +38,10 @@ def moved(record: Record, device: torch.device | str | None = None, dtype: torch
     if isinstance(record, torch.Tensor):
         copy = record.to(device=device, dtype=dtype if record.is_floating_point() else None)
     elif is_dataclass(record) and not isinstance(record, type):
-        parts = {field.name: moved(getattr(record, field.name), device, dtype) for field in fields(record)}
+        parts = {field.name: to_device(getattr(record, field.name), device, dtype) for field in fields(record)}
         copy = replace(record, **parts)
     elif isinstance(record, Mapping):
-        copy = {name: moved(item, device, dtype) for name, item in record.items()}
+        copy = {name: to_device(item, device, dtype) for name, item in record.items()}
     elif isinstance(record, tuple):
-        copy = tuple(moved(item, device, dtype) for item in record)
+        copy = tuple(to_device(item, device, dtype) for item in record)
     return copy  # type: ignore[no-any-return]

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 __all__ = [
     "COMPACT_PERSON_ARRAYS",
     "COMPACT_SHARED_ARRAYS",
+    "array_specs",
     "compact_arrays",
     "expand_arrays",
     "expand_people",
     "is_compact",
-    "is_of_people",
-    "specs_of",
+    "is_kept_without_scene",
 ]
 
 _MANTISSA_BITS = 15
@@ -104,7 +104,7 @@ def is_compact(names: Container[str]) -> bool:
     return "scene_colors_change" in names
 
 
-def is_of_people(name: str) -> bool:
+def is_kept_without_scene(name: str) -> bool:
     """Whether an array is also in the file of a result that was saved without its scene."""
     return not (name.startswith(_OF_SCENE) or name.endswith("_image"))
 
@@ -132,7 +132,7 @@ def expand_arrays(arrays: Arrays) -> Arrays:
     return found
 
 
-def specs_of(
+def array_specs(
     arrays: Iterable[str], *, compact: bool, views: Sequence[Collection[int]] = ()
 ) -> tuple[tuple[ArraySpec, ...], tuple[ArraySpec, ...]]:
     """Return the specifications of the arrays of a file, shared ones and those of each person.

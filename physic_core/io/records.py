@@ -21,7 +21,7 @@ from physic_core.types import (
     Support,
 )
 
-__all__ = ["from_optional", "from_record", "from_records", "parse_checks", "parse_grade", "to_record"]
+__all__ = ["from_record", "from_record_or_none", "from_records", "parse_checks", "parse_grade", "to_record"]
 
 Record = TypeVar("Record")
 
@@ -78,7 +78,7 @@ def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
     return kind(**values)
 
 
-def from_optional(kind: type[Record], record: Mapping[str, Any] | None) -> Record | None:
+def from_record_or_none(kind: type[Record], record: Mapping[str, Any] | None) -> Record | None:
     """Parse a dataclass as :func:`from_record` does; None is None."""
     return None if record is None else from_record(kind, record)
 

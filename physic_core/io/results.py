@@ -32,12 +32,12 @@ from physic_core.io.arrays import (
     to_arrays,
 )
 from physic_core.io.compact import (
+    array_specs,
     compact_arrays,
     expand_arrays,
     expand_people,
     is_compact,
-    is_of_people,
-    specs_of,
+    is_kept_without_scene,
 )
 from physic_core.io.document import (
     decode_document,
@@ -45,7 +45,7 @@ from physic_core.io.document import (
     parse_skeleton,
     to_document,
 )
-from physic_core.io.records import from_optional, from_record, from_records, parse_checks, parse_grade
+from physic_core.io.records import from_record, from_record_or_none, from_records, parse_checks, parse_grade
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -147,7 +147,7 @@ def save_reconstruction(
         arrays = compact_arrays(arrays)
     # Pictures are made before the folder is locked.
     pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
-    specs = specs_of(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
+    specs = array_specs(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
     stored = _StoredArrays(ARRAYS_FILE, arrays, specs, "" if compact else "f")
     pictures = {name: pictures[name] for name in names if name in pictures}
     written = _write(reconstruction, folder, stored, pictures, overwrite=overwrite)
@@ -166,9 +166,9 @@ def save_people(
     from physic_core.visual.preview import preview_png
 
     pictures = {PREVIEW_FILE: preview_png(reconstruction)} if preview else {}
-    arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_of_people(n)}
+    arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_kept_without_scene(n)}
     views = [camera.people for camera in reconstruction.cameras]
-    shared, of_person = specs_of(arrays, compact=True, views=views)
+    shared, of_person = array_specs(arrays, compact=True, views=views)
     specs = tuple(spec for spec in shared if spec.name in arrays), of_person
     stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
     return _write(reconstruction, check_writable(folder), stored, pictures, overwrite=overwrite)
@@ -378,9 +378,9 @@ def _wanted(path: Path, headers: Mapping[str, ArrayHeader], document: Mapping[st
     for number, camera in enumerate(document.get("cameras", ())[1:], start=1):
         sizes |= {f"H{number}": camera["intrinsics"]["height"], f"W{number}": camera["intrinsics"]["width"]}
     compact = is_of_people_alone or is_compact(headers)
-    shared, of_person = specs_of(headers, compact=compact, views=views)
+    shared, of_person = array_specs(headers, compact=compact, views=views)
     if is_of_people_alone:
-        shared = tuple(spec for spec in shared if is_of_people(spec.name))
+        shared = tuple(spec for spec in shared if is_kept_without_scene(spec.name))
     required = [spec.name for spec in shared]
     required += [f"person_{i}_{spec.name}" for i in range(people) for spec in of_person if not spec.optional]
     if missing := [name for name in required if name not in headers]:
@@ -439,7 +439,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         grade=parse_grade(document),
         photo=document.get("photo", ""),
         unposed=from_records(UnposedPerson, document.get("unposed")),
-        lens=from_optional(Lens, document.get("lens")),
+        lens=from_record_or_none(Lens, document.get("lens")),
         contact_partners=from_records(ContactPartner, document.get("contact_partners")),
     )
     cameras = document.get("cameras", ())
@@ -483,7 +483,7 @@ def _person(
         unknown_checks=tuple(record.get("unknown_checks", unknown)),
         grade=parse_grade(record),
         contacts=from_records(BodyContact, record.get("contacts")),
-        support=from_optional(Support, record.get("support")),
+        support=from_record_or_none(Support, record.get("support")),
     )
 
 

@@ -14,7 +14,7 @@ from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
-from physic_core.engine.known_sizes import size_scene
+from physic_core.engine.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.placement.detections import Detections
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
 
-__all__ = ["contact_input", "joint_problem", "placement_input", "scene_input", "sized_scene"]
+__all__ = ["contact_input", "joint_problem", "placement_input", "scene_stage_input", "sized_scene"]
 
 _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 
-def scene_input(estimates: Estimates) -> SceneInput:
+def scene_stage_input(estimates: Estimates) -> SceneInput:
     """Return the input of stage 1."""
     return SceneInput(
         tensor(estimates.scene.points),
@@ -80,7 +80,7 @@ def sized_scene(estimates: Estimates, scene: SceneState) -> KnownScene | None:
         return None
     people = len(estimates.people)
     statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
-    return size_scene(estimates.known, statures, tensor(estimates.people.masks), scene)
+    return scale_scene_to_known_sizes(estimates.known, statures, tensor(estimates.people.masks), scene)
 
 
 def placement_input(

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, body_point
+from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, vertices_at_ray
 from physic_core.engine.scene.stature import resize_bodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
@@ -238,6 +238,6 @@ def _lengths(problem: JointProblem, result: JointResult) -> list[float]:
             else:
                 body = result.vertices[person]
                 normals = vertex_normals(body[None], problem.model.faces)[0]
-                ends.append(body_point(body, normals, d.rays[i, side], problem.K)(body).to(d.points))
+                ends.append(vertices_at_ray(body, normals, d.rays[i, side], problem.K)(body).to(d.points))
         found.append(float(torch.linalg.vector_norm(ends[0] - ends[1])))
     return found

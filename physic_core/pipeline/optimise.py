@@ -13,7 +13,13 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.geometry.tensors import tensor
-from physic_core.pipeline.engine_input import contact_input, joint_problem, placement_input, scene_input, sized_scene
+from physic_core.pipeline.engine_input import (
+    contact_input,
+    joint_problem,
+    placement_input,
+    scene_stage_input,
+    sized_scene,
+)
 from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
 
@@ -39,7 +45,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
     model = model.to(dtype=torch.float64)
     with stages.time_engine("scene"):
-        scene = solve_scene(scene_input(estimates), settings.scene)
+        scene = solve_scene(scene_stage_input(estimates), settings.scene)
         known = sized_scene(estimates, scene)
         scene = scene if known is None else known.scene
     is_sized = known is not None and known.factor is not None

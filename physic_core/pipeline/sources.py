@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from physic_core.interfaces import Repository
-from physic_core.weights.lock import FileUse, lock_file, read_lock
+from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedPipeline
@@ -32,7 +32,7 @@ def describe_sources(plan: ResolvedPipeline, files: Mapping[str, FileUse]) -> tu
                 if isinstance(one, Repository) and one.found:
                     repositories[one.url] = {"commit": one.found, "state": _state(one)}
     entries = {"weights": dict(sorted(files.items())), "repositories": repositories}
-    others = [f"weights {name} are not those of {lock_file()}" for name, use in files.items() if _differs(use)]
+    others = [f"weights {name} are not those of {lock_file_path()}" for name, use in files.items() if _differs(use)]
     others += [
         f"the checkout of {url} is at {use['commit'][:7]}, not at the commit that was pinned"
         for url, use in repositories.items()

@@ -19,7 +19,7 @@ from physic_core.weights.folders import (
 )
 from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
-from physic_core.weights.verify import require_published
+from physic_core.weights.verify import require_published_sha256
 
 __all__ = [
     "LOGIN",
@@ -78,7 +78,7 @@ def locate(manifest: Path, value: str, file: str | None = None) -> Path:
         )
         for wanted in weights.files:
             if file in (None, wanted.path):
-                require_published(here[wanted.path], wanted, advice)
+                require_published_sha256(here[wanted.path], wanted, advice)
                 record_use(f"{value}/{wanted.path}", here[wanted.path], wanted.sha256)
     return found
 

@@ -24,7 +24,7 @@ from physic_core.weights.verify import sha256_of
 __all__ = [
     "LOCK_VARIABLE",
     "FileUse",
-    "lock_file",
+    "lock_file_path",
     "locked",
     "read_lock",
     "record_use",
@@ -44,7 +44,7 @@ _hashed: dict[tuple[Path, int, int], str] = {}
 """SHA-256 of the unpinned files that this process has read, by path, size and time of the last change."""
 
 
-def lock_file() -> Path | None:
+def lock_file_path() -> Path | None:
     """Return the path of the lock file, which need not exist; None if there is no folder for it."""
     if named := os.environ.get(LOCK_VARIABLE):
         return Path(named).expanduser()
@@ -60,7 +60,7 @@ def read_lock() -> Mapping[str, Mapping[str, str]]:
     Raises:
         WeightsMissingError: the file is invalid.
     """
-    path = lock_file()
+    path = lock_file_path()
     if path is None or not path.is_file():
         return {}
     try:

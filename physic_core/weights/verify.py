@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "describe_mismatch",
-    "require_published",
+    "require_published_sha256",
     "require_unchanged_files",
     "sha256_of",
     "sha256_of_open",
@@ -55,7 +55,7 @@ _compared: dict[tuple[Path, str], _Stamp] = {}
 _used: ContextVar[dict[Path, _Stamp] | None] = ContextVar("used", default=None)
 
 
-def require_published(path: Path, file: WeightFile, advice: str) -> None:
+def require_published_sha256(path: Path, file: WeightFile, advice: str) -> None:
     """Raise BackendError unless a file has the SHA-256 of its manifest; without one, there is nothing to compare.
 
     Args:
@@ -93,7 +93,7 @@ def require_published(path: Path, file: WeightFile, advice: str) -> None:
 
 @contextmanager
 def require_unchanged_files() -> Iterator[None]:
-    """Raise BackendError at the end if a file of :func:`require_published` was replaced after it was compared.
+    """Raise BackendError at the end if a file of :func:`require_published_sha256` was replaced after it was compared.
 
     Raises:
         BackendError: such a file is another one now.

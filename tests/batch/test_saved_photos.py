@@ -24,7 +24,7 @@ from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 from physic_core.io.arrays import to_arrays
-from physic_core.io.compact import compact_arrays, expand_arrays, specs_of
+from physic_core.io.compact import array_specs, compact_arrays, expand_arrays
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_depth_and_normals_of_earlier_versions_are_read(result: Reconstruction):
     plain = {name: array for name, array in arrays.items() if not name.endswith("_steps")}
     plain["scene_depth"] = expanded["scene_points"][..., 2]
     plain["scene_normals"] = np.round(127 * expanded["scene_normals"]).astype(np.int8)
-    shared, _ = specs_of(plain, compact=True)
+    shared, _ = array_specs(plain, compact=True)
     assert {spec.name for spec in shared} == {name for name in plain if not name.startswith("person_")}
     again = expand_arrays(plain)
     assert np.array_equal(again["scene_points"], expanded["scene_points"])

@@ -15,7 +15,7 @@ from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.model import BodyModel
 from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat
 from physic_core.body.rotations_from_joints import has_torso_joints, rotations_from_joints
-from physic_core.body.surface_fit import SurfaceTargets, VertexSample, fit_surface, sample_vertices
+from physic_core.body.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 
 Array = NDArray[np.float64]
 People = dict[str, np.ndarray]
@@ -170,7 +170,7 @@ def test_vertices_are_linear_in_the_shape(source: str, people: People, request: 
     model = load_body(path)
     fit = as_fit({**people, "betas": people["betas"][:, : model.num_betas]})
     ids = sample_vertices(model, 10)
-    start, slopes = VertexSample.of(model, ids).linear(fit.world)
+    start, slopes = SampledBodyModel.of(model, ids).linear(fit.world)
     own = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
     np.testing.assert_allclose(own, posed(model, fit)[0][:, ids], atol=2e-6)
 
@@ -179,7 +179,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
     """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite differences."""
     fit, patches = (
         as_fit({k: v[:1] for k, v in people.items()}),
-        VertexSample.of(embedded, sample_vertices(embedded, 2)),
+        SampledBodyModel.of(embedded, sample_vertices(embedded, 2)),
     )
 
     def vertices(world: Array) -> Array:
@@ -201,7 +201,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
 def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
-    patches = VertexSample.of(embedded, sample_vertices(embedded))
+    patches = SampledBodyModel.of(embedded, sample_vertices(embedded))
     points = vertices[:, patches.ids]
     errors = []
     for rounds in (0, 1, 2, 3):
@@ -218,7 +218,7 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
 def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, people: People) -> None:
     truth = as_fit(people)
     vertices = posed(embedded, truth)[0]
-    patches = VertexSample.of(embedded, sample_vertices(embedded))
+    patches = SampledBodyModel.of(embedded, sample_vertices(embedded))
     owner = patches.weights.argmax(1)
     weights = np.broadcast_to(~np.isin(owner, range(25, 55)), (4, len(owner))).astype(float)
     points = np.where(weights[..., None] > 0, vertices[:, patches.ids], 0.0)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
+from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
 
 ARRAYS = {
     "People.masks": np.random.default_rng(0).random((2, 30, 40)) > 0.5,
@@ -90,16 +90,16 @@ class Sample:
 
 def test_numbers_that_json_cannot_write_are_not_confused_with_texts_of_their_names(tmp_path: Path):
     sample = Sample((math.nan, math.inf, -math.inf, np.float32(np.nan), 0.1), "NaN")
-    write_archive(tmp_path / "a.npz", *pack(sample))
+    write_archive(tmp_path / "a.npz", *split_arrays(sample))
     arrays, document = read_archive(tmp_path / "a.npz")
     json.dumps(document, allow_nan=False)
-    read = unpack(arrays, document, (Sample,))
+    read = join_arrays(arrays, document, (Sample,))
     assert repr(read) == repr(Sample((math.nan, math.inf, -math.inf, math.nan, 0.1), "NaN"))
 
 
 def test_archives_that_wrote_nan_as_python_does_are_still_read():
     document = json.loads('{"class": "Sample", "fields": {"values": {"tuple": [NaN, -Infinity]}, "name": "a"}}')
-    assert repr(unpack({}, document, (Sample,))) == repr(Sample((math.nan, -math.inf), "a"))
+    assert repr(join_arrays({}, document, (Sample,))) == repr(Sample((math.nan, -math.inf), "a"))
 
 
 def test_equal_contents_make_equal_files(tmp_path: Path):

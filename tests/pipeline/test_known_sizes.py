@@ -17,7 +17,7 @@ from physic_core import InputError, KnownLength, KnownSizes, Reconstruction, loa
 from physic_core.body import load_body
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
 from physic_core.cli import main
-from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, body_point, stature_factor
+from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, stature_factor, vertices_at_ray
 from physic_core.engine.scene.stature import betas_with_stature
 from physic_core.errors import ConfigError
 from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
@@ -224,7 +224,7 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
     plane = torch.cat([grid.reshape(-1, 2), 4 + 0.5 * grid.reshape(-1, 2)[:, :1]], 1)
     normals = torch.nn.functional.normalize(torch.tensor([0.5, 0.0, -1.0]), dim=0).expand_as(plane)
     K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
-    point = body_point(plane, normals, torch.tensor([0.1, 0.05, 1.0]), K)(plane)
+    point = vertices_at_ray(plane, normals, torch.tensor([0.1, 0.05, 1.0]), K)(plane)
     z = 4 / (1 - 0.05)
     torch.testing.assert_close(point, z * torch.tensor([0.1, 0.05, 1.0]), atol=0.01, rtol=0)
 

@@ -17,7 +17,7 @@ from physic_core.cache.result_cache import canonicalize
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
-from physic_core.files.archive import pack, read_archive, unpack, write_archive
+from physic_core.files.archive import join_arrays, read_archive, split_arrays, write_archive
 from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
@@ -81,10 +81,10 @@ def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
 
 @pytest.mark.parametrize("answer", [bodies(), hands(), contact()], ids=lambda answer: type(answer).__name__)
 def test_results_with_the_new_fields_are_cached(answer: Bodies | Hands | ContactProbability, tmp_path: Path) -> None:
-    arrays, document = pack(answer)
+    arrays, document = split_arrays(answer)
     write_archive(tmp_path / "one.npz", arrays, document)
-    found = unpack(*read_archive(tmp_path / "one.npz"), CLASSES)
-    told, again = (dict(pack(a)[0]) for a in (answer, found))
+    found = join_arrays(*read_archive(tmp_path / "one.npz"), CLASSES)
+    told, again = (dict(split_arrays(a)[0]) for a in (answer, found))
     assert list(told) == list(again)
     for path, array in told.items():
         np.testing.assert_array_equal(again[path], array)
@@ -99,10 +99,10 @@ def test_cache_entries_without_the_new_fields_are_read() -> None:
         (Hands(hands().rotvecs, hands().confidence), ("wrists",)),
         (ContactProbability(contact().probability, "smpl"), ("rest",)),
     ):
-        arrays, document = pack(answer)
+        arrays, document = split_arrays(answer)
         for field in fields:
             del document["fields"][field]
-        found = unpack(arrays, document, CLASSES)
+        found = join_arrays(arrays, document, CLASSES)
         assert [getattr(found, field) for field in fields] == [None] * len(fields)
 
 

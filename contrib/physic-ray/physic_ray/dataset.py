@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.photos import PhotoItem, table_item
+from physic_core.batch.photos import PhotoItem, photo_of_row
 from physic_core.batch.process import prepare_job
 from physic_core.batch.saving import Saving
 from physic_core.batch.table import all_columns, arrow_schema
@@ -130,7 +130,7 @@ class TableActor:
         return pa.table({name: [row.get(name) for row in rows] for name in schema.names}, schema=schema)
 
     def _reconstruct(self, photo: Mapping[str, Any]) -> dict[str, Any]:
-        item = table_item(photo)
+        item = photo_of_row(photo)
         content = photo.get("bytes")
         if content is None:
             return self._worker(item)

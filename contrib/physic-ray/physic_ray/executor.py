@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.photos import PhotoItem
 from physic_core.batch.process import BatchJob
-from physic_core.batch.workers import LOAD_LIMIT_S, known_error
+from physic_core.batch.workers import LOAD_LIMIT_S, error_named
 from physic_core.errors import BackendError, ConfigError
 from physic_ray.cluster import connected
 from physic_ray.resources import Resources
@@ -93,7 +93,7 @@ def _rows(
             row = json.loads(answer["row"])
             if "refused" in row:
                 node = f" (node {row['node']})" if len(ray.nodes()) > 1 else ""
-                raise known_error(row["refused"], f"{row['message']}{node}")
+                raise error_named(row["refused"], f"{row['message']}{node}")
             yield row
     except (ray.exceptions.RayError, ray.data.exceptions.SystemException) as error:
         raise BackendError(f"Ray ended the batch: {_last_line(error)}") from error

@@ -11,7 +11,7 @@ from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContac
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
-from physic_core.engine.contact.support import Carried, ContactEvidence, PosedPerson, find_support, support_record
+from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
 
 __all__ = ["solve_contact"]
 
@@ -28,11 +28,11 @@ def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
 
 def find_supports(
     given: ContactInput, near: Distances, touch: Touch, method: ContactMethod
-) -> tuple[Carried | None, ...]:
+) -> tuple[PersonSupport | None, ...]:
     """Return what carries each person; None for people with non-finite vertices."""
     outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT)
     seen = given.seen
-    found: list[Carried | None] = []
+    found: list[PersonSupport | None] = []
     for i, finite in enumerate(given.finite.tolist()):
         if not finite:
             found.append(None)
@@ -48,7 +48,7 @@ def find_supports(
     return tuple(found)
 
 
-def _with_hidden(touch: Touch, carried: tuple[Carried | None, ...], method: ContactMethod) -> Touch:
+def _with_hidden(touch: Touch, carried: tuple[PersonSupport | None, ...], method: ContactMethod) -> Touch:
     """Return the contacts with those of hidden supports, whose probability is at least the threshold."""
     kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
     for i, one in enumerate(carried):
@@ -63,7 +63,7 @@ def describe_contacts(
     given: ContactInput,
     near: Distances,
     touch: Touch,
-    carried: tuple[Carried | None, ...],
+    carried: tuple[PersonSupport | None, ...],
     method: ContactMethod,
 ) -> ContactResult:
     """Name partners and supports, and list the contacts of each body part."""

@@ -23,8 +23,8 @@ from physic_core.types.contacts import BodyContact
 from physic_core.types.support import Support, SupportState
 
 __all__ = [
-    "Carried",
     "ContactEvidence",
+    "PersonSupport",
     "PosedPerson",
     "beside_hull",
     "centre_of_mass",
@@ -77,7 +77,7 @@ class ContactEvidence:
 
 
 @dataclass(frozen=True)
-class Carried:
+class PersonSupport:
     """Support of one person.
 
     Attributes:
@@ -99,7 +99,7 @@ class Carried:
 
 def find_support(
     model: BodyModel, body: PosedPerson, evidence: ContactEvidence, up: Tensor, *, assume: bool
-) -> Carried:
+) -> PersonSupport:
     """Find what carries a person.
 
     Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
@@ -121,15 +121,18 @@ def find_support(
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             seen = beside_hull(centre, vertices[carrying & evidence.seen], up) <= _BALANCE_M
-            return Carried(state if seen else SupportState.ASSUMED, carrying, none, False, outside, centre)
+            return PersonSupport(state if seen else SupportState.ASSUMED, carrying, none, False, outside, centre)
     airborne = bool(evidence.lifted_feet.all()) and not bool(contact.any())
     state = SupportState.AIRBORNE if airborne else SupportState.UNBALANCED
-    best = Carried(state, contact, none, False, outside, centre)
+    best = PersonSupport(state, contact, none, False, outside, centre)
     least = _BALANCE_M
     for is_seat, patch in _hidden_supports(model, body, evidence, up) if assume else ():
         outside = beside_hull(centre, vertices[contact | patch], up)
         if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
-            best, least = Carried(SupportState.ASSUMED, contact, patch & ~contact, is_seat, outside, centre), outside
+            best, least = (
+                PersonSupport(SupportState.ASSUMED, contact, patch & ~contact, is_seat, outside, centre),
+                outside,
+            )
     return best
 
 
@@ -167,7 +170,7 @@ def _hidden_supports(
         yield False, _members(model, *(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
 
 
-def support_record(carried: Carried, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:
+def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:
     """Describe a support by body parts; contacts that are only possible are left out beside likely ones.
 
     Args:

@@ -12,7 +12,7 @@ from physic_core.body.joints import SIDES
 from physic_core.body.model import BodyModel
 from physic_core.engine.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
-from physic_core.geometry.tensors import moved
+from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton
 
@@ -114,7 +114,7 @@ class JointProblem(ShortRepr):
         """Return a copy with all tensors in the floating-point type and on the device of the body model."""
         model = self.model
         names = [field.name for field in fields(self) if field.name not in ("model", "skeleton")]
-        return replace(self, **{name: moved(getattr(self, name), model.device, model.dtype) for name in names})
+        return replace(self, **{name: to_device(getattr(self, name), model.device, model.dtype) for name in names})
 
     def feet_in_air(self) -> Tensor:
         """Return the vertices (B, V) bool of feet in the air."""

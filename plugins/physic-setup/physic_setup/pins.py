@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from physic_core.errors import OutputError
-from physic_core.weights.lock import lock_file, read_lock
+from physic_core.weights.lock import lock_file_path, read_lock
 from physic_core.weights.manifest import WeightSet
 from physic_core.weights.verify import sha256_of
 
@@ -22,7 +22,7 @@ def pin(entries: Mapping[str, Mapping[str, str]]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    held, path = read_lock(), lock_file()
+    held, path = read_lock(), lock_file_path()
     if path is None or not entries.keys() - held.keys():
         return
     lines = [_HEAD]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.known_sizes import BodyPoint, body_point
+from physic_core.engine.known_sizes import BodyPoint, vertices_at_ray
 from physic_core.engine.scene.stature import linearise_stature, stature_prior
 
 __all__ = ["KNOWN_SIGMA", "KnownSizeTerm"]
@@ -34,7 +34,7 @@ class KnownSizeTerm(Term):
         d, normals = self._known.distances, snapshot.visibility.normals
         self._ends = [
             tuple(
-                body_point(snapshot.vertices[person], normals[person], ray, self._K) if person >= 0 else None
+                vertices_at_ray(snapshot.vertices[person], normals[person], ray, self._K) if person >= 0 else None
                 for person, ray in zip(people, rays, strict=True)
             )
             for people, rays in zip(d.person.tolist(), d.rays, strict=True)

@@ -6,7 +6,7 @@ from dataclasses import is_dataclass
 from pathlib import Path
 
 from physic_core import types
-from physic_core.files.archive import DamagedFileError, pack, read_archive, unpack, write_archive
+from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
 from physic_core.pipeline.estimate import Estimates
 
 __all__ = ["load_evidence", "save_evidence"]
@@ -23,13 +23,13 @@ def save_evidence(path: Path, evidence: Estimates) -> None:
     Raises:
         OutputError: the folder cannot be written.
     """
-    write_archive(path, *pack(evidence))
+    write_archive(path, *split_arrays(evidence))
 
 
 def load_evidence(path: Path) -> Estimates | None:
     """Read evidence from a file; None if it is missing or damaged."""
     try:
-        found = unpack(*read_archive(path), _CLASSES)
+        found = join_arrays(*read_archive(path), _CLASSES)
     except (OSError, DamagedFileError, KeyError, TypeError):
         return None
     return found if isinstance(found, Estimates) else None

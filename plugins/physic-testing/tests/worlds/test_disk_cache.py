@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pytest
 
-from physic_core.files.archive import pack, unpack
+from physic_core.files.archive import join_arrays, split_arrays
 from physic_testing.worlds import disk_cache
 from physic_testing.worlds import world as worlds
 
@@ -44,7 +44,7 @@ def assert_same(one: Outer, two: Outer) -> None:
 
 
 def test_unpacking_undoes_packing():
-    assert_same(unpack(*pack(thing()), (Outer, Inner)), thing())
+    assert_same(join_arrays(*split_arrays(thing()), (Outer, Inner)), thing())
 
 
 def test_a_thing_is_built_once_and_then_read(cache):
