@@ -25,7 +25,7 @@ def test_left_comes_first_and_is_mirrored_back() -> None:
     assert violations(HandEstimator, hands, people=2) == []
 
 
-def test_matrices_do_as_well_as_vectors() -> None:
+def test_mano_rotations_may_be_matrices_or_vectors() -> None:
     matrices = Rotation.from_rotvec(FINGERS.reshape(-1, 3)).as_matrix().reshape(2, 15, 3, 3)
     whole = Rotation.from_rotvec(WRISTS.reshape(-1, 3)).as_matrix().reshape(2, 1, 3, 3)
     hands = hands_from_mano(2, fingers=matrices, wrists=whole, **BOTH)

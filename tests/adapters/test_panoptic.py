@@ -49,7 +49,7 @@ def test_classes_have_the_numbers_of_coco_panoptic():
     assert set(COCO_PANOPTIC[:80]) > PORTABLE_CLASSES
 
 
-def test_people_and_floor_come_apart():
+def test_people_and_floor_get_separate_masks():
     left, right, floor = box(2, 12, 1, 5), box(3, 13, 9, 12), box(10, 16, 0, 16)
     classes, masks = queries(
         [PERSON, FLOOR_OTHER, PERSON, WALL], [left, floor & ~left & ~right, right, box(0, 2, 0, 16)]

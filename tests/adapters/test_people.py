@@ -55,7 +55,7 @@ def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
     assert people.keypoints.points[:, 0, 0].tolist() == [4, 0]
 
 
-def test_the_floor_gives_way_to_people():
+def test_pixels_of_people_are_removed_from_the_floor():
     floor = np.ones(SIZE, bool)
     people = people_from_masks([rectangle(0, 2, 0, 2)], None, np.ones(1), floor, size=SIZE)
     assert people.floor is not None

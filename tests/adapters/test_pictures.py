@@ -49,7 +49,7 @@ class TestPlanes:
 class TestSquash:
     @pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
     @pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
-    def test_without_antialias_as_torch(self, kind, height, width):
+    def test_resizing_without_antialias_equals_torch(self, kind, height, width):
         image = PHOTO.astype(np.float32)
         np.testing.assert_allclose(
             resize_image(image, height, width, kind), torch_resized(image, height, width, kind, False), atol=1e-2
@@ -57,11 +57,11 @@ class TestSquash:
 
     @pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
     @pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
-    def test_with_antialias_as_pillow(self, kind, height, width):
+    def test_resizing_with_antialias_equals_pillow(self, kind, height, width):
         expected = Image.fromarray(PHOTO).resize((width, height), getattr(Image.Resampling, kind.upper()))
         np.testing.assert_array_equal(resize_image(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected))
 
-    def test_with_antialias_as_torch(self):
+    def test_resizing_with_antialias_equals_torch(self):
         image = PHOTO.astype(np.float32)
         np.testing.assert_allclose(
             resize_image(image, 11, 13, "bilinear-antialias"), torch_resized(image, 11, 13, "bilinear", True), atol=1e-3

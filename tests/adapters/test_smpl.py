@@ -26,7 +26,7 @@ def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped() -> None
     assert violations(BodyEstimator, bodies, people=2) == []
 
 
-def test_matrices_flat_vectors_and_22_joints_do_as_well() -> None:
+def test_smpl_rotations_may_be_matrices_flat_vectors_or_22_joints() -> None:
     matrices = Rotation.from_rotvec(POSE.reshape(-1, 3)).as_matrix().reshape(2, 24, 3, 3)
     wanted = bodies_from_smpl(POSE, BETAS, PLACE).parameters
     for given in (matrices, POSE.reshape(2, 72), POSE[:, :22], matrices[:, :22]):

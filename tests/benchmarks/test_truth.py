@@ -112,7 +112,7 @@ def test_a_shift_is_in_the_place_and_not_in_the_pose(truth, joints):
     assert found["bones_ratio"] == pytest.approx(1)
 
 
-def test_somebody_too_small_and_too_near_is_right_at_the_true_scale(truth, joints):
+def test_errors_at_the_true_scale_ignore_that_a_person_is_too_small_and_near(truth, joints):
     found = truth.measures.pose_errors(0.9 * joints, joints)
     assert found["bones_ratio"] == pytest.approx(0.9)
     assert found["bones"] == pytest.approx(dict.fromkeys(truth.joints.BONES, 0.9))
@@ -292,7 +292,7 @@ def test_people_are_matched_across_views(truth, people):
         assert all(order[v][member] == i for v, member in person.members.items() if v != 4)
 
 
-def test_the_picture_ends_what_is_visible(truth, people):
+def test_joints_outside_the_picture_are_not_visible(truth, people):
     camera = ring(truth)[0]
     assert truth.views.visible_joints(camera, people[0]).all()
     assert not truth.views.visible_joints(camera, people[0] + [5, 0, 0]).any()

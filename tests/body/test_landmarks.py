@@ -106,7 +106,7 @@ def test_the_face_is_a_face(at_rest: dict[str, dict[str, Tensor]]) -> None:
         assert abs(float(ear[1] - (eye[1] + nose[1]) / 2)) < 0.03
 
 
-def test_the_feet_are_feet(embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]) -> None:
+def test_landmarks_of_the_feet_lie_on_the_feet(embedded: BodyModel, at_rest: dict[str, dict[str, Tensor]]) -> None:
     coco, mesh = at_rest["coco23"], embedded(*embedded.zero_pose()).vertices[0]
     for side, sign in (("left", 1), ("right", -1)):
         ankle, heel = coco[f"{side}_ankle"], coco[f"{side}_heel"]

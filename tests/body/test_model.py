@@ -48,7 +48,7 @@ def slow_pose(
     return np.array(vertices), joints + transl
 
 
-def test_equals_its_slow_reference(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
+def test_the_body_model_equals_a_slow_reference(embedded: BodyModel, random_pose: dict[str, Tensor]) -> None:
     output = embedded(**random_pose)
     for row in range(3):
         arguments = [random_pose[name][row].double().numpy() for name in ("rotations", "betas", "transl")]

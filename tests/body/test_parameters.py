@@ -58,7 +58,7 @@ def test_half_turns_convert_back_and_forth() -> None:
     assert torch.allclose(rotations_from_parameters(parameters), rotations, atol=1e-6)
 
 
-def test_refuses_a_wrong_field(random_pose: dict[str, Tensor]) -> None:
+def test_parameters_of_another_shape_are_refused(random_pose: dict[str, Tensor]) -> None:
     parameters = parameters_from_rotations(random_pose["rotations"], random_pose["betas"], None, random_pose["transl"])
     with pytest.raises(BodyModelError) as caught:
         rotations_from_parameters(replace(parameters, left_hand_pose=np.zeros((3, 12), np.float32)))

@@ -36,7 +36,7 @@ def pose() -> dict[str, torch.Tensor]:
     }
 
 
-def test_agrees_with_body_models(smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
+def test_a_smplx_file_poses_as_the_library_body_models(smplx_v11: Path, pose: dict[str, torch.Tensor]) -> None:
     from body_models.smplx.torch import SMPLX
 
     peer = SMPLX(model_path=smplx_v11, flat_hand_mean=True)
@@ -65,7 +65,7 @@ def test_both_layouts_are_the_same_body(smplx_v10: Path, smplx_v11: Path, pose: 
     assert torch.equal(old.vertices, new.vertices)
 
 
-def test_asks_for_more_components(smplx_v11: Path) -> None:
+def test_more_shape_components_can_be_loaded(smplx_v11: Path) -> None:
     model = load_smplx(smplx_v11, num_betas=16, num_expression=0)
     assert (model.num_betas, model.num_expression) == (16, 0)
     assert model(*model.zero_pose()).vertices.shape == (1, 10475, 3)
@@ -85,7 +85,7 @@ def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
     )
 
 
-def test_never_unpickles(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
+def test_a_smplx_file_is_read_without_unpickling(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
             return (pytest.fail, ("the file was unpickled",))
@@ -146,7 +146,7 @@ def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
     assert str(caught.value) == f"{path}: {message}: {ADVICE}"
 
 
-def test_refuses_more_components_than_there_are(smplx_v10: Path) -> None:
+def test_more_shape_components_than_the_file_has_are_refused(smplx_v10: Path) -> None:
     with pytest.raises(BodyModelError) as caught:
         load_smplx(smplx_v10, num_betas=16)
     assert str(caught.value) == f"{smplx_v10}: num_betas is 16, but the file has 10: ask for 0 to 10"

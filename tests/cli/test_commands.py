@@ -203,7 +203,7 @@ def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
     assert [p.name for p in Path().iterdir()] == ["taken"]
 
 
-def test_whoever_opens_a_file_says_that_it_may_not_be_read(pipeline, monkeypatch):
+def test_a_run_does_not_ask_the_system_whether_files_may_be_read(pipeline, monkeypatch):
     Path("photo.jpg").touch()
     Path("my.toml").write_text('extends = "mock"\n')
     Path("mine").mkdir()

@@ -43,7 +43,7 @@ def test_a_point_without_a_normal_has_no_inside():
     assert found.scene.tolist() == pytest.approx([0.05, 0.05])
 
 
-def test_people_are_a_batch():
+def test_distances_of_a_batch_equal_those_of_each_person():
     vertices = torch.stack([sphere(0.0), sphere(0.05)])
     together = distances(vertices, plane()).scene
     for i in range(2):

@@ -42,7 +42,7 @@ class Bowl:
 
 
 @pytest.mark.parametrize(("settings", "within"), [(LBFGS, 1e-3), (replace(ADAM, steps=400), 1e-2)])
-def test_reaches_a_known_minimum(settings, within):
+def test_the_optimiser_reaches_a_known_minimum(settings, within):
     energy = Bowl()
     trace = settings.minimise(energy)
     torch.testing.assert_close(energy.state.unpack().transl, energy.goal, atol=within, rtol=0)

@@ -59,7 +59,7 @@ def given(make_stage):
     )
 
 
-def test_a_person_is_found_again(given):
+def test_placement_recovers_the_true_place_of_a_person(given):
     found = solve_placement(given, DEFAULT)
     error = (found.placement.transl - (given.bodies.transl - AWAY)).norm()
     print(f"{1000 * error:.0f} mm")

@@ -60,7 +60,7 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_metres_come_back_whatever_was_unknown(unknown: AffineAmbiguity, preset: str) -> None:
+def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbiguity, preset: str) -> None:
     noisy = DEPTH * (1 + 0.02 * noise())
     state = build_scene(
         relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,

@@ -134,7 +134,7 @@ def test_reprojection_is_the_same_at_every_resolution():
     torch.testing.assert_close(one, four)
 
 
-def test_depth_vanishes_where_the_map_is_scale_and_offset_away():
+def test_the_depth_energy_of_a_map_of_another_scale_and_offset_is_zero():
     z = rand(2, 6, low=2, high=5, grad=False)
     log_scale, offset = torch.tensor(0.1).double(), torch.tensor([0.2, -0.05]).double()
     seen = z.log() - log_scale - offset[:, None]

@@ -84,7 +84,7 @@ def test_the_floor_alone_tells_up() -> None:
     assert angle_deg(told.up, up(20.0)) < 0.5
 
 
-def test_walls_alone_tell_up() -> None:
+def test_up_is_found_from_walls_alone() -> None:
     told = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
     assert angle_deg(told.up, up(20.0, -10.0)) < 0.5
     assert told.confidence > 0.2

@@ -402,7 +402,7 @@ def test_a_ray_meets_the_same_spot_of_the_resized_photo(width, height, side, x, 
     assert (after.fy * y + after.cy + 0.5) / after.height == pytest.approx(spot[1])
 
 
-def test_a_strip_is_refused():
+def test_an_image_of_extreme_aspect_is_refused():
     with pytest.raises(InputError) as caught:
         limit_size(Photo(np.zeros((80, 2000, 3), np.uint8)), 1000)
     assert str(caught.value) == (

@@ -314,7 +314,7 @@ def test_a_document_without_a_required_key_is_an_error(tmp_path, reconstruction)
     )
 
 
-def test_arrays_of_another_run(tmp_path, make):
+def test_arrays_of_another_run_are_refused(tmp_path, make):
     save_reconstruction(make(people=1), tmp_path / "a", preview=False)
     save_reconstruction(make(people=2), tmp_path / "b", preview=False)
     path = tmp_path / "a" / "reconstruction.npz"

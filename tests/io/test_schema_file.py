@@ -68,7 +68,7 @@ def test_a_result_of_the_pipeline_fulfils_the_schema_without_further_keys(tmp_pa
     ],
     ids=["grade", "version", "people"],
 )
-def test_a_fault_is_found(change: dict[str, Any], fault: str):
+def test_the_json_schema_finds_a_fault(change: dict[str, Any], fault: str):
     assert faults(saved(WRITTEN / "version-3") | change) == [fault]
 
 

@@ -27,7 +27,7 @@ def whole_and_cut(result: Reconstruction) -> tuple[int, int]:
     return int(first), int(second)
 
 
-def test_both_men_are_found(result: Reconstruction) -> None:
+def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> None:
     assert len(result.people) == 2
     whole, cut = whole_and_cut(result)
     assert result.people[whole].failed_checks == ()

@@ -162,7 +162,7 @@ def test_contact_of_worlds_is_found(cases):
 
 
 @pytest.mark.parametrize("name", ["stand", "sit_on_stool", "hug"])
-def test_bodies_do_not_sink(cases, name):
+def test_bodies_of_mock_worlds_do_not_sink_into_the_scene(cases, name):
     (case,) = (case for case in cases if case.world.name == name)
     for person in case.result.people:
         depth = 1000 * max(0.0, -float(person.distance[np.isfinite(person.distance)].min()))

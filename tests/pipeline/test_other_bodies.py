@@ -63,7 +63,7 @@ def contact() -> ContactProbability:
     return ContactProbability(np.zeros((2, 4)), "smpl", RestMesh("smpl", np.zeros((4, 3)), FACES))
 
 
-def test_a_body_whose_mesh_is_nan_is_lost_with_all_that_is_its_own() -> None:
+def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
     told = bodies()
     assert told.mesh is not None
     told.mesh.vertices[0, 2] = np.nan

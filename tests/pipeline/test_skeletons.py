@@ -53,7 +53,7 @@ def test_a_worlds_truth_is_known_in(skeleton: str, world: World) -> None:
 
 
 @pytest.mark.parametrize(("skeleton", "soles"), [("coco_wholebody133", 6), ("halpe26", 6), ("coco17", 0)])
-def test_feet_are_found_in(skeleton: str, soles: int) -> None:
+def test_pixels_of_feet_are_found_in_every_skeleton(skeleton: str, soles: int) -> None:
     count = len(SKELETONS[skeleton].names)
     seen = Keypoints(np.full((1, count, 2), 10.0), np.ones((1, count)), skeleton)
     assert len(feet_pixels(seen, 100, 100)) == soles

@@ -18,7 +18,7 @@ CANNOT_RUN_CODE = {
         "tests/attacks/test_photo_bombs.py::test_no_image_takes_more_than_one_and_a_half_gigabytes"
     ),
     "a result folder (`Reconstruction.load`)": "tests/io/test_results.py::test_a_pickle_in_the_arrays_is_not_opened",
-    "an SMPL-X archive": "tests/body/test_smplx_file.py::test_never_unpickles",
+    "an SMPL-X archive": "tests/body/test_smplx_file.py::test_a_smplx_file_is_read_without_unpickling",
     "an SMPL or MANO pickle": "tests/body/test_smpl_file.py::test_a_pickle_runs_nothing",
     "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": (
         "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted"

@@ -81,7 +81,7 @@ def put(folder: Path, content: bytes = CONTENT) -> Path:
     return folder
 
 
-def test_the_list(plugin: Any, own_cache: Path):
+def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin: Any, own_cache: Path):
     put(own_cache / "own" / "own.json", b"{}")
     assert physic("list").stdout == (
         "weights  plugin       size     commercial use  account  state    licence\n"
@@ -96,7 +96,7 @@ def test_the_list(plugin: Any, own_cache: Path):
     assert "here, DIFFERS  MIT" in physic("list").stdout
 
 
-def test_the_list_for_machines(plugin: Any, own_cache: Path):
+def test_the_list_as_json(plugin: Any, own_cache: Path):
     there = put(own_cache / "free" / "free.onnx")
     told = json.loads(physic("list", "--json").stdout)
     assert told["broken"] == []

@@ -215,7 +215,7 @@ def test_a_source_that_is_gone_names_the_homepage(server: Any):
     )
 
 
-def test_no_network_is_said(server: Any):
+def test_a_missing_network_connection_is_reported(server: Any):
     url = server.add("/model.onnx", CONTENT)
     server.close()
     assert refusal(one(url)) == f"{url}: the server cannot be reached: check the network connection"

@@ -74,7 +74,7 @@ def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
         ("https://example.org/all.zip#x/end2end.onnx", WebSource("https://example.org/all.zip", "x/end2end.onnx")),
     ],
 )
-def test_sources(tmp_path: Path, source: str, origin: object):
+def test_every_kind_of_source_is_parsed(tmp_path: Path, source: str, origin: object):
     (found,) = read_manifest(write(tmp_path, SIMPLE + f'source = "{source}"\n')).values()
     assert found.files[0].origin == origin
 
@@ -151,7 +151,7 @@ def test_every_fault_is_reported_at_once(tmp_path: Path):
     ]
 
 
-def test_a_missing_licence(tmp_path: Path):
+def test_a_weight_set_without_licence_is_refused(tmp_path: Path):
     assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] license is missing"]
 
 
@@ -191,6 +191,6 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path: Path, path: st
         assert len(faults(write(tmp_path, text))) == 1, text
 
 
-def test_every_installed_list_holds():
+def test_every_installed_manifest_is_valid():
     library = read_library(discover().manifests)
     assert library.broken == ()

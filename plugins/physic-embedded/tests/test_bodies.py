@@ -137,7 +137,7 @@ def miss_mm(fitted: np.ndarray, truth: np.ndarray) -> np.ndarray:
 PLACES = [(-0.9, 0.2, 3.4), (0.3, 0.1, 4.2), (1.0, 0.3, 3.6)]
 
 
-def test_synthetic_people_come_back(backend: EmbeddedBodies) -> None:
+def test_bodies_are_recovered_from_synthetic_landmarks(backend: EmbeddedBodies) -> None:
     seen = truth([STANDS, WALKS, SITS], PLACES)
     answer = fit(backend, seen)
     assert answer.body_model == "embedded"

@@ -227,7 +227,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     assert rule.startswith("the farthest pixels are taken as a wall")
 
 
-def test_the_second_call_agrees_with_the_scene_outside_the_count_people(
+def test_the_map_of_the_photo_agrees_with_the_scene_outside_people(
     backend: EmbeddedPointmap, image: NDArray[np.uint8], scene: Pointmap
 ) -> None:
     mask = np.zeros((1, 240, 320), bool)

@@ -61,7 +61,7 @@ def test_an_upright_body_stays_and_its_soles_keep_contact(standing: Reconstructi
 
 
 @pytest.mark.parametrize("control", CONTROLS)
-def test_nobody_stays_under_a_control(standing: Reconstruction, control: str):
+def test_a_person_does_not_stay_under_a_control(standing: Reconstruction, control: str):
     (motion,) = simulate_people(standing, [0], control=control)
     assert not motion.stays
     assert motion.moved_m > STAY_M

@@ -49,7 +49,7 @@ def test_a_smplx_file_without_texture_coordinates_is_refused(tmp_path):
         load_texture_coordinates(tmp_path / "SMPLX_NEUTRAL.npz", np.zeros((1, 3), int))
 
 
-def test_a_smplx_file_brings_its_own(tmp_path):
+def test_texture_coordinates_come_from_the_smplx_file(tmp_path):
     np.savez(tmp_path / "a.npz", vt=np.eye(3, 2), ft=np.array([[2, 1, 0]]))
     mesh = load_texture_coordinates(tmp_path / "a.npz", np.array([[0, 1, 2]]))
     np.testing.assert_allclose(mesh.uv[mesh.faces], [np.eye(3, 2)[[2, 1, 0]]])

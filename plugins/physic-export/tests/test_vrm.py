@@ -142,7 +142,7 @@ def test_the_skin_can_be_neutral(export):
     assert tree.materials[tree.meshes[0].primitives[0].material].name == "body"
 
 
-def test_the_user_is_told_to_state_author_and_permissions(export):
+def test_a_note_asks_for_author_and_permissions(export):
     assert export("a.vrm", person=0).notes == (
         "author and permissions of a .vrm are 'unknown' and the least that https://vrm.dev/licenses/1.0/ allows: "
         "state your own",

@@ -121,7 +121,7 @@ def test_boxes_go_in_as_left_top_width_height(nlf: Nlf) -> None:
     np.testing.assert_allclose(1000 * joints[:, 2, 0], [40, 30], rtol=1e-5)
 
 
-def test_the_camera_goes_in(nlf: Nlf) -> None:
+def test_nlf_is_given_the_camera(nlf: Nlf) -> None:
     joints = ask(nlf).joints
     assert joints is not None
     np.testing.assert_allclose(1000 * joints[0, 2, 1:], [500, 30], rtol=1e-5)
@@ -135,7 +135,7 @@ def test_the_photo_goes_in_as_grey_levels_red_first(nlf: Nlf) -> None:
     np.testing.assert_allclose(1000 * joints[0, 3], [200, 100, 10], rtol=1e-5)
 
 
-def test_settings_go_in(nlf: Nlf) -> None:
+def test_nlf_is_given_the_settings(nlf: Nlf) -> None:
     joints = ask(nlf).joints
     assert joints is not None
     np.testing.assert_allclose(1000 * joints[0, 4], [1.5, 0, 3], rtol=1e-5)

@@ -254,7 +254,7 @@ def test_rounding_of_another_machine_is_forgiven(two):
     assert len(MockSegmenter().infer(labels.embed_label(image, "hug", 0))) == 2
 
 
-def test_somebody_else_is_refused(two):
+def test_a_person_who_is_not_in_the_world_is_refused(two):
     mask = np.zeros((1, *two.image.shape[:2]), bool)
     mask[0, :20, :20] = True
     with pytest.raises(BackendError) as caught:

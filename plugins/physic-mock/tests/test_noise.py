@@ -166,7 +166,7 @@ def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(
 # --- masks and keypoints ----------------------------------------------------------------------------------------------
 
 
-def test_a_floor_takes_in_and_leaves_out(world):
+def test_errors_of_the_floor_mask_add_and_remove_patches(world):
     floor = world.empty_floor_mask
     rough = draw_floor_mask(floor, 0, 8, 1, rng())
     assert (rough & ~floor).any()

@@ -46,7 +46,7 @@ class TestOneSignature:
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(network, [WANTED_IMAGE], wanted)
 
-    def test_by_place_needs_the_same_rank_and_a_port_that_serves_nothing_else(self, file):
+    def test_ports_are_matched_by_position_only_with_equal_rank_and_once(self, file):
         wanted = [PortSpec("depth", shape=(None, None, None)), PortSpec("mask", shape=(None, None, None))]
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(file(IMAGE, depth(name="a", shape=("b", 1, "h", "w"))), [WANTED_IMAGE], wanted[:1], by_position=True)

@@ -91,7 +91,7 @@ def test_squashing_leaves_no_white(deco: Any) -> None:
 
 
 @pytest.mark.parametrize("batch", [1, "batch"])
-def test_the_mesh_comes_with_it_whoever_is_there(deco: Any, batch: int | str) -> None:
+def test_the_mesh_is_returned_with_and_without_people(deco: Any, batch: int | str) -> None:
     backend = deco(batch=batch)
     for count in (0, 1, 3):
         found = backend.infer(coloured(), people(*[(100, 20, 140, 220)] * count), bodies(count))

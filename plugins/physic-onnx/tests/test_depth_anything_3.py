@@ -75,7 +75,7 @@ class TestContract:
         np.testing.assert_allclose(answer.depth, raw_depth(image, channel) * focal / 300, rtol=0.02)
         assert answer.intrinsics.fx == 210.0
 
-    def test_other_names_are_known(self, contract_graph):
+    def test_other_names_of_the_ports_are_accepted(self, contract_graph):
         loaded(contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
 
     def test_free_size_has_its_long_side_at_504(self, stand_in_network):
@@ -120,7 +120,7 @@ class TestContract:
             "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
         )
 
-    def test_squashing_is_said(self, contract_graph):
+    def test_a_note_says_that_the_photo_was_squashed(self, contract_graph):
         answer = loaded(contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
         assert answer.notes == (
             "model.onnx sees 504 x 280 px only, so that the photo is squashed by a factor 2.4; "

@@ -88,7 +88,7 @@ class TestContract:
         assert scaled.notes == ("DepthPro took the focal length for 100 px; its depth is scaled to 150 px",)
         assert own.notes == ("focal length 100 px from DepthPro",)
 
-    def test_default_camera_gives_way_to_the_networks(self, contract_graph):
+    def test_the_networks_camera_replaces_a_default_one(self, contract_graph):
         guess = Intrinsics.from_focal(300.0, 128, 96, "0.95 x the long side", CameraTrust.GUESSED)
         assert loaded(contract_graph()).infer(ramp(96, 128), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
 

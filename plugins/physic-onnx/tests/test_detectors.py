@@ -113,7 +113,7 @@ def test_boxes_of_one_person_are_one(answering):
     assert found.scores == pytest.approx([0.81, 0.81])
 
 
-def test_things_are_no_people(answering):
+def test_boxes_of_other_classes_are_no_people(answering):
     chair = row(0.5, 0.5, 1, 1, person=0.05, others=0.95)
     assert not len(answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65))
 

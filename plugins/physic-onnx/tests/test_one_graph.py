@@ -106,7 +106,7 @@ class TestMaps:
         assert squeeze_number(values, "focal", "file") == 3.0
 
     @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-    def test_number_is_above_0(self, value):
+    def test_a_focal_length_of_0_or_less_is_refused(self, value):
         with pytest.raises(BackendError, match="a number above 0 was expected"):
             squeeze_number(np.array([value]), "focal", "file")
 

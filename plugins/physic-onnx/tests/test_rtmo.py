@@ -78,7 +78,7 @@ def test_no_pose_is_given_twice() -> None:
     assert assign_poses(boxes, np.array([[9.0, 9, 20, 20]]), 0.3).tolist() == [-1, -1]
 
 
-def test_weak_poses_are_nobodys(rtmo: Any) -> None:
+def test_poses_of_low_confidence_are_given_to_no_person(rtmo: Any) -> None:
     photo = np.zeros((240, 320, 3), np.uint8)
     backend = rtmo([[0, 0, 640, 480]], scores=(0.05,))
     assert (backend.infer(photo, people((0, 0, 320, 240))).confidence == 0).all()

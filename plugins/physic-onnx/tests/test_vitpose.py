@@ -141,7 +141,7 @@ def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose: Any, count: int,
     assert (vitpose("plus", count).infer(black, people(BOX)).confidence == min(expert, 1)).all()
 
 
-def test_a_hand_is_refused(vitpose: Any) -> None:
+def test_keypoints_of_one_hand_are_refused(vitpose: Any) -> None:
     with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         vitpose(count=21)
     with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):

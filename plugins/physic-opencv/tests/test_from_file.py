@@ -111,7 +111,7 @@ def test_depth_that_cannot_be_used(tmp_path: Path, name: str, values: np.ndarray
     assert message in str(error.value)
 
 
-def test_damaged_and_missing_files(tmp_path: Path) -> None:
+def test_damaged_and_missing_files_are_refused(tmp_path: Path) -> None:
     for name, reader in (("d.npy", depth), ("d.png", depth), ("d.npz", pointmap)):
         (tmp_path / name).write_bytes(b"nothing of the kind")
         with pytest.raises(InputError, match="cannot read"):
@@ -186,7 +186,7 @@ def test_a_heic_file_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
 POINTS = np.stack([*np.meshgrid(np.linspace(-1, 1, 6), np.linspace(-1, 1, 4)), DEPTH], -1)
 
 
-def test_points_and_their_validity(tmp_path: Path) -> None:
+def test_a_file_of_points_gives_points_and_validity(tmp_path: Path) -> None:
     valid = np.ones((4, 6), bool)
     valid[0, 0] = False
     broken = POINTS.copy()

@@ -21,7 +21,7 @@ Serve = Callable[..., Served]
 HTML = {"accept": "text/html,*/*"}
 
 
-def test_a_photo_becomes_files(serve: Serve, tmp_path: Path):
+def test_the_app_answers_a_photo_with_files(serve: Serve, tmp_path: Path):
     served = serve()
     posted = served.post()
     name = posted.json()["id"]

@@ -145,11 +145,11 @@ class TestDepthPro:
         assert answer.intrinsics == known
         assert answer.notes == ("DepthPro took the focal length for 50 px; its depth is scaled to 200 px",)
 
-    def test_a_focal_length_that_is_a_guess_gives_way_to_its_own(self) -> None:
+    def test_the_networks_focal_length_replaces_a_guessed_one(self) -> None:
         guessed = Intrinsics.from_focal(200.0, 100, 60, "1.2 x the long side", CameraTrust.GUESSED)
         np.testing.assert_allclose(self.asked(0.5, 90.0, Hints(intrinsics=guessed)).depth, 1.0, rtol=1e-5)
 
-    def test_its_own_focal_length_can_be_insisted_on(self) -> None:
+    def test_an_option_prefers_the_networks_own_focal_length(self) -> None:
         known = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60))
         np.testing.assert_allclose(self.asked(0.5, 90.0, known, use_known_focal=False).depth, 1.0, rtol=1e-5)
 

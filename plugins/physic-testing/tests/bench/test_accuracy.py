@@ -60,7 +60,7 @@ def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
     assert load_evidence(tmp_path / "other.npz") is None
 
 
-def test_the_name_of_evidence_changes_with_whatever_changes_it(config):
+def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
     registry = discover()
     noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
     keys = [

@@ -23,7 +23,7 @@ def results():
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg"])
-def test_a_picture_is_drawn(tmp_path, suffix):
+def test_the_plot_of_a_benchmark_is_a_picture(tmp_path, suffix):
     pytest.importorskip("matplotlib")
     path = draw_plot(results(), tmp_path / f"ablation.{suffix}")
     assert path.stat().st_size > 5_000

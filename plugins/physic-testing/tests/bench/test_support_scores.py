@@ -35,7 +35,7 @@ def vertices(*parts, count=40):
         (("left_hand",), (), (0, 1, 0)),
     ],
 )
-def test_parts_are_counted_once(reported, true, counts):
+def test_each_part_of_a_support_is_counted_once(reported, true, counts):
     found = SupportScorer(MODEL).counts(support(*reported), vertices(*true))
     assert tuple(found.values()) == counts
 

@@ -61,7 +61,7 @@ def test_a_scaffolded_plugin_passes_the_kit(interface: str):
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_the_names_are_the_authors_own(interface: str):
+def test_a_scaffold_uses_the_names_that_its_author_gives(interface: str):
     written = plugin_files(PluginNames("my-2nd.thing", interface), "0.1.0", 1)
     assert [p for p in written if "/" not in p] == ["pyproject.toml", "README.md"]
     assert f"physic_my_2nd_thing/{interface}.py" in written

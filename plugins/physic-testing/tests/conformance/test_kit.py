@@ -101,7 +101,7 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference():
     assert failure.got.endswith(", 100 times the truth")
 
 
-def test_the_summary_counts_everything():
+def test_the_summary_counts_passed_failed_and_skipped_checks():
     report = check_backend(CENTIMETRES, size=SIZE)
     total = len(checks_for("metric_depth"))
     assert report.summary == (
@@ -127,7 +127,7 @@ def test_an_expected_failure_that_passes_is_a_failure():
     )
 
 
-def test_a_backend_that_cannot_be_asked_is_no_success():
+def test_a_backend_that_cannot_be_loaded_does_not_pass():
     report = check_backend(NotReady, size=SIZE)
     assert not report.ok
     assert report.failures == ()
@@ -189,7 +189,7 @@ def test_backends_are_compared_in_one_table():
 
 
 @parametrize_with_checks("metric_depth", RightMetricDepth, size=SIZE)
-def test_right_depth(check):
+def test_a_right_depth_estimator_passes(check):
     check()
 
 

@@ -62,7 +62,7 @@ def test_a_wrong_backend_is_caught_by_its_own_check(mistake: Wrong, tmp_path: Pa
 
 
 @pytest.mark.parametrize("interface", INTERFACES)
-def test_every_check_catches_somebody(interface: str):
+def test_every_check_catches_a_wrong_backend(interface: str):
     own = {check.name for check in checks_for(interface)}
     common = set.intersection(*({check.name for check in checks_for(other)} for other in INTERFACES))
     planted = {f.check for f in FAULTS + READER_FAULTS if getattr(mocks, f.mock).interface == interface}

@@ -25,7 +25,7 @@ def test_an_adult_and_a_child_of_a_stated_age_stand_on_the_floor(world):
     assert np.abs(heights.min(1)).max() < 0.02
 
 
-def test_they_touch_each_other(world):
+def test_child_and_adult_touch_each_other(world):
     assert (world.touched_person[0] == 1).any()
     assert (world.touched_person[1] == 0).any()
 

@@ -43,7 +43,7 @@ def assert_same(one: Outer, two: Outer) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_unpacking_undoes_packing():
+def test_join_arrays_inverts_split_arrays():
     assert_same(join_arrays(*split_arrays(thing()), (Outer, Inner)), thing())
 
 
