@@ -109,15 +109,15 @@ def test_segments_are_those_of_the_library(size):
     classes = rng.normal(0, 1, (8, 134)).astype(np.float32)
     classes[np.arange(8), labels] += rng.uniform(6, 12, 8).astype(np.float32)
     said = {"masks_queries_logits": torch.tensor(masks)[None], "class_queries_logits": torch.tensor(classes)[None]}
-    told = processor.post_process_panoptic_segmentation(
+    published = processor.post_process_panoptic_segmentation(
         SimpleNamespace(**said),
         target_sizes=[size], threshold=0.5, overlap_mask_area_threshold=0.3, stuff_classes=list(range(80, 133)),
         size={"shortest_edge": 640, "longest_edge": 640},
     )[0]  # fmt: skip
-    segmentation = told["segmentation"].numpy()
-    wanted = {s["score"]: segmentation == s["id"] for s in told["segments_info"] if s["label_id"] == PERSON}
+    segmentation = published["segmentation"].numpy()
+    wanted = {s["score"]: segmentation == s["id"] for s in published["segments_info"] if s["label_id"] == PERSON}
     floor = np.isin(
-        segmentation, [s["id"] for s in told["segments_info"] if COCO_PANOPTIC[s["label_id"]] in FLOOR_CLASSES]
+        segmentation, [s["id"] for s in published["segments_info"] if COCO_PANOPTIC[s["label_id"]] in FLOOR_CLASSES]
     )
     people = people_and_floor(classes, masks, PaddedFrame(*size, 640).to_photo, size, threshold=0.5, held=0.3)
     assert len(people) == len(wanted) > 1

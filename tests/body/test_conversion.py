@@ -114,15 +114,15 @@ def test_smpl_reaches_the_embedded_body(own: Bodies, embedded: BodyModel, smpl: 
     placed = np.full((4, 55, 3), np.nan)
     placed[:, :22] = joints[:, :22]
     flat = replace(p, left_hand_pose=0 * p.left_hand_pose, right_hand_pose=0 * p.right_hand_pose, betas=p.betas[:, :10])
-    told = Bodies(flat, "smpl", None, placed, Mesh("smpl", vertices, body.faces, body.template))
-    found = convert_with_residuals(told, embedded)
+    estimated = Bodies(flat, "smpl", None, placed, Mesh("smpl", vertices, body.faces, body.template))
+    found = convert_with_residuals(estimated, embedded)
     print(found.note("smpl"))
     assert found.surface_m is not None
     assert found.surface_m.max() < 6e-3
     # Which vertex of the embedded body each vertex of the other is, is known.
     surface = np.stack([other.from_embedded @ v for v in posed(embedded, found.bodies)[0]])
     assert mm(surface, vertices) < 6
-    by_joints = posed(embedded, convert_bodies(replace(told, mesh=None), embedded))[0]
+    by_joints = posed(embedded, convert_bodies(replace(estimated, mesh=None), embedded))[0]
     assert mm(np.stack([other.from_embedded @ v for v in by_joints]), vertices) < 35
 
 
@@ -137,13 +137,13 @@ def test_bare_joints_make_bodies(own: Bodies, embedded: BodyModel) -> None:
 def test_those_of_whom_nothing_is_known_are_nan(own: Bodies, embedded: BodyModel) -> None:
     joints = posed(embedded, own)[1]
     joints[1] = np.nan
-    told = replace(own, body_model="smpl", joints=joints)
-    told.parameters.body_pose.setflags(write=False)
-    found = convert_with_residuals(told, embedded)
+    estimated = replace(own, body_model="smpl", joints=joints)
+    estimated.parameters.body_pose.setflags(write=False)
+    found = convert_with_residuals(estimated, embedded)
     assert np.isnan(found.bodies.parameters.transl).all(1).tolist() == [False, True, False, False]
     assert np.isnan(found.joints_m).tolist() == [False, True, False, False]
     alone = convert_with_residuals(
-        replace(told, parameters=told.parameters[2:], joints=joints[2:], observed=None), embedded
+        replace(estimated, parameters=estimated.parameters[2:], joints=joints[2:], observed=None), embedded
     )
     np.testing.assert_allclose(found.bodies.parameters.transl[2:], alone.bodies.parameters.transl, atol=1e-6)
 
@@ -158,10 +158,10 @@ def test_a_person_does_not_depend_on_the_others(own: Bodies, embedded: BodyModel
 
 
 def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own: Bodies, embedded: BodyModel) -> None:
-    told = replace(own, body_model="smplx")
-    assert not can_convert(told, embedded)
+    estimated = replace(own, body_model="smplx")
+    assert not can_convert(estimated, embedded)
     with pytest.raises(BodyModelError) as caught:
-        convert_bodies(told, embedded)
+        convert_bodies(estimated, embedded)
     assert str(caught.value) == (
         "bodies for the body model 'smplx' cannot be converted to 'embedded': give the joints of SMPL-X "
         "(Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"

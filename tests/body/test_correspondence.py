@@ -126,17 +126,21 @@ def test_contact_is_carried_there_and_back(name: str, embedded: BodyModel, other
 
 def test_cavities_are_never_in_contact(embedded: BodyModel, other_model: BodyModel) -> None:
     ones = np.ones((1, other_model.num_vertices), np.float32)
-    told = convert_contact(ContactProbability(ones, "smplx", rest_mesh_of_model(other_model)), embedded).probability
-    assert (told[:, embedded.outer.numpy()] > 0.999).all()
-    assert not told[:, ~embedded.outer.numpy()].any()
+    converted = convert_contact(
+        ContactProbability(ones, "smplx", rest_mesh_of_model(other_model)), embedded
+    ).probability
+    assert (converted[:, embedded.outer.numpy()] > 0.999).all()
+    assert not converted[:, ~embedded.outer.numpy()].any()
 
 
 def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded: BodyModel, other_model: BodyModel) -> None:
     some = np.zeros((2, other_model.num_vertices), np.float32)
     some[0] = np.nan
-    told = convert_contact(ContactProbability(some, "smplx", rest_mesh_of_model(other_model)), embedded).probability
-    assert np.isnan(told[0, embedded.outer.numpy()]).all()
-    assert not told[1].any()
+    converted = convert_contact(
+        ContactProbability(some, "smplx", rest_mesh_of_model(other_model)), embedded
+    ).probability
+    assert np.isnan(converted[0, embedded.outer.numpy()]).all()
+    assert not converted[1].any()
 
 
 @pytest.mark.parametrize(
@@ -169,14 +173,14 @@ def test_a_map_is_kept_and_found_again(
     assert file.name.endswith(".map.npz")
 
     def never(rest: RestMesh, model: BodyModel) -> Correspondence:
-        raise AssertionError("it is told again")
+        raise AssertionError("it is converted again")
 
     monkeypatch.setattr(module, "find_correspondence", never)
     found = cached_correspondence(rest, embedded)
     np.testing.assert_array_equal(found.corners, onto_other.corners)
     np.testing.assert_allclose(found.shares, onto_other.shares, atol=1e-6)
     np.testing.assert_array_equal(found.sure, onto_other.sure)
-    with pytest.raises(AssertionError, match="told again"):
+    with pytest.raises(AssertionError, match="converted again"):
         cached_correspondence(replace(rest, vertices=rest.vertices + np.float32(1e-4)), embedded)
 
     file.write_bytes(file.read_bytes()[:1000])

@@ -115,11 +115,11 @@ def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: 
 )
 def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: list[str], most_mm: float) -> None:
     vertices, joints = posed(embedded, as_fit(people))
-    told = joints.copy()
-    told[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
-    assert has_torso_joints(np.isfinite(told).all(-1)).all()
-    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), told, None))
-    known = np.isfinite(told).all(-1)
+    given_joints = joints.copy()
+    given_joints[:, [JOINT_INDEX[name] for name in unknown]] = np.nan
+    assert has_torso_joints(np.isfinite(given_joints).all(-1)).all()
+    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), given_joints, None))
+    known = np.isfinite(given_joints).all(-1)
     print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[known], joints[known]):.1f} mm")
     assert np.isfinite(again).all()
     assert mm(there[known], joints[known]) < 10
@@ -129,10 +129,10 @@ def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: lis
 def test_twelve_joints_and_a_neck_make_a_body(embedded: BodyModel, people: People) -> None:
     """What any pose network sees: shoulders to wrists, hips to ankles."""
     vertices, joints = posed(embedded, as_fit(people))
-    told = np.full_like(joints, np.nan)
+    given_joints = np.full_like(joints, np.nan)
     seen = [12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8]
-    told[:, seen] = joints[:, seen]
-    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), told, None))
+    given_joints[:, seen] = joints[:, seen]
+    again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), given_joints, None))
     print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[:, seen], joints[:, seen]):.1f} mm")
     assert mm(there[:, seen], joints[:, seen]) < 12
     assert mm(again, vertices) < 35

@@ -58,9 +58,11 @@ def test_a_body_given_by_joints_alone_has_the_same_height(
 ) -> None:
     """As the ruler takes it: from the embedded body to the file's, and back by joints that lie elsewhere."""
     world = build_world("stand", 0, (160, 120))
-    told = Bodies(world.parameters, "embedded")
-    back = convert_bodies(replace_mesh_with_joints(convert_bodies(told, other_model), other_model), embedded)
-    feet = [surface(embedded, bodies)[embedded.contact_sets["left_sole"], 1].max() for bodies in (told, back)]
+    bodies_of_world = Bodies(world.parameters, "embedded")
+    back = convert_bodies(replace_mesh_with_joints(convert_bodies(bodies_of_world, other_model), other_model), embedded)
+    feet = [
+        surface(embedded, bodies)[embedded.contact_sets["left_sole"], 1].max() for bodies in (bodies_of_world, back)
+    ]
     print(f"soles are {1000 * (feet[1] - feet[0]):+.1f} mm lower")
     assert feet[1] == pytest.approx(feet[0], abs=0.01)
 

@@ -49,11 +49,11 @@ def package(site: Path) -> type:
 
 def test_the_same_files_have_one_digest(site: Path):
     kind = package(site)
-    told = CodeDigester().digest(kind)
-    assert told is not None
+    first = CodeDigester().digest(kind)
+    assert first is not None
     write(site / "pack" / "__pycache__" / "other.pyc", "x")
     write(site / "beside.py", "x")
-    assert CodeDigester().digest(kind) == told
+    assert CodeDigester().digest(kind) == first
 
 
 @pytest.mark.parametrize(
@@ -68,20 +68,20 @@ def test_the_same_files_have_one_digest(site: Path):
 )
 def test_every_edit_of_the_package_counts(site: Path, file: str, text: str):
     kind = package(site)
-    told = CodeDigester().digest(kind)
+    first = CodeDigester().digest(kind)
     write(site / file, text)
-    assert CodeDigester().digest(kind) not in (told, None)
+    assert CodeDigester().digest(kind) not in (first, None)
 
 
 def test_a_module_in_no_package_counts_with_those_beside_it(site: Path):
     write(site / "my_depth.py", SOURCE)
     importlib.invalidate_caches()
     kind = importlib.import_module("my_depth").Depth
-    told = CodeDigester().digest(kind)
+    first = CodeDigester().digest(kind)
     write(site / "my_helpers.py", "x = 1\n")
     other = CodeDigester().digest(kind)
-    assert None not in (told, other)
-    assert told != other
+    assert None not in (first, other)
+    assert first != other
 
 
 def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
@@ -89,9 +89,9 @@ def test_an_edit_of_a_base_class_changes_the_digest(site: Path):
     write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
     importlib.invalidate_caches()
     kind = importlib.import_module("pack").Own
-    told = CodeDigester().digest(kind)
+    first = CodeDigester().digest(kind)
     write(site / "base.py", SOURCE.replace("1", "2"))
-    assert CodeDigester().digest(kind) not in (told, None)
+    assert CodeDigester().digest(kind) not in (first, None)
 
 
 def test_a_module_edited_after_the_start_has_no_digest(site: Path, monkeypatch: pytest.MonkeyPatch):

@@ -106,12 +106,12 @@ def test_the_version_of_the_interface_is_part_of_the_cache_key(cache: ResultCach
 def test_the_version_of_a_library_is_part_of_the_cache_key(
     cache: ResultCache, folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    told = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
+    versions = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
     names = []
     for distribution in ("none", "physic-core", "my-dist"):
-        for library in told.get(distribution, ()):
-            told[distribution][library] += ".1"
-        monkeypatch.setattr(module, "required_versions", lambda name: dict(told[name]))
+        for library in versions.get(distribution, ()):
+            versions[distribution][library] += ".1"
+        monkeypatch.setattr(module, "required_versions", lambda name: dict(versions[name]))
         names.append(ask(ResultCache(folder, 1)).name)
     assert len(set(names)) == 3
 

@@ -404,10 +404,10 @@ def test_a_person_on_a_platform_keeps_place_and_depth() -> None:
     assert placed.grounded.tolist() == [False, False]
     assert depth_offsets(placed) == [1.0, 1.0]
     assert error_cm(placed).max() < 1
-    for told in placed.diagnostics:
-        assert told["grounded"] is False
-        assert told["foot_height_m"] is None
-        assert "floor" not in told["losses"]
+    for diagnostics in placed.diagnostics:
+        assert diagnostics["grounded"] is False
+        assert diagnostics["foot_height_m"] is None
+        assert "floor" not in diagnostics["losses"]
 
 
 def test_a_person_who_stands_on_the_floor_is_grounded() -> None:

@@ -366,9 +366,9 @@ def test_a_person_elsewhere_is_not_pulled_to_the_floor(two):
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
     assert torch.equal(one.weights["soles"], everybody.weights["soles"])
-    told, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
-    assert told[0] < of_all[0] - 1
-    assert told[1] == of_all[1]
+    alone, of_all = one()["soles"].tolist(), everybody()["soles"].tolist()
+    assert alone[0] < of_all[0] - 1
+    assert alone[1] == of_all[1]
 
 
 def test_a_person_elsewhere_has_the_depth_offset_of_people_without_a_floor(two):

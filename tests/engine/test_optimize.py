@@ -98,11 +98,11 @@ def test_looks_anew_at_least_every_thirty_steps():
 
 def test_stops_when_a_refreshs_steps_no_longer_help():
     energy = Bowl()
-    told: list[float] = []
-    trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy, told.append)
+    progress: list[float] = []
+    trace = replace(LBFGS, steps=1000, refresh_steps=10).minimise(energy, progress.append)
     assert trace.steps <= 40
-    # Progress is told after each block and at the end; the last block changed nothing to look at.
-    assert energy.refreshes == len(told) - 2
+    # Progress is progress after each block and at the end; the last block changed nothing to look at.
+    assert energy.refreshes == len(progress) - 2
 
 
 def test_the_optimiser_avoids_nan():

@@ -57,16 +57,16 @@ def test_the_energy_falls_and_everybody_moves(start):
 @pytest.mark.parametrize("name", ["sit_on_chair"])
 def test_stage_three_moves_in_a_world(name):
     world = build_world(name, seed=3, size=(128, 96))
-    told = reconstruct(
+    diagnostics = reconstruct(
         world.image,
         load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false"]),
     ).diagnostics
-    losses, scale = told["joint"]["losses"], told["joint"]["scene_scale"]
+    losses, scale = diagnostics["joint"]["losses"], diagnostics["joint"]["scene_scale"]
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
     print(f"{name}: energy {before:.1f} -> {after:.1f}, scale {scale:.4f}")
     assert after < before
     assert abs(scale - 1) > 1e-4
-    for person in told["people"]:
+    for person in diagnostics["people"]:
         came, left = person["placement_reprojection_px"]
         assert left <= came
 

@@ -43,10 +43,10 @@ def test_the_result_is_the_minimum_of_the_energy(two):
 def test_contact_and_penetration_of_prox_are_added_after_three_quarters_of_the_steps(two):
     problem = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.06, 0.0]))
     prox = adjusted(PROX, optimiser__steps=6, optimiser__refresh_steps=2)
-    told: list[float] = []
-    late = optimize(problem, prox, told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    progress: list[float] = []
+    late = optimize(problem, prox, progress.append)
+    assert progress == sorted(progress)
+    assert progress[-1] == 1.0
     alone = optimize(problem, adjusted(prox, contact__weight=0.0, penetration__weight=0.0))
     assert {"contact", "penetration"} <= set(late.losses)
     assert set(alone.losses) == set(late.losses) - {"contact", "penetration"}

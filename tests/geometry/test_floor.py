@@ -264,15 +264,15 @@ def test_surfaces_tell_a_small_floor_from_a_big_table_beside_it(pitch: float) ->
     depth = torch.where(on_table, torch.minimum(depth, meet(normal, 0.7)), depth)
     points = RAYS * depth[..., None]
     alone = fit_floor(points, ALL)
-    told = fit_floor(points, ALL, normals=pointmap_normals(points, ALL))
+    fit = fit_floor(points, ALL, normals=pointmap_normals(points, ALL))
     assert (alone.plane, alone.reason) == (None, "below_plane")
-    assert told.plane is not None
-    print(f"pitch {pitch}: {told.plane.offset:.3f} m of 1.5, the table is at 0.7; {told.inlier_share:.2f} of the rest")
-    assert told.reason == "found"
-    assert told.plane.source == "lower image"
-    assert told.plane.offset == pytest.approx(1.5, abs=0.02)
-    assert angle_deg(told.plane.normal, normal) < 0.3
-    assert not told.plane.inliers[120:, 40:].any()
+    assert fit.plane is not None
+    print(f"pitch {pitch}: {fit.plane.offset:.3f} m of 1.5, the table is at 0.7; {fit.inlier_share:.2f} of the rest")
+    assert fit.reason == "found"
+    assert fit.plane.source == "lower image"
+    assert fit.plane.offset == pytest.approx(1.5, abs=0.02)
+    assert angle_deg(fit.plane.normal, normal) < 0.3
+    assert not fit.plane.inliers[120:, 40:].any()
     assert float((on_floor & ~on_table)[72:].double().mean()) < 0.4
 
 

@@ -1,4 +1,4 @@
-"""Up from surface normals: found for any camera in a room; not told where the surfaces do not tell it."""
+"""Up from surface normals: found for any camera in a room; not where the surfaces leave it open."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def surfaces(
 
 
 def found(normals: Tensor) -> UpEstimate:
-    told = estimate_up(normals)
-    assert told is not None
-    return told
+    estimate = estimate_up(normals)
+    assert estimate is not None
+    return estimate
 
 
 def angle_deg(a: Tensor, b: Tensor) -> float:
@@ -63,31 +63,31 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 @pytest.mark.parametrize("pitch", [-10.0, 0.0, 10.0, 20.0, 35.0])
 @pytest.mark.parametrize("roll", [-15.0, 0.0, 8.0, 15.0])
 def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
-    told = found(surfaces(camera(pitch, roll)))
-    off = angle_deg(told.up, up(pitch, roll))
-    print(f"pitch {pitch} roll {roll}: up off {off:.2f} degrees, {told}")
+    estimate = found(surfaces(camera(pitch, roll)))
+    off = angle_deg(estimate.up, up(pitch, roll))
+    print(f"pitch {pitch} roll {roll}: up off {off:.2f} degrees, {estimate}")
     assert off < 1.0
-    assert told.up.dtype == torch.float64
-    assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
-    assert 0 < told.confidence < 1
+    assert estimate.up.dtype == torch.float64
+    assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
+    assert 0 < estimate.confidence < 1
 
 
 @given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
 def test_up_is_found_for_any_camera_held_by_hand(pitch: float, roll: float, seed: int) -> None:
-    told = found(surfaces(camera(pitch, roll), seed=seed))
-    assert angle_deg(told.up, up(pitch, roll)) < 1.0
+    estimate = found(surfaces(camera(pitch, roll), seed=seed))
+    assert angle_deg(estimate.up, up(pitch, roll)) < 1.0
 
 
 def test_the_floor_alone_tells_up() -> None:
-    told = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
-    assert angle_deg(told.up, up(20.0)) < 0.5
+    estimate = found(surfaces(camera(20.0), ceiling=0, facing=0, side=0, clutter=0))
+    assert angle_deg(estimate.up, up(20.0)) < 0.5
 
 
 def test_up_is_found_from_walls_alone() -> None:
-    told = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
-    assert angle_deg(told.up, up(20.0, -10.0)) < 0.5
-    assert told.confidence > 0.2
+    estimate = found(surfaces(camera(20.0, -10.0), floor=0, ceiling=0, clutter=0))
+    assert angle_deg(estimate.up, up(20.0, -10.0)) < 0.5
+    assert estimate.confidence > 0.2
 
 
 def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
@@ -102,6 +102,6 @@ def test_a_camera_that_looks_far_down_is_estimated_wrong() -> None:
 
 
 def test_a_wall_seen_from_straight_ahead_leaves_up_a_direction_that_nothing_makes_firm() -> None:
-    told = found(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
-    assert float(torch.linalg.vector_norm(told.up)) == pytest.approx(1.0)
-    assert told.confidence == 0.0
+    estimate = found(torch.tensor([[0.0, 0.0, -1.0]]).expand(1000, 3))
+    assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
+    assert estimate.confidence == 0.0

@@ -1,4 +1,4 @@
-"""Failure is told: each number against its bound, in a name that can be filtered by and a sentence that can be read."""
+"""Self-checks: each number against its bound, in a name that can be filtered by and a sentence that can be read."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def keypoints_at(joints: np.ndarray, camera: Intrinsics, off_px: float = 0.0, mo
 
 def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     """Estimates, solution and settings of one person where all is well, but for the changes."""
-    known = {"told": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
+    known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"}
     known |= {"shoulders": True} | changes
@@ -100,7 +100,7 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     )
     floor = FLOOR if known["floor"] == "found" else None
     solution = SimpleNamespace(
-        people=(known["told"],),
+        people=(known["report"],),
         failures=(known["failure"],),
         joints=joints[None],
         intrinsics=known["camera"],
@@ -163,34 +163,34 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
 @pytest.mark.parametrize(
     ("changes", "names"),
     [
-        ({"told": {"reprojection_share": 0.01, "penetration_share": 0.02, "support_gap_m": 0.01}}, ()),
-        ({"told": {"reprojection_share": 0.05}}, ("reprojection",)),
-        ({"told": {"penetration_share": 0.2}}, ("penetration",)),
-        ({"told": {"support_gap_m": 0.2}}, ("floating",)),
-        ({"told": {"support_gap_m": None}}, ()),
-        ({"told": {"support_gap_m": 0.2}, "legs": False}, ("legs_seen",)),
-        ({"told": {"seen_share": 0.23}}, ("visible",)),
-        ({"told": {"seen_share": 0.75}}, ()),
+        ({"report": {"reprojection_share": 0.01, "penetration_share": 0.02, "support_gap_m": 0.01}}, ()),
+        ({"report": {"reprojection_share": 0.05}}, ("reprojection",)),
+        ({"report": {"penetration_share": 0.2}}, ("penetration",)),
+        ({"report": {"support_gap_m": 0.2}}, ("floating",)),
+        ({"report": {"support_gap_m": None}}, ()),
+        ({"report": {"support_gap_m": 0.2}, "legs": False}, ("legs_seen",)),
+        ({"report": {"seen_share": 0.23}}, ("visible",)),
+        ({"report": {"seen_share": 0.75}}, ()),
         ({"shoulders": False}, ("shoulders_seen",)),
-        ({"told": {"depth_order_share": 0.2}}, ("depth_order",)),
-        ({"told": {"mask_covered_share": 0.78}}, ("mask_covered",)),
-        ({"told": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
-        ({"told": {"clearance_m": 0.28}}, ("support",)),
-        ({"told": {"clearance_m": 0.28, "support_gap_m": 0.28, "assumed_support": 1.0}}, ()),
-        ({"told": {"balance_m": 0.3}}, ("balance",)),
-        ({"told": {"clearance_m": 0.28}, "legs": False}, ("legs_seen", "support")),
-        ({"told": {"sole_height_m": 0.25}}, ("sole_height",)),
-        ({"told": {"sole_height_m": 0.25}, "legs": False}, ("legs_seen",)),
-        ({"told": {"sole_height_m": 0.25}, "joints": bent()}, ()),
-        ({"told": {"sole_height_m": -2.3}}, ("sole_height",)),
-        ({"told": {"sole_height_m": -2.3}, "joints": bent(), "legs": False}, ("legs_seen", "sole_height")),
-        ({"told": {"low_depth_ratio": 0.5}}, ("low_depth",)),
+        ({"report": {"depth_order_share": 0.2}}, ("depth_order",)),
+        ({"report": {"mask_covered_share": 0.78}}, ("mask_covered",)),
+        ({"report": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
+        ({"report": {"clearance_m": 0.28}}, ("support",)),
+        ({"report": {"clearance_m": 0.28, "support_gap_m": 0.28, "assumed_support": 1.0}}, ()),
+        ({"report": {"balance_m": 0.3}}, ("balance",)),
+        ({"report": {"clearance_m": 0.28}, "legs": False}, ("legs_seen", "support")),
+        ({"report": {"sole_height_m": 0.25}}, ("sole_height",)),
+        ({"report": {"sole_height_m": 0.25}, "legs": False}, ("legs_seen",)),
+        ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ()),
+        ({"report": {"sole_height_m": -2.3}}, ("sole_height",)),
+        ({"report": {"sole_height_m": -2.3}, "joints": bent(), "legs": False}, ("legs_seen", "sole_height")),
+        ({"report": {"low_depth_ratio": 0.5}}, ("low_depth",)),
         ({"off": 30.0, "moved": 3}, ("limb_keypoints",)),
         ({"off": 30.0, "moved": 2}, ()),
         ({"off": 10.0, "moved": 12}, ()),
-        ({"told": {"depth_ratio": 1.45}}, ("person_depth",)),
-        ({"told": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
-        ({"told": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
+        ({"report": {"depth_ratio": 1.45}}, ("person_depth",)),
+        ({"report": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),
+        ({"report": {"placement_problem": "2 keypoints have confidence 0.5 or more"}}, ("placed",)),
         ({"failure": "no start"}, ("optimised",)),
         ({"lost": ("body_estimator",)}, ("missing_outputs",)),
         ({"lean": 9.0}, ()),
@@ -200,7 +200,7 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"joints": with_bent_trunk(25.0)}, ()),
         ({"joints": with_bent_trunk(45.0)}, ("bend",)),
         ({"joints": with_bent_trunk(-45.0)}, ("bend",)),
-        ({"told": {"reprojection_share": 0.05, "support_gap_m": 0.2}}, ("reprojection", "floating")),
+        ({"report": {"reprojection_share": 0.05, "support_gap_m": 0.2}}, ("reprojection", "floating")),
         ({"joints": np.full((55, 3), np.nan)}, ()),
     ],
 )
@@ -213,15 +213,15 @@ def test_what_fails_of_a_person(changes: dict[str, Any], names: tuple[str, ...])
 
 def test_the_check_support_is_unknown_with_an_assumed_support() -> None:
     (support,) = [
-        d for d in run_checks(*case(told={"clearance_m": 0.0, "assumed_support": 1.0})) if d.name == "support"
+        d for d in run_checks(*case(report={"clearance_m": 0.0, "assumed_support": 1.0})) if d.name == "support"
     ]
     assert support.state == "unknown"
     assert support.message == "not measured: a support that the scene does not show is assumed to carry this person"
 
 
 def test_a_ruler_is_held_against_the_depth_as_it_was_given() -> None:
-    assert failing(told={"depth_ratio": 1.3}, scale=0.8) == [("depth_vs_bodies", None)]
-    assert failing(told={"depth_ratio": 1.3}, scale=1.1) == []
+    assert failing(report={"depth_ratio": 1.3}, scale=0.8) == [("depth_vs_bodies", None)]
+    assert failing(report={"depth_ratio": 1.3}, scale=1.1) == []
 
 
 def test_one_seen_ankle_is_enough_of_a_leg() -> None:
@@ -288,10 +288,10 @@ def test_a_failed_check_of_a_photo_is_a_warning_that_says_what_to_do(changes: di
 
 
 def test_failed_checks_of_a_body_are_no_warnings_of_the_result() -> None:
-    found = run_checks(*case(told={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
+    found = run_checks(*case(report={"reprojection_share": 0.1, "penetration_share": 0.5}, lean=20.0))
     assert warning_messages(found) == ()
-    told = {d.name: d.message for d in found if d.failed}
-    assert told["lean"] == (
+    report = {d.name: d.message for d in found if d.failed}
+    assert report["lean"] == (
         "this person stands and leans 20 degrees towards the camera: one photo hardly shows that, the pose or the "
         "floor is doubtful"
     )
@@ -314,9 +314,9 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not() -> None:
         ({"floor": "no_pixels"}, "placed", "no floor was found: the position is by size and scene alone"),
         ({"floor": "no_pixels"}, "floating", "no floor was found"),
         ({"floor": "no_pixels"}, "lean", "no floor was found"),
-        ({"floor": "no_pixels", "told": {"sole_height_m": -2.3}}, "sole_height", "no floor was found"),
+        ({"floor": "no_pixels", "report": {"sole_height_m": -2.3}}, "sole_height", "no floor was found"),
         (
-            {"joints": bent(), "told": {"sole_height_m": 0.3}},
+            {"joints": bent(), "report": {"sole_height_m": 0.3}},
             "sole_height",
             "this person does not stand straight",
         ),
@@ -402,7 +402,7 @@ def test_the_grade_of_a_photo(
 
 
 def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:
-    estimates, solution, settings = case(told={"support_gap_m": 0.0})
+    estimates, solution, settings = case(report={"support_gap_m": 0.0})
     solution.diagnostics["scene"]["floor"] = {"reason": "no_consensus", "source": "people", "mask_reason": None}
     found = {d.name: d for d in run_checks(estimates, solution, settings)}
     assert found["floor"].failed
@@ -411,7 +411,7 @@ def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:
 
 
 def test_a_person_lists_what_failed_and_what_is_unknown() -> None:
-    found = run_checks(*case(floor="no_consensus", told={"reprojection_share": 0.05, "seen_share": 0.9}))
+    found = run_checks(*case(floor="no_consensus", report={"reprojection_share": 0.05, "seen_share": 0.9}))
     assert failed_checks(found, 0) == ("reprojection",)
     assert {"placed", "floating", "lean"} <= set(unknown_checks(found, 0))
     assert not {"reprojection", "visible", "optimised"} & set(unknown_checks(found, 0))

@@ -37,13 +37,13 @@ def test_both_people_of_the_example_photo_are_found(result: Reconstruction) -> N
 
 def test_the_man_who_is_not_cut_off_stands_on_the_floor(result: Reconstruction) -> None:
     whole, _ = whole_and_cut(result)
-    told = consistency(result, load_body())[whole]
-    print(told)
+    measured = consistency(result, load_body())[whole]
+    print(measured)
     assert result.scene.floor is not None
-    assert abs(told.sole_height) < 0.03
-    assert told.keypoint_error_share < 0.02
-    assert told.inside_share < 0.01
-    assert abs(told.lean_deg) < 12
+    assert abs(measured.sole_height) < 0.03
+    assert measured.keypoint_error_share < 0.02
+    assert measured.inside_share < 0.01
+    assert abs(measured.lean_deg) < 12
     ankles = result.people[whole].joints[7:9] @ result.scene.floor.normal + result.scene.floor.offset
     neck = float(result.people[whole].joints[12] @ result.scene.floor.normal + result.scene.floor.offset)
     assert neck - float(ankles.min()) > 1.0

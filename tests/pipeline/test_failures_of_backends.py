@@ -106,7 +106,7 @@ ANSWERED = "person 0: no valid values for this person from {}: results that need
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reason"),
     [
         (
             fail,
@@ -121,11 +121,11 @@ ANSWERED = "person 0: no valid values for this person from {}: results that need
     ids=["fails", "NaN", "nothing"],
 )
 def test_without_hands_the_fingers_stay_as_they_were(
-    world: World, change: Callable[[Any], Any], told: str, tmp_path: Path
+    world: World, change: Callable[[Any], Any], reason: str, tmp_path: Path
 ) -> None:
     result = run(world, "hand_estimator", backends.MockHandEstimator, change)
     title = WRONG.format("hand_estimator", "hands")
-    assert f"{title}{told}; fingers stay as the body_estimator posed them" in result.warnings
+    assert f"{title}{reason}; fingers stay as the body_estimator posed them" in result.warnings
     assert ANSWERED.format("hand_estimator") in result.warnings
     assert result.people[0].failed_checks[0] == "missing_outputs"
     plain = without(world, "hand_estimator")
@@ -138,7 +138,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reason"),
     [
         (
             fail,
@@ -156,10 +156,12 @@ def test_without_hands_the_fingers_stay_as_they_were(
     ],
     ids=["fails", "NaN", "another mesh"],
 )
-def test_without_a_contact_prior_distances_tell_contact(world: World, change: Callable[[Any], Any], told: str) -> None:
+def test_without_a_contact_prior_distances_tell_contact(
+    world: World, change: Callable[[Any], Any], reason: str
+) -> None:
     result = run(world, "contact_prior", backends.MockContactPrior, change)
     title = WRONG.format("contact_prior", "contact prior")
-    assert f"{title}{told}; contact is computed from distances alone" in result.warnings
+    assert f"{title}{reason}; contact is computed from distances alone" in result.warnings
     assert ANSWERED.format("contact_prior") in result.warnings
     plain = without(world, "contact_prior")
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)

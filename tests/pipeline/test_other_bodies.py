@@ -64,11 +64,11 @@ def contact() -> ContactProbability:
 
 
 def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
-    told = bodies()
-    assert told.mesh is not None
-    told.mesh.vertices[0, 2] = np.nan
-    assert violations(BodyEstimator, told, people=2) == []
-    kept, lost = discard_invalid_bodies(told)
+    estimated = bodies()
+    assert estimated.mesh is not None
+    estimated.mesh.vertices[0, 2] = np.nan
+    assert violations(BodyEstimator, estimated, people=2) == []
+    kept, lost = discard_invalid_bodies(estimated)
     assert lost.tolist() == [True, False]
     assert kept.mesh is not None
     assert kept.joints is not None
@@ -84,9 +84,9 @@ def test_results_with_the_new_fields_are_cached(answer: Bodies | Hands | Contact
     arrays, document = split_arrays(answer)
     write_archive(tmp_path / "one.npz", arrays, document)
     found = join_arrays(*read_archive(tmp_path / "one.npz"), CLASSES)
-    told, again = (dict(split_arrays(a)[0]) for a in (answer, found))
-    assert list(told) == list(again)
-    for path, array in told.items():
+    estimated, again = (dict(split_arrays(a)[0]) for a in (answer, found))
+    assert list(estimated) == list(again)
+    for path, array in estimated.items():
         np.testing.assert_array_equal(again[path], array)
         assert again[path].dtype == array.dtype
     assert type(canonicalize(answer)) is type(answer)
@@ -121,46 +121,48 @@ def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruc
     return reconstruct(world.image, config, registry=registry)
 
 
-def joints_of(told: Bodies) -> np.ndarray:
-    model, p = load_body("embedded"), told.parameters
+def joints_of(estimated: Bodies) -> np.ndarray:
+    model, p = load_body("embedded"), estimated.parameters
     with torch.no_grad():
         given = (torch.from_numpy(value) for value in (p.betas, p.transl))
         return model(rotations_from_parameters(p), *given, joints_only=True).joints.numpy()
 
 
 class Smpl(backends.MockBodyEstimator):
-    """The mock's bodies, told as SMPL's."""
+    """The mock's bodies, estimated as SMPL's."""
 
     def infer(self, *arguments):
-        told = super().infer(*arguments)
-        return Bodies(told.parameters, "smpl", told.observed, joints_of(told))
+        estimated = super().infer(*arguments)
+        return Bodies(estimated.parameters, "smpl", estimated.observed, joints_of(estimated))
 
 
 class TooFew(Smpl):
     def infer(self, *arguments):
-        told = super().infer(*arguments)
-        assert told.joints is not None
-        told.joints[:, 1] = np.nan
-        return told
+        estimated = super().infer(*arguments)
+        assert estimated.joints is not None
+        estimated.joints[:, 1] = np.nan
+        return estimated
 
 
 class OtherContact(backends.MockContactPrior):
     """The mock's contact, on a mesh that has another name and another order of vertices."""
 
     def infer(self, *arguments):
-        told = super().infer(*arguments)
+        estimated = super().infer(*arguments)
         rest = rest_mesh_of_model(load_body("embedded"))
         order = np.random.default_rng(0).permutation(len(rest.vertices))
         mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
-        return ContactProbability(told.probability[:, order], "shuffled", mesh)
+        return ContactProbability(estimated.probability[:, order], "shuffled", mesh)
 
 
 class Wrists(backends.MockHandEstimator):
     """Hands that lie as the T-pose's do, turned by half a radian."""
 
     def infer(self, image, people, keypoints):
-        told = super().infer(image, people, keypoints)
-        return replace(told, confidence=np.full_like(told.confidence, 0.9), wrists=np.full((len(people), 2, 3), 0.3))
+        estimated = super().infer(image, people, keypoints)
+        return replace(
+            estimated, confidence=np.full_like(estimated.confidence, 0.9), wrists=np.full((len(people), 2, 3), 0.3)
+        )
 
 
 def test_bodies_of_smpl_are_carried_over(world: World) -> None:

@@ -94,11 +94,11 @@ def test_a_device_that_is_not_there(world: World, monkeypatch: pytest.MonkeyPatc
 
 def test_optional_interfaces_may_be_left_out(world: World) -> None:
     config = load_config(preset="mock", overrides=["hand_estimator.backend=none", "contact_prior.backend=none"])
-    told: list[tuple[str, int, int]] = []
-    result = reconstruct(world.image, config, progress=lambda *step: told.append(step))
-    assert [s.name for s in result.stages] == [name for name, _, _ in told]
-    assert [done for _, done, _ in told] == list(range(len(told)))
-    assert {total for _, _, total in told} == {len(told)}
+    steps: list[tuple[str, int, int]] = []
+    result = reconstruct(world.image, config, progress=lambda *step: steps.append(step))
+    assert [s.name for s in result.stages] == [name for name, _, _ in steps]
+    assert [done for _, done, _ in steps] == list(range(len(steps)))
+    assert {total for _, _, total in steps} == {len(steps)}
     assert np.abs(result.people[0].parameters.left_hand_pose).max() < 0.05
 
 

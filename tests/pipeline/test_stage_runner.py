@@ -222,12 +222,12 @@ def run(tmp_path: Path) -> Callable[[], StageRunner]:
 
 def test_a_cached_output_needs_neither_call_nor_load(events: list[str], run: Callable[[], StageRunner]):
     first, second = run(), run()
-    told = ask(first, Counting())
+    once = ask(first, Counting())
     again = ask(second, Counting())
     second.close()
     assert events == ["load a on cpu", "infer a"]
-    np.testing.assert_array_equal(told.depth, again.depth)
-    assert told.notes == again.notes
+    np.testing.assert_array_equal(once.depth, again.depth)
+    assert once.notes == again.notes
     assert [(r.cached, r.failed, r.load_seconds > 0) for s in (first, second) for r in s.records] == [
         (False, False, True),
         (True, False, False),
@@ -251,8 +251,8 @@ def test_a_cached_result_must_pass_the_check(
     ask(run(), Counting())
     stages, (file,) = run(), (tmp_path / "answers").iterdir()
     monkeypatch.setattr(interfaces.MetricDepth, "check", lambda *_: [] if "infer a" in events[2:] else ["x"])
-    told = ask(stages, Counting())
-    assert told.depth.shape == SHAPE
+    once = ask(stages, Counting())
+    assert once.depth.shape == SHAPE
     stages.close()
     assert events == ["load a on cpu", "infer a", "load a on cpu", "infer a", "close a"]
     assert stages.notes == [f"a damaged file of the cache was dropped and its answer computed again: {file} (x)"]

@@ -98,15 +98,15 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin: Any, o
 
 def test_the_list_as_json(plugin: Any, own_cache: Path):
     there = put(own_cache / "free" / "free.onnx")
-    told = json.loads(physic("list", "--json").stdout)
-    assert told["broken"] == []
-    assert [(s["name"], s["state"], s["commercial"], s["account"]) for s in told["sets"]] == [
+    printed = json.loads(physic("list", "--json").stdout)
+    assert printed["broken"] == []
+    assert [(s["name"], s["state"], s["commercial"], s["account"]) for s in printed["sets"]] == [
         ("free", "here", True, False),
         ("gated", "missing", False, True),
         ("own", "missing", None, False),
     ]
-    assert told["sets"][0]["files"][0]["here"] == str(there)
-    assert json.loads(physic("show", "free", "--json").stdout) == told["sets"][0]
+    assert printed["sets"][0]["files"][0]["here"] == str(there)
+    assert json.loads(physic("show", "free", "--json").stdout) == printed["sets"][0]
 
 
 def test_a_broken_list_is_a_row(plugin: Any, site: Any, monkeypatch):

@@ -48,11 +48,11 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Pa
     url = server.add("/model.onnx", CONTENT)
     folder = lists.add("net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url})
     chosen = read_manifest(folder)["net"]
-    told: list[tuple[str, int, int | None]] = []
-    assert fetch(chosen, progress=lambda *step: told.append(step)) == ("model.onnx",)
+    steps: list[tuple[str, int, int | None]] = []
+    assert fetch(chosen, progress=lambda *step: steps.append(step)) == ("model.onnx",)
     assert locate(folder, "net").read_bytes() == CONTENT
-    assert told[0] == ("model.onnx", 0, len(CONTENT))
-    assert told[-1] == ("model.onnx", len(CONTENT), len(CONTENT))
+    assert steps[0] == ("model.onnx", 0, len(CONTENT))
+    assert steps[-1] == ("model.onnx", len(CONTENT), len(CONTENT))
     assert fetch(chosen) == ()
     assert len(server.asked) == 1
     assert left(own_cache) == ["net/model.onnx"]
@@ -92,9 +92,9 @@ def test_the_next_fetch_goes_on_where_the_last_one_stopped(server: Any, own_cach
     url = server.add("/model.onnx", CONTENT, cut=[262_144, 0])
     assert refusal(one(url)) == (f"{url}: the connection was lost; 262 kB are kept; the next download resumes")
     assert left(own_cache) == ["net/model.onnx.part", "net/model.onnx.part.of"]
-    told: list[int] = []
-    fetch(one(url), progress=lambda file, done, total: told.append(done))
-    assert told[0] == 262_144
+    steps: list[int] = []
+    fetch(one(url), progress=lambda file, done, total: steps.append(done))
+    assert steps[0] == 262_144
     assert server.ranges("/model.onnx")[-1] == "bytes=262144-"
     assert (own_cache / "net" / "model.onnx").read_bytes() == CONTENT
     assert left(own_cache) == ["net/model.onnx"]

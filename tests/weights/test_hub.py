@@ -89,14 +89,14 @@ def left(folder: Path) -> list[str]:
 def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub: Hub, lists: Any, own_cache: Path, tmp_path: Path):
     large = {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": hub.add("onnx/model.onnx", CONTENT)}
     folder = lists.add("net", large, {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)})
-    told: list[tuple[str, int, int | None]] = []
+    steps: list[tuple[str, int, int | None]] = []
     chosen = read_manifest(folder)["net"]
-    assert fetch(chosen, progress=lambda *step: told.append(step)) == ("model.onnx", "config.json")
+    assert fetch(chosen, progress=lambda *step: steps.append(step)) == ("model.onnx", "config.json")
     snapshot = tmp_path / "hub" / "models--owner--net" / "snapshots" / COMMIT / "onnx"
     assert locate(folder, "net") == snapshot
     assert (snapshot / "model.onnx").read_bytes() == CONTENT
     assert (snapshot / "config.json").read_bytes() == CONFIG
-    assert ("model.onnx", len(CONTENT), len(CONTENT)) in told
+    assert ("model.onnx", len(CONTENT), len(CONTENT)) in steps
     assert not own_cache.exists()
     assert [name for name in left(tmp_path / "hub") if ".part" in name] == []
     asked = len(hub.server.asked)

@@ -64,7 +64,7 @@ PIPELINE = '''
 
 
 @pytest.fixture(scope="session")
-def told(tmp_path_factory):
+def stand_in_files(tmp_path_factory):
     """Options that point at a checkout, a base and a LoRA which are stand-ins."""
     pytest.importorskip("cv2")
     checkout = tmp_path_factory.mktemp("checkout")
@@ -92,8 +92,8 @@ def transformer():
     )  # fmt: skip
 
 
-def loaded(told, **more):
-    backend = OmniEraser(OmniEraserOptions(**told | more))
+def loaded(stand_in_files, **more):
+    backend = OmniEraser(OmniEraserOptions(**stand_in_files | more))
     backend.load()
     return backend
 
@@ -104,15 +104,15 @@ def hole(size=(60, 90)):
     return mask
 
 
-def test_conformance(told, no_packages_needed):
-    check_backend(OmniEraser, options=told).raise_if_failed()
+def test_conformance(stand_in_files, no_packages_needed):
+    check_backend(OmniEraser, options=stand_in_files).raise_if_failed()
 
 
-def test_white_is_the_hole(told):
+def test_white_is_the_hole(stand_in_files):
     """Told the other way round, the wall would be painted over from the red thing, and the thing would stay."""
     photo = np.full((60, 90, 3), (180, 170, 160), np.uint8)
     photo[hole()] = 255, 0, 0
-    backend = loaded(told)
+    backend = loaded(stand_in_files)
     filled = backend.infer(photo, hole())
     assert np.abs(filled[25:35, 40:50].mean((0, 1)) - (180, 170, 160)).max() < 40
     assert (filled[~hole()] == photo[~hole()]).all()
@@ -123,8 +123,8 @@ def test_white_is_the_hole(told):
     assert white[5, 5].tolist() == [0, 0, 0]
 
 
-def test_the_pipeline_is_called_as_in_the_released_code(told):
-    backend = loaded(told)
+def test_the_pipeline_is_called_as_in_the_released_code(stand_in_files):
+    backend = loaded(stand_in_files)
     backend.infer(np.zeros((60, 90, 3), np.uint8), hole())
     asked = backend._pipeline.asked
     assert asked.pop("image").size == (256, 256)
@@ -136,9 +136,9 @@ def test_the_pipeline_is_called_as_in_the_released_code(told):
     assert OmniEraserOptions().seed == 42
 
 
-def test_the_same_seed_paints_the_same(told):
+def test_the_same_seed_paints_the_same(stand_in_files):
     photo = np.random.default_rng(0).integers(0, 255, (60, 90, 3), np.uint8)
-    backends = [loaded(told, seed=seed) for seed in (7, 7, 8)]
+    backends = [loaded(stand_in_files, seed=seed) for seed in (7, 7, 8)]
     state = torch.get_rng_state()
     one, again, other = (backend.infer(photo, hole()) for backend in backends)
     assert (one == again).all()
@@ -163,8 +163,8 @@ def test_a_widened_transformer_gives_the_same_output():
     assert torch.allclose(before, after, atol=1e-5)
 
 
-def test_masks_that_cannot_be_used(told):
-    backend, photo = loaded(told), np.zeros((60, 90, 3), np.uint8)
+def test_masks_that_cannot_be_used(stand_in_files):
+    backend, photo = loaded(stand_in_files), np.zeros((60, 90, 3), np.uint8)
     assert (backend.infer(photo, np.zeros((60, 90), bool)) == photo).all()
     with pytest.raises(BackendError, match="covers the whole image"):
         backend.infer(photo, np.ones((60, 90), bool))
@@ -172,9 +172,9 @@ def test_masks_that_cannot_be_used(told):
         backend.infer(photo, np.zeros((90, 60), bool))
 
 
-def test_without_a_gpu_it_says_so(told):
+def test_without_a_gpu_it_says_so(stand_in_files):
     with pytest.raises(DeviceError, match="OmniEraser needs a GPU"):
-        loaded(told, allow_cpu=False)
+        loaded(stand_in_files, allow_cpu=False)
 
 
 def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
@@ -185,6 +185,6 @@ def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
         assert text in lack
 
 
-def test_another_checkout_is_refused(told, tmp_path):
+def test_another_checkout_is_refused(stand_in_files, tmp_path):
     with pytest.raises(WeightsMissingError, match="is no checkout of OmniEraser"):
-        loaded(told, checkout=str(tmp_path))
+        loaded(stand_in_files, checkout=str(tmp_path))

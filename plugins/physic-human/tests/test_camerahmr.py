@@ -203,8 +203,8 @@ class PerfectHmr:
 
     def __call__(self, batch: dict[str, torch.Tensor]) -> tuple[Any, ...]:
         focal = batch["cam_int"][:, 0, 0].numpy()
-        told = [self.one(crop, f) for crop, f in zip(batch["img"].numpy(), focal, strict=True)]
-        turns, weak = (torch.from_numpy(np.stack(part)).float() for part in zip(*told, strict=True))
+        rows = [self.one(crop, f) for crop, f in zip(batch["img"].numpy(), focal, strict=True)]
+        turns, weak = (torch.from_numpy(np.stack(part)).float() for part in zip(*rows, strict=True))
         parameters = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:], "betas": torch.zeros(len(weak), 10)}
         return parameters, weak, batch["cam_int"][:, 0, 0]
 

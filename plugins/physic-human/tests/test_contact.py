@@ -320,8 +320,8 @@ def test_labels_on_smpl_reach_the_embedded_body(smpl_file: Path) -> None:
     backend.load()
     who = People(world.masks, world.boxes, np.ones(len(world.masks)))
     found = convert_contact(backend.infer(world.image, who, NOBODY), load_body("embedded")).probability
-    told, true = found > 0.5, world.contact
-    both = (told & true).sum()
-    f1 = 2 * both / (told.sum() + true.sum())
+    predicted, true = found > 0.5, world.contact
+    both = (predicted & true).sum()
+    f1 = 2 * both / (predicted.sum() + true.sum())
     print(f"F1 of carried contact {f1:.2f}")
     assert f1 > 0.8

@@ -359,15 +359,15 @@ class PerfectHands:
 
 class PerfectWilor(PerfectHands):
     def __call__(self, x: torch.Tensor) -> dict[str, torch.Tensor]:
-        told = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
-        fingers, wrists = (np.stack(part) for part in zip(*told, strict=True))
+        found = [self.hand(place_of(crop[..., ::-1].copy(), *self.size)) for crop in x.numpy()]
+        fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))
         return {"hand_pose": torch.from_numpy(fingers), "global_orient": torch.from_numpy(wrists[:, None])}
 
 
 class PerfectHamer(PerfectHands):
     def __call__(self, batch: dict[str, torch.Tensor]) -> dict[str, Any]:
-        told = [self.hand(place_of(normalised_back(crop), *self.size)) for crop in batch["img"].numpy()]
-        fingers, wrists = (np.stack(part) for part in zip(*told, strict=True))
+        found = [self.hand(place_of(normalised_back(crop), *self.size)) for crop in batch["img"].numpy()]
+        fingers, wrists = (np.stack(part) for part in zip(*found, strict=True))
         matrices = Rotation.from_rotvec(fingers.reshape(-1, 3)).as_matrix().reshape(-1, 15, 3, 3)
         whole = Rotation.from_rotvec(wrists).as_matrix()[:, None]
         return {"pred_mano_params": {"hand_pose": torch.from_numpy(matrices), "global_orient": torch.from_numpy(whole)}}

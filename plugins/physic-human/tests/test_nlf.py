@@ -270,13 +270,13 @@ class PerfectNlf:
 
     @staticmethod
     def _answer(pose: np.ndarray, transl: np.ndarray, joints: np.ndarray) -> dict[str, list[torch.Tensor]]:
-        told = {
+        outputs = {
             "pose": pose.reshape(len(pose), -1),
             "betas": np.zeros((len(pose), 10)),
             "trans": transl,
             "joints3d": 1000 * joints,
         }
-        return {key: [torch.from_numpy(value).float()] for key, value in told.items()}
+        return {key: [torch.from_numpy(value).float()] for key, value in outputs.items()}
 
 
 class NlfOnWorlds(Nlf):

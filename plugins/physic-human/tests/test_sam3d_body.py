@@ -344,7 +344,7 @@ def test_another_number_of_people_is_refused(sam: Sam3dBody) -> None:
 
 
 class PerfectSam:
-    """Knows the joints of the world in the picture, in the camera that it is told."""
+    """Knows the joints of the world in the picture, in the camera that it is results."""
 
     faces = np.array([[0, 1, 2]])
     cfg: ClassVar[dict[str, Any]] = {"MODEL": {"DECODER": {"USE_INTRIN_CENTER": True}}}
@@ -353,7 +353,7 @@ class PerfectSam:
         self, img: np.ndarray, bboxes: np.ndarray, masks: Any = None, cam_int: torch.Tensor | None = None
     ) -> list[dict[str, Any]]:
         world = world_of(img)
-        told = []
+        results = []
         for box in bboxes:
             points, place = np.random.default_rng(0).normal(0, 0.3, (70, 3)), np.array([0.0, 0.0, 4.0])
             if world is not None:
@@ -362,8 +362,8 @@ class PerfectSam:
                 row = int(np.abs(world.boxes - box).sum(axis=1).argmin())
                 place = world.joints[row, 0] + np.array([0.0, 1.0, 0.0])
                 points = world_mhr_keypoints(world)[row] - place
-            told.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
-        return told
+            results.append({"pred_vertices": points[:50], "pred_cam_t": place, "pred_keypoints_3d": points})
+        return results
 
 
 class SamOnWorlds(OnWorlds, Sam3dBody):

@@ -50,10 +50,10 @@ def bodies_of(world, people, **options):
 
 
 def test_every_depth_notes_the_noise_version(world):
-    told = MockMetricDepth(MetricDepthOptions(noise=0.5)).infer(world.image, Hints()).notes
-    assert told == (f"mock: true depth with errors of noise model {NOISE_VERSION} times 0.5",)
-    told = MockRelativePointmap().infer(world.image, Hints()).notes
-    assert told == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
+    notes = MockMetricDepth(MetricDepthOptions(noise=0.5)).infer(world.image, Hints()).notes
+    assert notes == (f"mock: true depth with errors of noise model {NOISE_VERSION} times 0.5",)
+    notes = MockRelativePointmap().infer(world.image, Hints()).notes
+    assert notes == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
 
 
 # --- bodies -----------------------------------------------------------------------------------------------------------

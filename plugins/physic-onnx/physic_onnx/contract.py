@@ -112,8 +112,8 @@ def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) 
         ]
     found = [
         "found:",
-        f"  inputs:  {'; '.join(map(_told, network.inputs.values())) or 'none'}",
-        f"  outputs: {'; '.join(map(_told, network.outputs.values())) or 'none'}",
+        f"  inputs:  {'; '.join(map(_described, network.inputs.values())) or 'none'}",
+        f"  outputs: {'; '.join(map(_described, network.outputs.values())) or 'none'}",
     ]
     file = getattr(network, "name", "the file")
     raise BackendError("\n".join([f"{file} is not a network that this backend can run:", *expected, *found]))
@@ -130,7 +130,7 @@ def _assign(
         if named is not None:
             found[want.name] = named
             if not _fits(want, named, kind):
-                faults.append(f"{kind} {_told(named)} has another form")
+                faults.append(f"{kind} {_described(named)} has another form")
     taken = {port.name for port in found.values()}
     for place, want in enumerate(wanted):
         if want.name in found:
@@ -150,7 +150,7 @@ def _fits(want: PortSpec, port: Port, kind: str) -> bool:
     allowed = None if kinds is None else {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}
     if allowed is not None and port.dtype not in allowed:
         return False
-    if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be untold
+    if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be unstated
         return True
     if len(want.shape) != len(port.shape):
         return False
@@ -158,7 +158,7 @@ def _fits(want: PortSpec, port: Port, kind: str) -> bool:
     return all(w == p for w, p in pairs if isinstance(w, int) and isinstance(p, int))
 
 
-def _told(port: Port) -> str:
+def _described(port: Port) -> str:
     """Format a port for a message."""
     return f"{port.name} {port.dtype} {_shape(port.shape)}"
 

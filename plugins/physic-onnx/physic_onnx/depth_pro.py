@@ -93,12 +93,12 @@ class DepthPro(OnnxBackend, MetricDepth):
 
         height, width = image.shape[:2]
         file = loaded.network.name
-        inverse_is_told = loaded.signature == INVERSE
-        second = "field_of_view" if inverse_is_told else "focallength_px"
+        returns_inverse = loaded.signature == INVERSE
+        second = "field_of_view" if returns_inverse else "focallength_px"
         raw, focal_output = loaded.run_image("pixel_values", preprocess(image), "predicted_depth", second)
         values, number = squeeze_map(raw, "predicted_depth", file), squeeze_number(focal_output, second, file)
         # Between a near and a far surface the inverse is what may be averaged, in both forms.
-        if inverse_is_told:
+        if returns_inverse:
             if number >= 180:
                 raise BackendError(f"{file} returned a field of view of {number:g} degrees: less than 180 was expected")
             focal = focal_from_fov(number, width)

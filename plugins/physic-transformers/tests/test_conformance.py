@@ -35,8 +35,8 @@ IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 HALF = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
 
 
-class Told:
-    """A network that is told which photo it is about to see.
+class StandIn:
+    """A stand-in of a network that is given the photo which it is about to see.
 
     Attributes:
         world: what the photo shows; None where it is no world's.
@@ -106,7 +106,7 @@ def photo_at(image: np.ndarray, rows: int, columns: int) -> np.ndarray:
     return np.stack([squashed(smooth[..., c], rows, columns) for c in range(3)], -1)
 
 
-class ToldDepthPro(Told):
+class DepthProStandIn(StandIn):
     config = SimpleNamespace(patch_size=96, scaled_images_ratios=[0.25, 0.5, 1])
 
     def run(self, *, pixel_values: np.ndarray) -> Any:
@@ -119,7 +119,7 @@ class ToldDepthPro(Told):
         return SimpleNamespace(predicted_depth=batch(raw), field_of_view=torch.tensor([angle]))
 
 
-class ToldDepthAnything(Told):
+class DepthAnythingStandIn(StandIn):
     def __init__(self, kind: str) -> None:
         self.config = SimpleNamespace(patch_size=14, depth_estimation_type=kind, max_depth=80)
 
@@ -132,7 +132,7 @@ class ToldDepthAnything(Told):
         return SimpleNamespace(predicted_depth=batch(squashed(values, rows, columns)))
 
 
-class ToldZoeDepth(Told):
+class ZoeDepthStandIn(StandIn):
     def run(self, *, pixel_values: np.ndarray) -> Any:
         rows, columns = pixel_values.shape[2:]
         height, width = self.size
@@ -147,7 +147,7 @@ class ToldZoeDepth(Told):
         return SimpleNamespace(predicted_depth=batch(found[:, ::-1] if flip else found))
 
 
-class ToldVitPose(Told):
+class VitPoseStandIn(StandIn):
     skeleton = "coco17"
     config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6), num_labels=17)
 
@@ -177,7 +177,7 @@ class ToldVitPose(Told):
         return maps
 
 
-class ToldSapiens2(ToldVitPose):
+class Sapiens2StandIn(VitPoseStandIn):
     skeleton = "coco23"
     config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
 
@@ -189,7 +189,7 @@ class ToldSapiens2(ToldVitPose):
         return SimpleNamespace(heatmaps=torch.from_numpy(found))
 
 
-class ToldEomt(Told):
+class EomtStandIn(StandIn):
     config = SimpleNamespace(image_size=640, id2label={i: f"LABEL_{i}" for i in range(133)})
     floor_class = 122  # floor-other-merged
 
@@ -227,7 +227,7 @@ class Words:
         return {"input_ids": ids, "token_type_ids": [[0] * len(ids[0])], "attention_mask": mask}
 
 
-class ToldGroundingDino(Told):
+class GroundingDinoStandIn(StandIn):
     tokenizer = Words("person.", "ground, floor, carpet.")
 
     def run(self, **inputs: np.ndarray) -> Any:
@@ -249,7 +249,7 @@ class ToldGroundingDino(Told):
         return SimpleNamespace(logits=torch.from_numpy(logits), pred_boxes=torch.from_numpy(boxes))
 
 
-class ToldSam2(Told):
+class Sam2StandIn(StandIn):
     config = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
     encoded = 0
 
@@ -286,7 +286,7 @@ class ToldSam2(Told):
         return soft(on[0], 256, 256)[None] if on else np.full((1, 256, 256), -9.0)
 
 
-class ToldSam3(Told):
+class Sam3StandIn(StandIn):
     config = SimpleNamespace(image_size=1008)
     tokenizer = Words("person", "ground", "floor", "carpet")
 
@@ -318,16 +318,16 @@ def _edges(mask: np.ndarray) -> np.ndarray:
 
 
 class Telling:
-    """Puts told networks where a backend would load real ones, and tells them the photo."""
+    """Puts stand-ins where a backend would load real networks, and gives them the photo."""
 
-    told: tuple[tuple[str, Any], ...]
+    stand_ins: tuple[tuple[str, Any], ...]
 
     def missing(self) -> tuple[str, ...]:
         return ()
 
     def load(self, device: str = "cpu") -> None:
         check_device(device)
-        self._networks = self._networks or {option: make() for option, make in self.told}
+        self._networks = self._networks or {option: make() for option, make in self.stand_ins}
 
     def infer(self, image: Any, *rest: Any) -> Any:
         if getattr(image, "ndim", 0) == 3:
@@ -339,39 +339,39 @@ class Telling:
 
 
 class TellingDepthPro(Telling, DepthPro):
-    told = (("weights", ToldDepthPro),)
+    stand_ins = (("weights", DepthProStandIn),)
 
 
 class TellingMetric(Telling, DepthAnythingMetric):
-    told = (("weights", lambda: ToldDepthAnything("metric")),)
+    stand_ins = (("weights", lambda: DepthAnythingStandIn("metric")),)
 
 
 class TellingRelative(Telling, DepthAnythingRelative):
-    told = (("weights", lambda: ToldDepthAnything("relative")),)
+    stand_ins = (("weights", lambda: DepthAnythingStandIn("relative")),)
 
 
 class TellingZoeDepth(Telling, ZoeDepth):
-    told = (("weights", ToldZoeDepth),)
+    stand_ins = (("weights", ZoeDepthStandIn),)
 
 
 class TellingVitPose(Telling, VitPose):
-    told = (("weights", ToldVitPose),)
+    stand_ins = (("weights", VitPoseStandIn),)
 
 
 class TellingSapiens2(Telling, Sapiens2):
-    told = (("weights", ToldSapiens2),)
+    stand_ins = (("weights", Sapiens2StandIn),)
 
 
 class TellingEomt(Telling, Eomt):
-    told = (("weights", ToldEomt),)
+    stand_ins = (("weights", EomtStandIn),)
 
 
 class TellingGroundedSam2(Telling, GroundedSam2):
-    told = (("detector", ToldGroundingDino), ("masks", ToldSam2))
+    stand_ins = (("detector", GroundingDinoStandIn), ("masks", Sam2StandIn))
 
 
 class TellingSam3(Telling, Sam3):
-    told = (("weights", ToldSam3),)
+    stand_ins = (("weights", Sam3StandIn),)
 
 
 ALL = (

@@ -64,8 +64,8 @@ def test_a_model_is_found_by_its_folder(saved: Callable[..., Path]) -> None:
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
     name = MetricOptions().weights
     backend = DepthAnythingMetric()
-    told = f"weights '{name}' (Apache-2.0) are missing: `physic weights fetch {name}`"
-    assert backend.missing() == (told,)
+    problem = f"weights '{name}' (Apache-2.0) are missing: `physic weights fetch {name}`"
+    assert backend.missing() == (problem,)
     shutil.copytree(saved("depth_anything"), tmp_path / "weights" / name)
     assert backend.missing() == ()
     backend.load()
@@ -88,15 +88,15 @@ def test_a_model_is_found_by_its_repository_in_the_cache_of_the_hub(saved: Calla
 
 def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
     backend = DepthAnythingMetric(MetricOptions(weights="somebody/finetuned"))
-    told = (
+    problem = (
         "'somebody/finetuned' is no folder here, and Hugging Face's cache does not hold it; nothing is fetched while a "
         "photo is reconstructed: run `hf download somebody/finetuned` first, or give a folder"
     )
-    assert backend.missing() == (told,)
+    assert backend.missing() == (problem,)
     assert backend.fingerprint() == ""
     with pytest.raises(WeightsMissingError) as error:
         backend.load()
-    assert str(error.value) == told
+    assert str(error.value) == problem
 
 
 def test_a_repository_of_the_list_is_called_by_its_name_in_the_list() -> None:
@@ -105,13 +105,13 @@ def test_a_repository_of_the_list_is_called_by_its_name_in_the_list() -> None:
 
 
 def test_every_missing_network_of_a_backend_is_named() -> None:
-    told = GroundedSam2().missing()
-    assert [text.split("'")[1] for text in told] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
+    problem = GroundedSam2().missing()
+    assert [text.split("'")[1] for text in problem] == ["grounding-dino-base-hf", "sam2.1-hiera-large-hf"]
 
 
 def test_a_gated_model_is_reported_as_gated() -> None:
-    (told,) = Sam3().missing()
-    assert "`physic weights fetch sam3-hf --accept-licence` (an account with access" in told
+    (problem,) = Sam3().missing()
+    assert "`physic weights fetch sam3-hf --accept-licence` (an account with access" in problem
 
 
 def test_a_folder_without_the_files_is_missing_them(tmp_path: Path) -> None:

@@ -199,9 +199,9 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
         str(tmp_path / "cache"),
         "-o",
     ]
-    told = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
-    assert told.exit_code == 0, told.output
-    assert "Trial" in told.output.splitlines()
+    finished = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
+    assert finished.exit_code == 0, finished.output
+    assert "Trial" in finished.output.splitlines()
     document = json.loads((tmp_path / "out" / "results.json").read_text())
     assert list(document["summary"]) == ["full", "trial"]
     assert document["settings"]["rows"]["trial"]["label"] == "full, joint.optimiser.steps=0"
@@ -221,10 +221,10 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
     ],
 )
 def test_invalid_options_are_reported_before_anything_runs(arguments, message, tmp_path):
-    told = bench("accuracy", "-o", str(tmp_path / "out"), *arguments)
-    assert told.exit_code == 2
-    assert message in told.output
-    assert "Traceback" not in told.output
+    finished = bench("accuracy", "-o", str(tmp_path / "out"), *arguments)
+    assert finished.exit_code == 2
+    assert message in finished.output
+    assert "Traceback" not in finished.output
 
 
 @pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)])
@@ -234,11 +234,11 @@ def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkey
         raise cause
 
     monkeypatch.setattr(run_worlds, "run_cases", stopped)
-    told = bench(
+    finished = bench(
         *("accuracy", "--worlds", "3", "--model-bodies", "--size", "160x120", "--rows", "start", "--no-cache"),
         *("-o", str(tmp_path)),
     )
-    assert told.exit_code == code
-    assert "1 of 3 worlds" in told.output
+    assert finished.exit_code == code
+    assert "1 of 3 worlds" in finished.output
     document = json.loads((tmp_path / "results.json").read_text())
     assert (document["complete"], document["worlds_done"]) == (False, 1)

@@ -31,14 +31,14 @@ class OtherBodies(RightBodies):
     """SMPL's parameters with 24 joints, as a network gives them that was trained on SMPL."""
 
     def infer(self, image, people, intrinsics, keypoints, hints):
-        told = super().infer(image, people, intrinsics, keypoints, hints)
-        p = replace(told.parameters, betas=np.zeros((len(told.parameters), 10), np.float32))
+        correct = super().infer(image, people, intrinsics, keypoints, hints)
+        p = replace(correct.parameters, betas=np.zeros((len(correct.parameters), 10), np.float32))
         with torch.no_grad():
-            given = (torch.from_numpy(v) for v in (told.parameters.betas, told.parameters.transl))
-            out = load_body("embedded")(rotations_from_parameters(told.parameters), *given)
+            given = (torch.from_numpy(v) for v in (correct.parameters.betas, correct.parameters.transl))
+            out = load_body("embedded")(rotations_from_parameters(correct.parameters), *given)
         joints = out.joints.numpy().copy()
         joints[:, 22:] = np.nan
-        return Bodies(p, "smpl", told.observed, joints, self.mesh(out.vertices.numpy()))
+        return Bodies(p, "smpl", correct.observed, joints, self.mesh(out.vertices.numpy()))
 
     def mesh(self, vertices: np.ndarray) -> Mesh | None:
         return None
@@ -55,30 +55,30 @@ class SurfaceBodies(OtherBodies):
 class OtherContact(RightContact):
     def infer(self, image, people, bodies):
         rest, order = shuffled()
-        told = super().infer(image, people, bodies)
-        return ContactProbability(told.probability[:, order], "shuffled", rest)
+        correct = super().infer(image, people, bodies)
+        return ContactProbability(correct.probability[:, order], "shuffled", rest)
 
 
 class WristHands(RightHands):
     def infer(self, image, people, keypoints):
         case, _, _ = self.look_up(image)
         world = world_from_local(rotations_from_parameters(case.bodies.parameters).double().numpy())
-        told = super().infer(image, people, keypoints)
-        return replace(told, wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
+        correct = super().infer(image, people, keypoints)
+        return replace(correct, wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
 
 
 RIGHT: tuple[type[interfaces.Backend], ...] = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
 
 
-def hipless(told, *_):
-    joints = told.joints.copy()
+def hipless(correct, *_):
+    joints = correct.joints.copy()
     joints[:, 1] = np.nan
-    return replace(told, joints=joints)
+    return replace(correct, joints=joints)
 
 
-def against_the_forearm(told, image, people, keypoints):
+def against_the_forearm(correct, image, people, keypoints):
     """What stands in the body's own pose."""
-    return replace(told, wrists=0.1 * np.ones_like(told.wrists))
+    return replace(correct, wrists=0.1 * np.ones_like(correct.wrists))
 
 
 altered(OtherBodies, "joints without hips", "joints_suffice_to_convert_bodies", hipless)
