@@ -19,7 +19,7 @@ from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types.exports import ExportedFiles
 from physic_core.visual.export.floor import drawn_floor
-from physic_core.visual.export.request import ExportRequest, camera_pose, export_frame
+from physic_core.visual.export.request import ExportedCamera, ExportRequest, export_frame, exported_cameras
 from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import Rig, rigs
@@ -28,7 +28,7 @@ from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import Reconstruction, UInt8Array
     from physic_core.visual.export.request import Frame
 
 __all__ = [
@@ -181,7 +181,7 @@ def build_glb(
         skins: person -> rig, of those that get a skeleton.
         reason: why others get none.
         look: called with the file, to which it can add textures, and the person.
-        camera: whether to write the camera of the photo.
+        camera: whether to write the cameras of the photos.
     """
     glb, result, frame = GlbBuffer(generator="PhySIC"), request.result, request.frame
     nodes: list[int] = []
@@ -191,7 +191,7 @@ def build_glb(
     for index in request.people:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     if camera:
-        nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
+        nodes += [_add_camera(glb, one) for one in exported_cameras(request)]
     extras = {
         "units": "metres",
         "axes": frame.axes,
@@ -321,22 +321,23 @@ def _add_floor(glb: GlbBuffer, background: Background, request: ExportRequest) -
     return [_add_mesh(glb, "floor", attributes, faces, Look(_FLOOR))]
 
 
-def _add_camera(glb: GlbBuffer, camera: Intrinsics, pose: NDArray[np.float64]) -> int:
-    """Add the camera of the photo, and return the index of its node."""
+def _add_camera(glb: GlbBuffer, one: ExportedCamera) -> int:
+    """Add the camera of a photo, and return the index of its node."""
+    camera = one.intrinsics
     height, width = camera.height / camera.fy, camera.width / camera.fx
     perspective = {"yfov": 2 * math.atan(height / 2), "aspectRatio": width / height, "znear": 0.05, "zfar": 1000.0}
     entry = {
-        "name": "photo",
+        "name": one.photo,
         "type": "perspective",
         "perspective": perspective,
         "extras": {"intrinsics_px": camera.matrix.tolist(), "size_px": [camera.width, camera.height]},
     }
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()
+    quaternion = Rotation.from_matrix(one.pose[:3, :3]).as_quat()
     node = {
-        "name": "camera",
+        "name": one.name,
         "camera": glb.add("cameras", entry),
         "rotation": quaternion.tolist(),
-        "translation": pose[:3, 3].tolist(),
+        "translation": one.pose[:3, 3].tolist(),
     }
     return glb.add("nodes", node)
 

@@ -1,4 +1,4 @@
-"""COCO JSON: boxes, masks and 17 keypoints of the people, beside the image as it was reconstructed."""
+"""COCO JSON: boxes, masks and 17 keypoints of the people, beside the images as they were reconstructed."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.types import CameraView
 from physic_core.types.skeletons import SKELETONS, skeleton_named
 from physic_export.rle import run_lengths
 
 if TYPE_CHECKING:
-    from physic_core.types import Person, UInt8Array
+    from physic_core.types import Detection, UInt8Array
 
 __all__ = ["export_coco", "png"]
 
@@ -27,35 +28,46 @@ _BONES = (
 
 
 def export_coco(request: ExportRequest) -> ExportedFiles:
-    """Return the JSON and a PNG of the image.
+    """Return the JSON and a PNG of each photo's image.
 
     Boxes are x, y, width and height; keypoints are pixel indices, as in
     COCO. Segmentations are run lengths (``iscrowd`` 0). A keypoint has v = 2 from a confidence of 0.5, v = 1 below that
     and v = 0 if it was not detected.
     """
-    result = request.result
+    result, stem = request.result, request.stem
+    cameras = result.cameras or (CameraView.of_reference(result, ""),)
+    files = [f"{stem}_{number}.png" if number else f"{stem}.png" for number in range(len(cameras))]
     names = [name.removesuffix("_surface") for name in SKELETONS["coco17"].names]
-    image = f"{request.stem}.png"
     document = {
         "info": {
             "description": "PhySIC; the image is the photo as reconstructed: upright, without lens distortion",
             "version": "1",
         },
         "licenses": [],
-        "images": [{"id": 1, "file_name": image, "width": result.intrinsics.width, "height": result.intrinsics.height}],
+        "images": [
+            {"id": number, "file_name": name, "width": camera.intrinsics.width, "height": camera.intrinsics.height}
+            for number, (name, camera) in enumerate(zip(files, cameras, strict=True), start=1)
+        ],
         "categories": [{"id": 1, "name": "person", "supercategory": "person", "keypoints": names, "skeleton": _BONES}],
-        "annotations": [_annotation(request, index, person) for index, person in request.chosen()],
+        "annotations": [
+            _annotation(request, number, index, camera.people[index])
+            for number, camera in enumerate(cameras)
+            for index in request.people
+            if index in camera.people
+        ],
     }
     text = json.dumps(document, allow_nan=False).encode()
-    return ExportedFiles({f"{request.stem}{request.suffix}": text, image: png(result.image)})
+    images = {name: png(camera.image) for name, camera in zip(files, cameras, strict=True)}
+    return ExportedFiles({f"{stem}{request.suffix}": text, **images})
 
 
-def _annotation(request: ExportRequest, index: int, person: Person) -> dict[str, Any]:
+def _annotation(request: ExportRequest, photo: int, index: int, person: Detection) -> dict[str, Any]:
+    """Return the entry of a person in a photo; indices from 0."""
     x0, y0, x1, y1 = (float(edge) for edge in person.box)
     keypoints = _keypoints(request, person)
     return {
-        "id": index + 1,
-        "image_id": 1,
+        "id": 1 + index + photo * len(request.result.people),
+        "image_id": photo + 1,
         "category_id": 1,
         "iscrowd": 0,
         "bbox": [round(v, 2) for v in (x0, y0, x1 - x0, y1 - y0)],
@@ -68,7 +80,7 @@ def _annotation(request: ExportRequest, index: int, person: Person) -> dict[str,
     }
 
 
-def _keypoints(request: ExportRequest, person: Person) -> list[tuple[float, float, int]]:
+def _keypoints(request: ExportRequest, person: Detection) -> list[tuple[float, float, int]]:
     """Return x, y, v of the 17 keypoints; 0, 0, 0 for those that the detector does not have."""
     place = {name: row for row, name in enumerate(skeleton_named(request.result.skeleton).names)}
     points: list[tuple[float, float, int]] = []
