@@ -9,6 +9,7 @@ import numpy as np
 import viser
 import viser.transforms
 
+from physic_core.types import CameraView
 from physic_core.visual.palette import CAMERA_RGB, FLOOR_RGB, person_tint
 from physic_viewer.shapes import ResultShapes, nearest_on_ray
 from physic_viewer.unlit import unlit_glb
@@ -100,21 +101,22 @@ class DrawnResult:
             )
 
     def _draw_camera(self, node: str) -> None:
-        camera, upright = self.result.intrinsics, self.shapes.upright
         nearest = min((-float(body.vertices[:, 2].max()) for body in self.shapes.bodies), default=2.0)
-        step = max(1, max(self.result.image.shape) // _FRUSTUM_PX)
-        self._scene.add_camera_frustum(
-            f"{node}/camera/frustum",
-            fov=2 * math.atan(camera.height / 2 / camera.fy),
-            aspect=camera.width / camera.height,
-            scale=min(0.15, max(0.05, 0.1 * nearest)),
-            thickness=0.005,
-            color=CAMERA_RGB,
-            image=self.result.image[::step, ::step],
-            wxyz=viser.transforms.SO3.from_matrix(upright[:3, :3]).wxyz,
-            position=tuple(upright[:3, 3]),
-            cast_shadow=False,
-        )
+        for number, view in enumerate(self.result.cameras or [CameraView.of_reference(self.result, "")]):
+            camera, pose = view.intrinsics, self.shapes.upright @ view.pose
+            step = max(1, max(view.image.shape) // _FRUSTUM_PX)
+            self._scene.add_camera_frustum(
+                f"{node}/camera/frustum_{number}" if number else f"{node}/camera/frustum",
+                fov=2 * math.atan(camera.height / 2 / camera.fy),
+                aspect=camera.width / camera.height,
+                scale=min(0.15, max(0.05, 0.1 * nearest)),
+                thickness=0.005,
+                color=CAMERA_RGB,
+                image=view.image[::step, ::step],
+                wxyz=viser.transforms.SO3.from_matrix(pose[:3, :3]).wxyz,
+                position=tuple(pose[:3, 3]),
+                cast_shadow=False,
+            )
 
     def move(self, offset: NDArray[np.float64]) -> None:
         """Place the result at an offset (3,), metres."""

@@ -46,6 +46,16 @@ def viewer_of():
         viewer.stop()
 
 
+def test_the_cameras_of_several_photos_are_drawn(viewer_of, tmp_path, rooms):
+    several = rooms.make_several_photos()
+    save_reconstruction(several, tmp_path, preview=False, glb=False)
+    viewer = viewer_of(tmp_path)
+    scene, upright = viewer.server.scene, viewer.slots[0].drawn.shapes.upright
+    for name, camera in zip(("frustum", "frustum_1", "frustum_2"), several.cameras, strict=True):
+        place = (upright @ [*camera.centre, 1])[:3]
+        np.testing.assert_allclose(scene.get_handle_by_name(f"/0/camera/{name}").position, place, atol=1e-6)
+
+
 def ray_to(viewer: Viewer, slot: int, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A ray from the photo's camera to a point in the camera frame of the result in a slot."""
     drawn = viewer.slots[slot].drawn

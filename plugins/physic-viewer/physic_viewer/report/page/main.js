@@ -15,10 +15,10 @@ function chooseTheme() {
   byId("theme").addEventListener("click", () => set(root.dataset.theme === "dark" ? "light" : "dark"));
 }
 
-function makeStage(data, photo, background) {
+function makeStage(data, photos, background) {
   const canvas = byId("canvas");
   try {
-    const stage = new Stage(canvas, data, photo, background);
+    const stage = new Stage(canvas, data, photos, background);
     canvas.addEventListener("webglcontextlost", () => say("The browser took the 3D view away. Load the page again."));
     return stage;
   } catch (error) {
@@ -89,10 +89,15 @@ async function start() {
     }
   };
   select(null);
-  const [photo, background] = await Promise.all([loadImage(data.photo), loadImage(data.background)]);
+  const [background, ...photos] = await Promise.all([loadImage(data.background), ...loadPhotos(data)]);
   say("");
-  stage = makeStage(data, photo, background);
-  panel = new PhotoPanel(byId("photo"), data, photo);
+  stage = makeStage(data, photos, background);
+  panel = new PhotoPanel(byId("photo"), data, photos[0]);
+  offerPhotos(byId("photos"), photos, photo => {
+    panel.show(photo);
+    stage?.choose(photo);
+    panel.draw(stage);
+  });
   byId("overlay").addEventListener("change", event => {
     panel.overlay = event.target.checked;
     panel.draw(stage);
