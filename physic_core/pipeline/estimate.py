@@ -144,14 +144,8 @@ def run_backends(
     """
     run = _BackendCalls(plan.backends, model, stages)
     chosen = chosen or ChosenByUser()
-    prompt, known = chosen.people, chosen.known
-
-    people = run.people(image, prompt)
-    statures = statures_of_people(known, people, chosen=prompt is not None) if any(known.stature) else None
-    if not len(people):
-        if plan.photo.require_people:
-            raise _nobody(image, plan.backends["segmenter"].title)
-        stages.note("no person was found: the result is the scene alone")
+    people = run.people(image, chosen.people, required=plan.photo.require_people)
+    statures = _statures(chosen, people)
     keypoints = run.keypoints(image, people)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
@@ -161,10 +155,7 @@ def run_backends(
     maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole), plan.engine)
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
-    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints))
-    bodies = run.hands(HandEstimatorRequest(image, people, keypoints), bodies)
-    if statures is not None:
-        bodies = bodies_of_stature(bodies, model, statures)
+    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), statures)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -193,9 +184,16 @@ def run_backends(
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
         scale_guess=scale_guess,
-        known=known,
+        known=chosen.known,
         statures=statures,
     )
+
+
+def _statures(chosen: ChosenByUser, people: People) -> FloatArray | None:
+    """Return the known statures (N,) in metres, NaN where unknown; None if the user gives none."""
+    if not any(chosen.known.stature):
+        return None
+    return statures_of_people(chosen.known, people, chosen=chosen.people is not None)
 
 
 @dataclass(frozen=True)
@@ -261,7 +259,7 @@ class _BackendCalls:
     stages: StageRunner
     missing: dict[str, BoolArray] = field(default_factory=dict)
 
-    def people(self, image: UInt8Array, prompt: PeoplePrompt | None) -> People:
+    def people(self, image: UInt8Array, prompt: PeoplePrompt | None, *, required: bool) -> People:
         """Segment the people in an image, or those whom the user chose."""
         segmenter = self.backends["segmenter"]
         takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
@@ -272,6 +270,10 @@ class _BackendCalls:
         if people.keypoints is not None:
             own, self.missing["segmenter"] = discard_invalid_keypoints(people.keypoints)
             people = replace(people, keypoints=own)
+        if not len(people):
+            if required:
+                raise _nobody(image, segmenter.title)
+            self.stages.note("no person was found: the result is the scene alone")
         return people
 
     def keypoints(self, image: UInt8Array, people: People) -> Keypoints:
@@ -290,7 +292,13 @@ class _BackendCalls:
         self.stages.note(*pointmap.notes)
         return pointmap
 
-    def bodies(self, request: BodyEstimatorRequest) -> Bodies:
+    def bodies(self, request: BodyEstimatorRequest, statures: FloatArray | None) -> Bodies:
+        """Estimate bodies with hands, of known statures (N,) if any; NaN for people without finite results."""
+        bodies = self._bodies_without_hands(request)
+        bodies = self._with_hands(HandEstimatorRequest(request.image, request.people, request.keypoints), bodies)
+        return bodies if statures is None else bodies_of_stature(bodies, self.model, statures)
+
+    def _bodies_without_hands(self, request: BodyEstimatorRequest) -> Bodies:
         """Estimate bodies of the configured body model; NaN for people without finite results."""
         estimator = self.backends["body_estimator"]
         if not len(request.people):
@@ -304,7 +312,7 @@ class _BackendCalls:
         self.missing["body_estimator"] = missing
         return bodies
 
-    def hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
+    def _with_hands(self, request: HandEstimatorRequest, bodies: Bodies) -> Bodies:
         """Add estimated finger rotations to bodies, if a hand estimator is configured and succeeds."""
         if "hand_estimator" not in self.backends or not len(request.people):
             return bodies
