@@ -269,7 +269,7 @@ class LandmarkModel:
         """
         self.body._check(rotations, betas, transl, expression)
         shape = _coefficients(self.body.num_expression, betas, expression)
-        posed, joints = pose_vertices(self.body.kinematics, self.tree, self.skin, rotations, shape, transl)
+        posed, joints = pose_vertices(self.tree, self.skin, rotations, shape, transl)
         vertices, *groups = torch.split(posed, list(self.sizes), dim=1)
         points = {
             name: regressor(joints, group)

@@ -22,12 +22,14 @@ class JointTree:
     """Descendant and parent-child matrices of a joint tree.
 
     Attributes:
+        kinematics: joints of a shape and their motion.
         family: (J, J), 1 where column d is row j or one of its descendants.
         heirs: (J, J), the same without j itself.
         incidence: (J, J), 1 at each joint itself and -1 at its parent: a bone as a difference of joints.
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
+        self.kinematics = kinematics
         parents, like = kinematics.parents, kinematics.template
         eye = torch.eye(len(parents), dtype=like.dtype, device=like.device)
         step = eye[parents].clone()
@@ -43,13 +45,12 @@ class JointTree:
 
 
 def pose_vertices(
-    kinematics: Kinematics, tree: JointTree, skin: Skin, rotations: Tensor, coefficients: Tensor, transl: Tensor
+    tree: JointTree, skin: Skin, rotations: Tensor, coefficients: Tensor, transl: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Pose the vertices and joints of B bodies; differentiable once, for rotations on SO(3).
 
     Args:
-        kinematics: joints of a shape and their motion.
-        tree: of these joints.
+        tree: of the joints.
         skin: the n vertices to pose; directions beyond the coefficients are pose correctives.
         rotations: (B, J, 3, 3).
         coefficients: (B, D) of shape and expression.
@@ -58,7 +59,7 @@ def pose_vertices(
     Returns:
         vertices (B, n, 3) and joints (B, J, 3), metres.
     """
-    vertices, joints = _Pose.apply(rotations, coefficients, transl, kinematics, tree, skin)  # type: ignore[no-untyped-call]
+    vertices, joints = _Pose.apply(rotations, coefficients, transl, tree, skin)  # type: ignore[no-untyped-call]
     return vertices, joints
 
 
@@ -67,15 +68,9 @@ class _Pose(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any,
-        rotations: Tensor,
-        coefficients: Tensor,
-        transl: Tensor,
-        kinematics: Kinematics,
-        tree: JointTree,
-        skin: Skin,
+        ctx: Any, rotations: Tensor, coefficients: Tensor, transl: Tensor, tree: JointTree, skin: Skin
     ) -> tuple[Tensor, Tensor]:
-        batch, count = len(rotations), skin.num_vertices
+        kinematics, batch, count = tree.kinematics, len(rotations), skin.num_vertices
         rest = kinematics.rest_joints(coefficients)
         world, skinning = kinematics.transforms(rotations, rest)
         shape = skin.with_correctives(coefficients, rotations)
@@ -87,14 +82,15 @@ class _Pose(torch.autograd.Function):
         columns = (skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints) @ skin.weights).view(batch, 4, 3, count)
         vertices = (columns * shaped).sum(1) + transl[..., None]
         ctx.save_for_backward(rotations, rest, world, skinning, shaped, columns)
-        ctx.model = kinematics, tree, skin, coefficients.shape[1]
+        ctx.model = tree, skin, coefficients.shape[1]
         return vertices.transpose(1, 2).contiguous(), world[..., 3] + transl[:, None]
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         rotations, rest, world, skinning, shaped, columns = ctx.saved_tensors
-        kinematics, tree, skin, num_shape = ctx.model
+        tree, skin, num_shape = ctx.model
+        kinematics = tree.kinematics
         batch, joints = rotations.shape[:2]
         by_vertex, by_joint = gradients[0].transpose(1, 2).contiguous(), gradients[1]
         by_transl = by_vertex.sum(-1) + by_joint.sum(1)
@@ -133,4 +129,4 @@ class _Pose(torch.autograd.Function):
         by_coefficients = by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
         if count > num_shape:
             by_rotations[:, 1:] += by_shape[:, num_shape:].view(batch, joints - 1, 3, 3)
-        return by_rotations, by_coefficients, by_transl, None, None, None
+        return by_rotations, by_coefficients, by_transl, None, None

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
@@ -30,49 +31,40 @@ Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
 
 
+@dataclass(eq=False, repr=False)
 class StageRunner:
     """Runs the stages of one reconstruction, and records times, warnings and notes.
 
     Attributes:
+        device: torch device of the backends.
+        total: number of stages.
+        progress: called when each stage begins.
+        cache: results of earlier runs; every backend is called if None.
+        low_memory: close each backend right after its last use, and collect garbage then: networks often have
+            reference cycles.
+        close_used: close each backend right after its last use; collecting garbage would take .1 s each time.
+        loaded: backends that earlier photos have loaded, on the same device; none if None.
         records: the stages that have run so far.
         files: weight files of the backends that were called, by "set/file".
         warnings: reasons why the result may be wrong, one sentence each.
         notes: how results were obtained, one sentence each.
     """
 
-    def __init__(
-        self,
-        device: str,
-        total: int,
-        progress: Progress | None = None,
-        *,
-        cache: ResultCache | None = None,
-        low_memory: bool = False,
-        close_used: bool = False,
-        loaded: LoadedBackends | None = None,
-    ) -> None:
-        """
-        Args:
-            device: torch device of the backends.
-            total: number of stages.
-            progress: called when each stage begins.
-            cache: results of earlier runs; every backend is called if None.
-            low_memory: close each backend right after its last use, and collect garbage then: networks often have
-                reference cycles.
-            close_used: close each backend right after its last use; collecting garbage would take .1 s each time.
-            loaded: backends that earlier photos have loaded, on the same device; none if None.
-        """
-        self.records: list[StageRecord] = []
-        self.warnings: list[str] = []
-        self.files: dict[str, FileUse] = {}
-        self.notes: list[str] = []
-        self._device = device
-        self._total = total
-        self._progress = progress
-        self._cache = cache
-        self._low_memory = low_memory
-        self._close_used = close_used or low_memory
-        self._loaded = LoadedBackends(device) if loaded is None else loaded
+    device: str
+    total: int
+    progress: Progress | None = None
+    _: KW_ONLY
+    cache: ResultCache | None = None
+    low_memory: bool = False
+    close_used: bool = False
+    loaded: LoadedBackends | None = None
+    records: list[StageRecord] = field(default_factory=list, init=False)
+    files: dict[str, FileUse] = field(default_factory=dict, init=False)
+    warnings: list[str] = field(default_factory=list, init=False)
+    notes: list[str] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        self._loaded = self.loaded or LoadedBackends(self.device)
 
     def warn(self, *texts: str) -> None:
         """Add warnings, without duplicates."""
@@ -134,15 +126,15 @@ class StageRunner:
                     result = _copy(result)
             seconds, failed = time.perf_counter() - start, False
             if key is not None and not cached:
-                assert self._cache is not None
-                self._cache.write(key, result)
+                assert self.cache is not None
+                self.cache.write(key, result)
         finally:
             if failed:
                 seconds = time.perf_counter() - start
             self.records.append(StageRecord(name, seconds, loading, resolved.provenance, cached, failed))
-            if self._close_used and last:
+            if (self.close_used or self.low_memory) and last:
                 self._warn_each(self._loaded.close(resolved))
-                if self._low_memory:
+                if self.low_memory:
                     gc.collect()
         return cast("Result", result)
 
@@ -166,9 +158,9 @@ class StageRunner:
 
     def trim_cache(self) -> None:
         """Trim the cache and collect its notes; the backends stay loaded."""
-        if self._cache is not None:
-            self._cache.trim()
-            self.note(*self._cache.notes)
+        if self.cache is not None:
+            self.cache.trim()
+            self.note(*self.cache.notes)
 
     def close(self) -> None:
         """Close all loaded backends and trim the cache; a backend that cannot be closed adds a warning."""
@@ -176,8 +168,8 @@ class StageRunner:
         self.trim_cache()
 
     def _begin(self, name: str) -> None:
-        if self._progress is not None:
-            self._progress(name, len(self.records), self._total)
+        if self.progress is not None:
+            self.progress(name, len(self.records), self.total)
 
     def _warn_each(self, errors: Iterable[PhysicError]) -> None:
         for error in errors:
@@ -185,17 +177,17 @@ class StageRunner:
             _print_traceback(error)
 
     def _cache_key(self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]) -> CacheKey | None:
-        if self._cache is None or not resolved.cacheable:
+        if self.cache is None or not resolved.cacheable:
             return None
         with wrap_plugin_errors(title, resolved):
-            return self._cache.key(resolved.backend, resolved.provenance, self._device, inputs)
+            return self.cache.key(resolved.backend, resolved.provenance, self.device, inputs)
 
     def _read_cache(self, key: CacheKey | None, find_faults: Callable[[object], list[str]]) -> object | None:
-        if self._cache is None or key is None:
+        if self.cache is None or key is None:
             return None
-        result = self._cache.read(key)
+        result = self.cache.read(key)
         if result is not None and (found := find_faults(result)):
-            self._cache.discard(key, found[0])
+            self.cache.discard(key, found[0])
             return None
         return result
 

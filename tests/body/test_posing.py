@@ -47,7 +47,7 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
     kinematics, skin = small_body(bind=bind, correctives=correctives)
     turns, shape, transl = pose()
     inputs = [rotvec_to_rotmat(turns).requires_grad_(), shape.requires_grad_(), transl.requires_grad_()]
-    vertices, joints = pose_vertices(kinematics, JointTree(kinematics), skin, *inputs)
+    vertices, joints = pose_vertices(JointTree(kinematics), skin, *inputs)
     plain_vertices, plain_joints = by_autograd(kinematics, skin, *inputs)
     torch.testing.assert_close(vertices, plain_vertices)
     torch.testing.assert_close(joints, plain_joints)
@@ -67,6 +67,6 @@ def test_the_gradient_is_that_of_finite_differences(correctives):
     inputs = [x.requires_grad_() for x in pose(1)]
 
     def posed(turns, shape, transl):
-        return pose_vertices(kinematics, tree, skin, rotvec_to_rotmat(turns), shape, transl)
+        return pose_vertices(tree, skin, rotvec_to_rotmat(turns), shape, transl)
 
     assert torch.autograd.gradcheck(posed, inputs)
