@@ -135,7 +135,7 @@ def run_estimators(sample: Sample, preset: str, settings: Sequence[str]) -> Esti
     photo = limit_size(Photo(image, camera), plan.photo.max_side)
     stages = StageRunner(plan.device, len(plan.backends))
     try:
-        return run_backends(photo.image, photo.intrinsics, plan, load_body(plan.body_model), stages)
+        return run_backends(photo.image, photo.intrinsics, plan, lambda: load_body(plan.body_model), stages)
     finally:
         stages.close()
 
@@ -293,7 +293,7 @@ def world_records(count: int, seed: int, version: str, settings: Sequence[str]) 
     for name, number in benchmark_worlds(count, seed):
         world = build_world(name, number, (320, 240))
         camera = replace(world.intrinsics, trust=CameraTrust.KNOWN)
-        estimates = run_backends(world.image, camera, plan, model, StageRunner(plan.device, len(plan.backends)))
+        estimates = run_backends(world.image, camera, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
         for kind, records in estimator_records(estimates, world_truth(world, model), model).items():
             labelled = [
                 {"set": "worlds", "group": f"{name} {number}", "photo": f"{name} {number}", **r} for r in records

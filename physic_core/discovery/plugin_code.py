@@ -174,8 +174,9 @@ class _Setting(NamedTuple):
     def read(self) -> Any:
         """Return the value; ``initial`` if the module is not imported, or only in part."""
         module = sys.modules.get(self.module)
+        is_partial = getattr(getattr(module, "__spec__", None), "_initializing", False)  # another thread imports it
         try:
-            return self.initial if module is None else self.get(module)
+            return self.initial if module is None or is_partial else self.get(module)
         except (AttributeError, OSError):  # OSError: the current folder was deleted
             return self.initial
 

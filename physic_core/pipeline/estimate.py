@@ -6,7 +6,7 @@ estimate its scale from the size of people. OpenCV camera frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -34,7 +34,6 @@ from physic_core.pipeline.invalid_results import (
     discard_invalid_keypoints,
     expand_contact,
 )
-from physic_core.pipeline.known_sizes import bodies_of_stature, statures_of_people
 from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
     Bodies,
@@ -122,7 +121,7 @@ def run_backends(
     image: UInt8Array,
     given: Intrinsics | None,
     plan: ResolvedPipeline,
-    model: BodyModel,
+    load_model: Callable[[], BodyModel],
     stages: StageRunner,
     chosen: ChosenByUser | None = None,
 ) -> Estimates:
@@ -132,7 +131,7 @@ def run_backends(
         image: (H, W, 3) uint8 RGB.
         given: camera of the photo, or None.
         plan: the backends and settings of the run.
-        model: body model that all bodies are converted to.
+        load_model: returns the body model that all bodies are converted to; not called before the bodies are estimated.
         stages: calls the backends and records the run.
         chosen: by the user; None for all people and no known size.
 
@@ -142,7 +141,7 @@ def run_backends(
         BackendError: a required backend failed.
         BackendOutputError: a required backend returned an invalid result.
     """
-    run = _BackendCalls(plan.backends, model, stages)
+    run = _BackendCalls(plan.backends, load_model, stages)
     chosen = chosen or ChosenByUser()
     people = run.people(image, chosen.people, required=plan.photo.require_people)
     statures = _statures(chosen, people)
@@ -159,7 +158,7 @@ def run_backends(
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
-    seen_bodies = bodies_for_backends(select_people(bodies, embodied), model)
+    seen_bodies = bodies_for_backends(select_people(bodies, embodied), run.model)
     contact = run.contact(image, seen, seen_bodies, embodied)
 
     seen_keypoints = select_people(keypoints, embodied)
@@ -193,6 +192,8 @@ def _statures(chosen: ChosenByUser, people: People) -> FloatArray | None:
     """Return the known statures (N,) in metres, NaN where unknown; None if the user gives none."""
     if not any(chosen.known.stature):
         return None
+    from physic_core.pipeline.known_sizes import statures_of_people
+
     return statures_of_people(chosen.known, people, chosen=chosen.people is not None)
 
 
@@ -255,9 +256,14 @@ class _BackendCalls:
     """
 
     backends: Mapping[str, ResolvedBackend]
-    model: BodyModel
+    load_model: Callable[[], BodyModel]
     stages: StageRunner
     missing: dict[str, BoolArray] = field(default_factory=dict)
+
+    @property
+    def model(self) -> BodyModel:
+        """The body model of the results."""
+        return self.load_model()
 
     def people(self, image: UInt8Array, prompt: PeoplePrompt | None, *, required: bool) -> People:
         """Segment the people in an image, or those whom the user chose."""
@@ -296,7 +302,11 @@ class _BackendCalls:
         """Estimate bodies with hands, of known statures (N,) if any; NaN for people without finite results."""
         bodies = self._bodies_without_hands(request)
         bodies = self._with_hands(HandEstimatorRequest(request.image, request.people, request.keypoints), bodies)
-        return bodies if statures is None else bodies_of_stature(bodies, self.model, statures)
+        if statures is None:
+            return bodies
+        from physic_core.pipeline.known_sizes import bodies_of_stature
+
+        return bodies_of_stature(bodies, self.model, statures)
 
     def _bodies_without_hands(self, request: BodyEstimatorRequest) -> Bodies:
         """Estimate bodies of the configured body model; NaN for people without finite results."""

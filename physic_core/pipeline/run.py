@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 from physic_core.cache.code import CodeDigester  # imported before any backend: it detects later edits of their code
@@ -324,9 +325,11 @@ def _reconstruct(
     from physic_core.adapters.onnx_sessions import release_memory
     from physic_core.adapters.threads import limited_threads
     from physic_core.body import load_body
-    from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.estimate import ChosenByUser, run_backends
-    from physic_core.pipeline.optimise import run_engine
+
+    @cache
+    def load_model() -> BodyModel:
+        return load_body(plan.body_model)
 
     file_size = photo.file_size or photo.image.shape[1::-1]
     photo = limit_size(_with_camera(photo, plan.photo), plan.photo.max_side)
@@ -340,21 +343,25 @@ def _reconstruct(
         lens = Lens(photo.intrinsics.resized(*file_size), plan.photo.distortion)
         photo, prompt, known = undistort(photo, prompt, known, lens.distortion)
     stages.note(*photo.notes)
-    model = load_body(plan.body_model)
     with limited_threads(plan.config.run.threads):
         try:
-            estimates = run_backends(photo.image, photo.intrinsics, plan, model, stages, ChosenByUser(prompt, known))
+            chosen = ChosenByUser(prompt, known)
+            estimates = run_backends(photo.image, photo.intrinsics, plan, load_model, stages, chosen)
         finally:
             if close:
                 stages.close()
                 release_memory()
             else:
                 stages.trim_cache()
-        solution = run_engine(estimates, plan.engine, model, stages)
+    from physic_core.pipeline.checks import run_checks
+    from physic_core.pipeline.optimise import run_engine
+
+    with limited_threads(plan.config.run.threads):
+        solution = run_engine(estimates, plan.engine, load_model(), stages)
     checks = run_checks(estimates, solution, plan.engine)
     sources, others = describe_sources(plan, stages.files)
     stages.warn(*others)
-    found = _result(estimates, solution, checks, model, plan.config, stages)
+    found = _result(estimates, solution, checks, load_model(), plan.config, stages)
     return replace(found, lens=lens, diagnostics={**found.diagnostics, **sources})
 
 

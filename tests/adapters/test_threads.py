@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -23,3 +26,16 @@ def test_threads_are_limited_inside_and_restored_after(count: int) -> None:
         assert torch.get_num_threads() == count
         assert max(blas_threads()) <= count
     assert (torch.get_num_threads(), blas_threads()) == (torch_before, blas_before)
+
+
+def test_torch_is_imported_beside_the_block_and_limited() -> None:
+    code = """
+import sys, threading
+from physic_core.adapters.threads import limited_threads
+with limited_threads(1):
+    for thread in set(threading.enumerate()) - {threading.main_thread()}:
+        thread.join()
+    print(sys.modules["torch"].get_num_threads())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n", done.stderr

@@ -28,7 +28,7 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 def evidence() -> Estimates:
     world = build_world("stand", 0, SIZE)
     plan = resolve(load_config(preset="mock"), discover())
-    return run_backends(world.image, None, plan, load_body("embedded"), StageRunner("cpu", 8))
+    return run_backends(world.image, None, plan, lambda: load_body("embedded"), StageRunner("cpu", 8))
 
 
 def with_cameras(evidence: Estimates, pointmap: Intrinsics | None, metric: Intrinsics | None) -> Solution:

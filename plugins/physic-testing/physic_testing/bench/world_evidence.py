@@ -67,7 +67,7 @@ def estimate_evidence(
     known = None if path is None else load_evidence(path)
     if known is not None:
         return known
-    evidence = run_backends(world.image, None, plan, model, StageRunner(plan.device, len(plan.backends)))
+    evidence = run_backends(world.image, None, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
     if path is not None:
         save_evidence(path, evidence)
     return evidence

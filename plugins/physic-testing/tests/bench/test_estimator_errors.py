@@ -35,7 +35,7 @@ def estimates(world, model):
     settings = [f"{name}.options.noise=0" for name in INTERFACES]
     plan = resolve(load_config(preset="mock", overrides=settings), discover())
     camera = replace(world.intrinsics, trust=CameraTrust.KNOWN)
-    return run_backends(world.image, camera, plan, model, StageRunner(plan.device, len(plan.backends)))
+    return run_backends(world.image, camera, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
 
 
 @pytest.fixture

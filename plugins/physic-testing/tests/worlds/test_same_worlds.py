@@ -61,7 +61,7 @@ for argument in sys.argv[1:]:
     world = build_world(name, int(seed), (96, 72))
     show(argument, world)
     stages = StageRunner(plan.device, len(plan.backends) + 6, None)
-    evidence = run_backends(world.image, None, plan, model, stages)
+    evidence = run_backends(world.image, None, plan, lambda: model, stages)
     stages.close()
     for field in fields(evidence):
         if field.name != "floor":  # fitted by the pipeline
