@@ -104,7 +104,8 @@ def _run(photo: Path, preset: str, report: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder, "answer.json")
         arguments = json.dumps([str(photo), preset, report, str(Path(folder, "result")), str(answer)])
-        start = f"from {__name__} import _measure; _measure(*__import__('json').loads({arguments!r}))"
+        start = "from physic_core.cli.process import collect_rarely; collect_rarely(); "  # as a command does
+        start += f"from {__name__} import _measure; _measure(*__import__('json').loads({arguments!r}))"
         began = time.monotonic()
         done = subprocess.run([sys.executable, "-c", start], capture_output=True, text=True, check=False)
         if done.returncode or not answer.is_file():
