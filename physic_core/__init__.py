@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         EnergyRecord,
         ExecutorRecord,
         ExporterRecord,
+        MomentRecord,
         ReportRecord,
     )
     from physic_core.discovery.registry import Registry
@@ -76,6 +77,7 @@ __all__ = [
     "Intrinsics",
     "KnownLength",
     "KnownSizes",
+    "MomentRecord",
     "NoPersonError",
     "OutputError",
     "PeoplePrompt",
@@ -114,7 +116,7 @@ _NAMES = {
     "physic_core.discovery.hookspecs": "hookimpl",
     "physic_core.discovery.plugins": "discover",
     "physic_core.discovery.records": (
-        "BackendRecord CommandRecord EnergyRecord ExecutorRecord ExporterRecord ReportRecord"
+        "BackendRecord CommandRecord EnergyRecord ExecutorRecord ExporterRecord MomentRecord ReportRecord"
     ),
     "physic_core.discovery.registry": "Registry",
     "physic_core.io.report_file": "save_report",

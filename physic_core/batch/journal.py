@@ -25,8 +25,8 @@ from physic_core.files.strict_json import from_json, parse_json, to_json
 __all__ = ["COLUMNS", "Journal", "JournalRows", "last_rows", "read_journals", "read_rows"]
 
 COLUMNS: Mapping[str, str] = {
-    "id": "of the photo",
-    "path": "absolute path of the photo",
+    "id": "of the photo, or name of the moment",
+    "path": "absolute path of the photo, or of the first one of a moment",
     "state": '"done" or "failed"',
     "error": "class of the error; empty if done",
     "message": "of the error",

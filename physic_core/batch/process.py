@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.batch.machine import peak_memory_mb
+from physic_core.batch.moments import reconstruct_moment
 from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
 from physic_core.batch.result_files import file_sizes_text, result_digest
 from physic_core.batch.saving import Saving, save_photo, write_thumbnail
@@ -54,8 +55,9 @@ class BatchJob:
     saving: Saving
 
     def digest(self, item: PhotoItem) -> str:
-        """Return the digest of the settings that the result of a photo depends on."""
-        return settings_digest(self._tables_digest, item.settings)
+        """Return the digest of the settings that the result of a photo depends on, and of the others of its moment."""
+        others = [[other.path, other.stamp, dict(other.settings)] for other in item.others]
+        return settings_digest(self._tables_digest, {**item.settings, **({"moment": others} if others else {})})
 
     @cached_property
     def _tables_digest(self) -> str:
@@ -96,7 +98,10 @@ class PhotoProcessor:
         """
         start, item = time.perf_counter(), stamped(item)
         try:
-            result = self._reconstruct(item.path, item.settings)
+            if item.others:
+                result = reconstruct_moment(item, self.job.config, self._reconstruct)
+            else:
+                result = self._reconstruct(item.path, item.settings)
             self._save(result, item)
             files = file_sizes_text(Path(self.job.out), photo_folder(item.id), self.job.saving)
         except Exception as error:  # whatever a photo causes costs this photo alone

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.batch.journal import Journal, read_journals
-from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
+from physic_core.batch.photos import PhotoItem, photo_folder, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.result_files import is_complete, names_of_files, result_digest
 from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
@@ -150,14 +150,14 @@ def outcome_row(job: BatchJob, outcome: Outcome[PhotoItem]) -> dict[str, Any]:
 
 
 def _is_current(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bool:
+    item = stamped(item)
     if row["config"] != job.digest(item) or row.get("save") != str(job.saving):
         return False
-    stamp = size_and_mtime(item.path)
-    if stamp is None:
+    if item.stamp is None:
         return row.get("bytes") is None
-    if stamp == (row.get("bytes"), row.get("modified")):
+    if item.stamp == (row.get("bytes"), row.get("modified")):
         return True
-    return stamp[0] == row.get("bytes") and file_digest(item.path) == row.get("photo")
+    return item.stamp[0] == row.get("bytes") and file_digest(item.path) == row.get("photo")
 
 
 def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, *, verify: bool) -> bool:

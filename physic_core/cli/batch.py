@@ -76,6 +76,7 @@ def batch(
 
     The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
     """
+    from physic_core.batch.moments import require_moments
     from physic_core.batch.photos import in_shard, list_photos, parse_shard
     from physic_core.batch.run import plan_batch, run_batch
     from physic_core.batch.table import check_table_kind, default_table_kind, write_table
@@ -91,6 +92,8 @@ def batch(
     items = listed.photos
     if shard is not None:
         items = [item for item in items if in_shard(item.id, part, count)]
+    if any(item.others for item in items):
+        require_moments()
     job = _job(out, options, write=not dry_run)
     plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
     todo = plan.todo[:limit]
@@ -98,7 +101,7 @@ def batch(
     echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
     if dry_run:
         for item in todo:
-            echo(item.path)
+            echo("\n".join(one.path for one in (item, *item.others)))
         return
     from physic_core.cli.run import sigterm_as_exception
 

@@ -44,6 +44,13 @@ gets an :class:`physic_core.ExportRequest` and returns :class:`physic_core.Expor
     def physic_exporters():
         return [ExporterRecord("my-format", (".my",), "my_pkg.export:export_my_format", audience="My program")]
 
+A plugin joins the results of photos of one moment to one, for ``physic batch``, with a function, which is imported when
+a table has such photos::
+
+    @hookimpl
+    def physic_moments():
+        return [MomentRecord("my-moments", "my_pkg.moments:join", summary="Matches ...")]
+
 A plugin makes ``report.html``, the page of a result, with a function, which is imported when a page is written::
 
     @hookimpl
@@ -67,6 +74,7 @@ if TYPE_CHECKING:
         EnergyRecord,
         ExecutorRecord,
         ExporterRecord,
+        MomentRecord,
         ReportRecord,
     )
 
@@ -78,6 +86,7 @@ __all__ = [
     "physic_energies",
     "physic_executors",
     "physic_exporters",
+    "physic_moments",
     "physic_reports",
     "physic_weights",
 ]
@@ -111,6 +120,11 @@ def physic_executors() -> Sequence[ExecutorRecord]:  # type: ignore[empty-body]
 @hookspec
 def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
     """Return the formats that this plugin adds to ``physic export``."""
+
+
+@hookspec
+def physic_moments() -> Sequence[MomentRecord]:  # type: ignore[empty-body]
+    """Return how this plugin joins photos of one moment."""
 
 
 @hookspec

@@ -1,4 +1,4 @@
-"""Find the commands, energies, executors, exporters and pages that installed plugins add."""
+"""Find the commands, energies, executors, exporters, moments and pages that installed plugins add."""
 
 from __future__ import annotations
 
@@ -17,17 +17,28 @@ from physic_core.discovery.records import (
     EnergyRecord,
     ExecutorRecord,
     ExporterRecord,
+    MomentRecord,
     ReportRecord,
 )
 from physic_core.discovery.registration import load_plugin, records_of_hook, select_entry_points
-from physic_core.errors import ConfigError, PhysicError, PluginError
+from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
 
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = ["Installed", "call_target", "explain_absence", "find_installed", "find_record", "import_target"]
+__all__ = [
+    "Installed",
+    "call_target",
+    "explain_absence",
+    "find_installed",
+    "find_only_record",
+    "find_record",
+    "import_target",
+]
 
-_Record = TypeVar("_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | ReportRecord)
+_Record = TypeVar(
+    "_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | MomentRecord | ReportRecord
+)
 
 
 class Installed(NamedTuple, Generic[_Record]):
@@ -92,12 +103,33 @@ def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: M
     raise ConfigError(f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
 
 
+def find_only_record(kind: type[_Record], what: str, distribution: str) -> Installed[_Record]:
+    """Return the one record of a kind.
+
+    Args:
+        kind: class of the record.
+        what: start of the messages, such as "report.html is made by".
+        distribution: that usually has it.
+
+    Raises:
+        PackageMissingError: no plugin has one.
+        ConfigError: several have.
+    """
+    found = find_installed(kind)
+    if not found:
+        raise PackageMissingError(f"{what} {explain_absence(distribution)}")
+    if len(found) > 1:
+        names = " and ".join(one.origin.distribution for one in found)
+        raise ConfigError(f"{what} {names}: uninstall one of them")
+    return found[0]
+
+
 def import_target(found: Installed[Any], role: str) -> Any:
     """Import what the target of a record names.
 
     Args:
         found: the record.
-        role: what the record is, for the message: "command", "energy", "executor", "exporter" or "page".
+        role: what the record is, for the message: "command", "energy", "executor", "exporter", "moment" or "page".
 
     Raises:
         PluginError: it cannot be imported.

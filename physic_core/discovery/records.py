@@ -1,4 +1,4 @@
-"""Records of backends, commands, energies, executors, exporters and pages, which plugin hooks return."""
+"""Records of backends, commands, energies, executors, exporters, moments and pages, which plugin hooks return."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ __all__ = [
     "EnergyRecord",
     "ExecutorRecord",
     "ExporterRecord",
+    "MomentRecord",
     "ReportRecord",
 ]
 
@@ -90,6 +91,14 @@ class ExecutorRecord(_TargetRecord):
     """
 
 
+class MomentRecord(_TargetRecord):
+    """How ``physic batch`` joins photos of one moment; only one installed plugin may do it.
+
+    The target is a function that gets a sequence of :class:`physic_core.batch.moments.MomentPhoto` and the
+    :class:`physic_core.Config` of the batch, and returns one :class:`physic_core.Reconstruction` with ``cameras``.
+    """
+
+
 class ReportRecord(_TargetRecord):
     """The page of a result, ``report.html``; only one installed plugin may make it.
 
@@ -158,6 +167,7 @@ RECORD_HOOKS: dict[type[Any], str] = {
     EnergyRecord: "physic_energies",
     ExecutorRecord: "physic_executors",
     ExporterRecord: "physic_exporters",
+    MomentRecord: "physic_moments",
     ReportRecord: "physic_reports",
 }
 """The hook that returns each kind of record but backends."""

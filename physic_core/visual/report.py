@@ -5,9 +5,9 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.installed import Installed, call_target, explain_absence, find_installed
+from physic_core.discovery.installed import Installed, call_target, find_only_record
 from physic_core.discovery.records import ReportRecord
-from physic_core.errors import ConfigError, PackageMissingError, PluginError
+from physic_core.errors import PluginError
 
 if TYPE_CHECKING:
     from physic_core.errors import InputError
@@ -65,10 +65,4 @@ def require_report() -> None:
 
 
 def _find() -> Installed[ReportRecord]:
-    found = find_installed(ReportRecord)
-    if not found:
-        raise PackageMissingError(f"report.html is made by {explain_absence(_DISTRIBUTION)}")
-    if len(found) > 1:
-        names = " and ".join(one.origin.distribution for one in found)
-        raise ConfigError(f"report.html is made by {names}: uninstall one of them")
-    return found[0]
+    return find_only_record(ReportRecord, "report.html is made by", _DISTRIBUTION)

@@ -66,10 +66,22 @@ def test_a_table_gives_cameras_statures_and_ids(folder: Path):
     assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
 
 
+def test_photos_of_one_moment_are_one_item(folder: Path):
+    (folder / "table.csv").write_text("path,stature,moment\nb.jpg,1.8,jump\ndeep/er/c.webp,,\na.PNG,1.7,jump\n")
+    single, jump = find_photos([str(folder / "table.csv")])
+    assert single == PhotoItem(default_id(str(folder / "deep/er/c.webp")), str(folder / "deep/er/c.webp"))
+    assert (jump.id, jump.path, jump.settings) == ("jump", str(folder / "b.jpg"), {"stature": [1.8]})
+    assert [(one.path, one.settings) for one in jump.others] == [(str(folder / "a.PNG"), {"stature": [1.7]})]
+
+
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, depth, pointmap, id"),
+        (
+            "path,moment\nb.jpg,jump\na.PNG,\n",
+            "b.jpg is of the moment 'jump': name another photo of it, or leave the cell empty",
+        ),
+        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, depth, pointmap, id, moment"),
         ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
         (
             "path,camera\nb.jpg,wide\n",

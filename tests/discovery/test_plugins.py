@@ -61,7 +61,7 @@ def test_a_misspelt_hook_is_found(site):
     assert causes(found(site)) == [
         "physic-bad 1.0 (there is no hook named 'physic_backend'; "
         "there are 'physic_backends', 'physic_commands', 'physic_energies', 'physic_executors', 'physic_exporters', "
-        "'physic_reports', 'physic_weights')"
+        "'physic_moments', 'physic_reports', 'physic_weights')"
     ]
 
 

@@ -1,0 +1,81 @@
+"""Photos of one moment in a batch: each is reconstructed alone, and a plugin joins them (hook ``physic_moments``)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from physic_core.discovery.installed import Installed, call_target, find_only_record
+from physic_core.discovery.records import MomentRecord
+from physic_core.errors import NoPersonError, PluginError
+
+if TYPE_CHECKING:
+    from physic_core.batch.photos import PhotoItem
+    from physic_core.configuration.model import Config
+    from physic_core.types import Reconstruction
+
+__all__ = ["MomentPhoto", "reconstruct_moment", "require_moments"]
+
+_DISTRIBUTION = "physic-scene"
+
+
+@dataclass(frozen=True)
+class MomentPhoto:
+    """One photo of a moment.
+
+    Attributes:
+        name: of its file.
+        settings: of the table ``[photo]`` for it alone.
+        result: of the photo alone; None if it has no people and the configuration requires some.
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    result: Reconstruction | None
+
+
+def require_moments() -> None:
+    """Check that an installed plugin joins photos of one moment, without importing it.
+
+    Raises:
+        PackageMissingError: no plugin does.
+        ConfigError: several do.
+    """
+    _find()
+
+
+def reconstruct_moment(
+    item: PhotoItem, config: Config, reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction]
+) -> Reconstruction:
+    """Reconstruct all photos of a moment.
+
+    Args:
+        item: the first photo, with the others.
+        config: of the batch.
+        reconstruct: called with path and settings of each photo.
+
+    Raises:
+        PhysicError: a photo cannot be reconstructed, or the photos cannot be joined.
+    """
+    from physic_core.types import Reconstruction
+
+    found, photos = _find(), []
+    for one in (item, *item.others):
+        try:
+            result = reconstruct(one.path, one.settings)
+        except NoPersonError:
+            result = None
+        photos.append(MomentPhoto(Path(one.path).name, one.settings, result))
+    joined = call_target(found, "moment", photos, config)
+    if not isinstance(joined, Reconstruction):
+        raise PluginError(
+            f"the moment '{found.record.name}' of {found.origin} should be a Reconstruction, got "
+            f"{type(joined).__name__}"
+        )
+    return joined
+
+
+def _find() -> Installed[MomentRecord]:
+    return find_only_record(MomentRecord, "photos of one moment are joined by", _DISTRIBUTION)

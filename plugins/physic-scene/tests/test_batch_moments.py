@@ -1,0 +1,40 @@
+"""Moments in a batch: a group of photos is one result with all cameras, and other people are a row with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image
+
+from physic_core import load_config, load_reconstruction
+from physic_core.batch.journal import read_rows
+from physic_core.batch.photos import find_photos
+from physic_core.batch.process import BatchJob, PhotoProcessor
+from physic_core.batch.run import plan_batch, run_batch
+from physic_core.batch.saving import Saving
+from physic_core.interfaces import INTERFACES
+from physic_testing.worlds import build_world, view_names
+
+QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
+
+
+def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
+    worlds = {name: build_world(name, 4, (240, 180)) for name in (*view_names("hug", 2), "sit_on_floor")}
+    files = ("a.png", "b.png", "other.png")
+    for file, world in zip(files, worlds.values(), strict=True):
+        Image.fromarray(world.image).save(tmp_path / file)
+    (tmp_path / "table.csv").write_text("path,moment\na.png,hug\nb.png,hug\na.png,strangers\nother.png,strangers\n")
+    config = load_config(preset="mock", flags={"noise": QUIET})
+    job = BatchJob(config, str(tmp_path / "out"), Saving("numbers", thumbnails=False))
+    process = PhotoProcessor(job)
+    todo = plan_batch(find_photos([str(tmp_path / "table.csv")]), job).todo
+    run_batch(todo, job, lambda items, job: (process(item) for item in items), tmp_path / "out" / "journal.jsonl")
+    rows = read_rows(tmp_path / "out")
+    assert {name: (row["state"], row["error"]) for name, row in rows.items()} == {
+        "hug": ("done", ""),
+        "strangers": ("failed", "InputError"),
+    }
+    assert rows["strangers"]["message"].startswith("no two of the photos show the same person in the same pose")
+    result = load_reconstruction(tmp_path / "out" / rows["hug"]["folder"])
+    assert sorted(camera.photo for camera in result.cameras) == ["a.png", "b.png"]
+    assert plan_batch(find_photos([str(tmp_path / "table.csv")]), job).todo == ()
