@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from physic_core.body.joints import JOINT_NAMES
@@ -121,3 +122,29 @@ def test_a_list_or_every_nth_frame(mini: Miniature, files: Files, tmp_path: Path
     assert missing == [
         f"{mini.root / 'fittings/mosh/vicon_03301_01/meshes/gone/000.ply'}: listed in {tmp_path / 'list.txt'}"
     ]
+
+
+def test_damaged_meshes_are_left_out_with_their_reason(mini: Miniature, files: Files, tmp_path: Path):
+    names = sorted(mini.vertices)
+    meshes = [mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply" for n in names]
+    meshes[0].write_bytes(meshes[0].read_bytes()[:5000])
+    trimesh.Trimesh(np.random.default_rng(0).random((6890, 3)), [[0, 1, 2]], process=False).export(meshes[1])
+    in_millimetres = trimesh.load(meshes[2], process=False)
+    in_millimetres.vertices *= 1000
+    in_millimetres.export(meshes[2])
+    theirs = results(tmp_path, mini)
+    evaluated(mini, files, tmp_path, theirs, "--no-geodesic")
+    left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
+    assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
+    assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"
+    assert "(millimetres?)" in left_out[names[2]]
+
+
+def test_a_damaged_scan_is_an_error_and_gives_no_table(mini: Miniature, files: Files, tmp_path: Path):
+    scan = mini.root / "scenes" / "vicon.ply"
+    scan.write_bytes(scan.read_bytes()[: scan.stat().st_size // 2])
+    theirs = results(tmp_path, mini)
+    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments())
+    assert done.exit_code == 3
+    assert f"Error: no frame of {mini.root} can be evaluated: {scan} cannot be" in done.output
+    assert not (tmp_path / "out" / "table.txt").exists()

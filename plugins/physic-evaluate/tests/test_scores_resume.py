@@ -74,6 +74,15 @@ def test_only_changed_results_are_scored_again(root: Path):
     assert "unchanged" not in call(root, "--no-geodesic")
 
 
+def test_a_journal_that_ends_within_a_line_is_continued(root: Path):
+    call(root)
+    journal = root.parent / "out" / "scores" / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-40])
+    before = document(root)
+    assert unchanged(2) in call(root)
+    assert document(root) == before
+
+
 def test_options_that_change_figures_stand_over_the_tables(root: Path):
     call(root)
     out = root.parent / "out"

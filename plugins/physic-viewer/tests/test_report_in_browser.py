@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -170,6 +171,45 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     assert f"{apart:.2f} m" in card
     assert "1 not measured" in card
     assert "No body: no pose fits the box" in card
+
+
+@pytest.mark.parametrize("view", ["camera", "side", "top"])
+def test_each_view_button_shows_another_picture(page, overview, view):
+    click(page, f"[data-view={view}]")
+    assert difference(overview, page.picture("#view")) > 0.1
+    click(page, "[data-view=angle]")
+
+
+def test_two_clicks_measure_the_distance_of_their_points(page, result):
+    spots = [(60, 200), (250, 120)]  # on the floor, on the back wall
+    first, second = (result.scene.points[row, column].astype(float) for column, row in spots)
+    click(page, "[data-view=camera]")
+    page.picture("#view")
+    click(page, "#measure")
+    for column, row in spots:
+        page.click(*place_on_canvas(page, result, column, row))
+    apart, upwards = (float(number) for number in re.findall(r"([\d.]+) m", text(page, "#hint")))
+    assert apart == pytest.approx(np.linalg.norm(first - second), abs=0.04)
+    assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
+    click(page, "#measure")
+    click(page, "[data-view=angle]")
+
+
+def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects_a_person(page, result):
+    over = page.picture("#photo")
+    click(page, "#overlay")
+    plain = page.picture("#photo")
+    click(page, "#overlay")
+    wanted = np.asarray(Image.fromarray(result.image).resize(plain.shape[1::-1]))
+    assert np.abs(plain[8:-8, 8:-8].astype(int) - wanted[8:-8, 8:-8].astype(int)).mean() < 6
+    assert difference(over, plain) > 0.05
+    x, y, width, height = page.box("#photo")
+    wrist = result.people[0].joints[9] @ result.intrinsics.matrix.T / result.people[0].joints[9][2]
+    rows, columns = result.image.shape[:2]
+    page.click(x + (wrist[0] + 0.5) / columns * width, y + (wrist[1] + 0.5) / rows * height)
+    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 0"
+    page.click(x + 3, y + 3)
+    assert page.evaluate("document.querySelector('.chips [aria-pressed=true]')") is None
 
 
 def test_grade_warnings_checks_and_stages_are_on_the_page(page):
