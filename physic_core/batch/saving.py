@@ -13,7 +13,7 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["LEVELS", "Saving", "save_photo", "thumbnail_jpeg", "thumbnail_path", "write_thumbnail"]
+__all__ = ["LEVELS", "Saving", "render_thumbnail", "save_photo", "thumbnail_path", "write_thumbnail"]
 
 LEVELS = ("full", "compact", "numbers", "people", "summary")
 """full: JSON, arrays, GLB files, preview. compact: the same, but of the GLB files only the combined one. numbers: JSON,
@@ -129,10 +129,10 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    _write_file(out / thumbnail_path(folder), thumbnail_jpeg(result))
+    _write_file(out / thumbnail_path(folder), render_thumbnail(result))
 
 
-def thumbnail_jpeg(result: Reconstruction) -> bytes:
+def render_thumbnail(result: Reconstruction) -> bytes:
     """Render the people over the photo, and the side view, as one small JPEG of 180 px height."""
     import numpy as np
     from PIL import Image

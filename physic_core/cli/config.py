@@ -49,7 +49,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     from physic_core.configuration.resolve import (
         format_missing,
         load_checked_config,
-        missing_files,
+        missing_file_messages,
         missing_gpu,
         named_weights,
         resolve,
@@ -61,7 +61,7 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     registry = discover()
     found = load_checked_config(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
-    files, device, further = missing_files(plan), missing_gpu(plan), size_warnings(plan, registry)
+    files, device, further = missing_file_messages(plan), missing_gpu(plan), size_warnings(plan, registry)
     path = found.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body

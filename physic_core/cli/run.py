@@ -278,12 +278,12 @@ def _digest(photo: Path) -> str:
     """Return the digest of the photo's pixels, else of its file; "" if the file cannot be read."""
     from physic_core.errors import InputError
     from physic_core.io.photo import read_photo
-    from physic_core.io.result_folder import file_digest, photo_digests
+    from physic_core.io.result_folder import file_digest, photo_identity
 
     digest = file_digest(photo)
     if digest:
         with suppress(InputError):
-            return photo_digests(photo, read_photo(photo).image)
+            return photo_identity(photo, read_photo(photo).image)
     return digest
 
 
@@ -292,7 +292,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
 
     The folder is created at once, so that two simultaneous runs use different folders.
     """
-    from physic_core.io.result_folder import photo_digests_of_result, same_photo
+    from physic_core.io.result_folder import photo_identity_of_result, same_photo
 
     first = Path(f"{photo.stem}-physic")
     if not digest:
@@ -304,7 +304,7 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
             folder.mkdir()
             made = True
         except FileExistsError:
-            existing = photo_digests_of_result(folder)
+            existing = photo_identity_of_result(folder)
             if existing is None or not (overwrite or same_photo(existing, digest)):
                 continue
         except OSError:

@@ -16,6 +16,6 @@ def schema(content: bool) -> None:
 
     A configuration has a schema of its own: physic config schema.
     """
-    from physic_core.io.schema_file import schema_file
+    from physic_core.io.schema_file import result_schema_file
 
-    echo(schema_file().read_text(encoding="utf-8") if content else str(schema_file()), nl=not content)
+    echo(result_schema_file().read_text(encoding="utf-8") if content else str(result_schema_file()), nl=not content)

@@ -51,7 +51,7 @@ __all__ = [
     "format_missing",
     "load_checked_config",
     "load_plan",
-    "missing_files",
+    "missing_file_messages",
     "missing_gpu",
     "named_weights",
     "require_available",
@@ -160,7 +160,7 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object], regist
     return resolved
 
 
-def missing_files(plan: ResolvedPipeline) -> tuple[str, ...]:
+def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
     """List the missing files that backends report, and a missing body model file; one message each.
 
     Raises:
@@ -202,7 +202,7 @@ def require_available(plan: ResolvedPipeline) -> None:
         DeviceError: only the device is missing.
         BackendError: the ``missing`` of a backend fails.
     """
-    if files := missing_files(plan):
+    if files := missing_file_messages(plan):
         raise WeightsMissingError(format_missing((*files, *missing_gpu(plan)), ", and nothing was computed"))
     check_device(plan.device)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error
-from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, record_problem
+from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, Origin, backend_record_problem
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 from physic_core.discovery.registration import (
@@ -78,7 +78,7 @@ def find_plugins(
                     records_of_hook(manager, hook, kind)  # only checked here
                 weights, complaints = _manifests(manager, entry)
             origin = origin_of(entry, clock() - start)
-            offers += [BackendOffer(record, origin, record_problem(record, origin)) for record in records]
+            offers += [BackendOffer(record, origin, backend_record_problem(record, origin)) for record in records]
             manifests += [Manifest(origin, path) for path in weights]
             broken += [BrokenPlugin(origin, *complaint) for complaint in complaints]
         except Exception as error:

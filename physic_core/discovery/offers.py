@@ -23,8 +23,8 @@ __all__ = [
     "BrokenPlugin",
     "Manifest",
     "Origin",
+    "backend_record_problem",
     "canonicalize_name",
-    "record_problem",
 ]
 
 _NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
@@ -106,7 +106,7 @@ class Manifest:
     path: Path
 
 
-def record_problem(record: BackendRecord, origin: Origin) -> str:
+def backend_record_problem(record: BackendRecord, origin: Origin) -> str:
     """Return the reason why a record is invalid, or an empty text if it is valid."""
     from physic_core.interfaces import INTERFACES
 

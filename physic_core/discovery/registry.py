@@ -21,8 +21,8 @@ from physic_core.discovery.offers import (
     BrokenPlugin,
     Manifest,
     Origin,
+    backend_record_problem,
     canonicalize_name,
-    record_problem,
 )
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import BackendRecord
@@ -98,7 +98,7 @@ class Registry:
             BackendError: the record is invalid.
         """
         offer = BackendOffer(record, origin)
-        if problem := record_problem(record, origin):
+        if problem := backend_record_problem(record, origin):
             raise BackendError(f"{offer} cannot be registered: {problem}")
         if origin == REGISTERED_BY_HAND:  # a notebook cell may run several times
             self._offers = [old for old in self._offers if (old.origin, _key(old)) != (REGISTERED_BY_HAND, _key(offer))]

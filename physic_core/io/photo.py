@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
 
-__all__ = ["MIN_SIDE", "Photo", "check_image", "limit_size", "photo_name", "read_photo", "read_source"]
+__all__ = ["MIN_SIDE", "Photo", "check_image", "limit_size", "photo_path_for_messages", "read_photo", "read_source"]
 
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
@@ -125,7 +125,7 @@ def _digest(file: BufferedReader | BytesIO) -> str:
     return f"sha256:{digest}"
 
 
-def photo_name(photo: object) -> str:
+def photo_path_for_messages(photo: object) -> str:
     """Return the path of a photo for error messages; "" if it has none."""
     if isinstance(photo, Image.Image):
         photo = getattr(photo, "filename", "")
@@ -133,7 +133,7 @@ def photo_name(photo: object) -> str:
 
 
 def _read_image(image: Image.Image) -> Photo:
-    source = ImageSource(photo_name(image) or "given as a PIL image")
+    source = ImageSource(photo_path_for_messages(image) or "given as a PIL image")
     if image.size[0] * image.size[1] > MAX_PIXELS:
         raise source.too_large()
     decode(image, source)

@@ -34,8 +34,8 @@ __all__ = [
     "file_digest",
     "files_of_result",
     "image_digest",
-    "photo_digests",
-    "photo_digests_of_result",
+    "photo_identity",
+    "photo_identity_of_result",
     "same_photo",
     "unchanged_result_files",
 ]
@@ -73,7 +73,7 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def photo_digests(path: str | os.PathLike[str], image: UInt8Array) -> str:
+def photo_identity(path: str | os.PathLike[str], image: UInt8Array) -> str:
     """Compute the digests of a photo file and of its pixels, separated by a space."""
     return " ".join(filter(None, (file_digest(path), image_digest(image))))
 
@@ -83,7 +83,7 @@ def same_photo(one: str, other: str) -> bool:
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
-def photo_digests_of_result(folder: str | os.PathLike[str]) -> str | None:
+def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
     """Read the digests of the photo from the result in a folder; None if there is no result."""
     document = _document(Path(folder))
     return None if document is None else str(document.get("photo", ""))
@@ -155,7 +155,7 @@ def check_overwrite(
     others = [name for name in present if name not in photos and name not in own]
     changed = [name for name in others if name in listed and os.path.isfile(folder / name)]
     foreign = [name for name in others if name not in changed]
-    whose = photo_digests_of_result(folder)
+    whose = photo_identity_of_result(folder)
     faults = [f"{_listed(photos)} there is the photo itself"] if photos else []
     if foreign:
         faults.append(f"{_listed(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier run")

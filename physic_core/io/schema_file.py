@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["schema_fault", "schema_file"]
+__all__ = ["result_schema_file", "schema_fault"]
 
 
-def schema_file() -> Path:
+def result_schema_file() -> Path:
     """Return the path of the JSON Schema (draft 2020-12) of ``reconstruction.json`` as it is written now."""
     return Path(__file__).with_name("reconstruction.schema.json")
 
@@ -38,7 +38,7 @@ def schema_fault(document: Any) -> str:
 def _validator() -> Callable[[Any], Any]:
     import fastjsonschema
 
-    schema = _without_required(json.loads(schema_file().read_text(encoding="utf-8")))
+    schema = _without_required(json.loads(result_schema_file().read_text(encoding="utf-8")))
     del schema["properties"]["schema_version"]
     made: Callable[[Any], Any] = fastjsonschema.compile(schema, use_default=False)
     return made

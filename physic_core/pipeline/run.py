@@ -16,7 +16,7 @@ from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import ResolvedPipeline, require_available, resolve, resolve_one
 from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
-from physic_core.io.photo import Photo, limit_size, photo_name, read_source
+from physic_core.io.photo import Photo, limit_size, photo_path_for_messages, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
 from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
@@ -193,7 +193,7 @@ class Pipeline:
         close: bool = False,
     ) -> Reconstruction:
         """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
-        camera, plan, name = given.camera(), self._plan_with(settings), photo_name(source)
+        camera, plan, name = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(name):
             with timed_call(READING):
                 photo = read_source(source)

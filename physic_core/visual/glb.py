@@ -20,7 +20,7 @@ from physic_core.geometry.upright import transform_points
 from physic_core.types.exports import ExportedFiles
 from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import ExportedCamera, ExportRequest, export_frame, exported_cameras
-from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
+from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
@@ -170,9 +170,9 @@ def build_glb(
     background: Background | None,
     skins: Mapping[int, Rig],
     reason: str = "",
-    look: Callable[[GlbBuffer, int, ExportRequest], Look] = _mannequin,
+    look: Callable[[GlbBuilder, int, ExportRequest], Look] = _mannequin,
     camera: bool = True,
-) -> GlbBuffer:
+) -> GlbBuilder:
     """Return a GLB file of the people of a request.
 
     Args:
@@ -183,7 +183,7 @@ def build_glb(
         look: called with the file, to which it can add textures, and the person.
         camera: whether to write the cameras of the photos.
     """
-    glb, result, frame = GlbBuffer(generator="PhySIC"), request.result, request.frame
+    glb, result, frame = GlbBuilder(generator="PhySIC"), request.result, request.frame
     nodes: list[int] = []
     if background is not None:
         nodes += _add_scene(glb, background, request)
@@ -222,7 +222,7 @@ def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint
     return np.where(kept > 0, order[:, :count], 0).astype(np.uint8), kept
 
 
-def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | None, look: Look) -> list[int]:
+def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | None, look: Look) -> list[int]:
     """Add mesh of a person, with skin and joints if there is a rig, and return the indices of the nodes at the top."""
     name, person, result = f"person_{index}", request.result.people[index], request.result
     faces = np.asarray(result.faces, np.int64)
@@ -249,7 +249,7 @@ def _add_person(glb: GlbBuffer, index: int, request: ExportRequest, rig: Rig | N
     return [*tops, _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)]
 
 
-def add_joints(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, list[int]]:
+def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
     """Add the joints of a rig in its pose, and return the index of the node above them, and theirs."""
     quaternions = Rotation.from_matrix(rig.rotations).as_quat()
     first = len(glb.tree.get("nodes", ()))
@@ -268,7 +268,7 @@ def add_joints(glb: GlbBuffer, name: str, rig: Rig) -> tuple[int, list[int]]:
 
 
 def _add_mesh(
-    glb: GlbBuffer,
+    glb: GlbBuilder,
     name: str,
     attributes: dict[str, int],
     faces: NDArray[np.integer[Any]],
@@ -291,7 +291,7 @@ def textured_scene(result: Reconstruction, frame: Frame) -> Background:
     return Background(surface, uv, texture, drawn_floor(result, frame, surface))
 
 
-def _add_scene(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
+def _add_scene(glb: GlbBuilder, background: Background, request: ExportRequest) -> list[int]:
     """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
     if not len(background.surface.faces):
         return []
@@ -306,7 +306,7 @@ def _add_scene(glb: GlbBuffer, background: Background, request: ExportRequest) -
     return [_add_mesh(glb, "scene", attributes, background.surface.faces, Look(photo))]
 
 
-def _add_floor(glb: GlbBuffer, background: Background, request: ExportRequest) -> list[int]:
+def _add_floor(glb: GlbBuilder, background: Background, request: ExportRequest) -> list[int]:
     """Add what is drawn of the floor, if there is one, and return the index of its node."""
     if background.floor is None:
         return []
@@ -321,7 +321,7 @@ def _add_floor(glb: GlbBuffer, background: Background, request: ExportRequest) -
     return [_add_mesh(glb, "floor", attributes, faces, Look(_FLOOR))]
 
 
-def _add_camera(glb: GlbBuffer, one: ExportedCamera) -> int:
+def _add_camera(glb: GlbBuilder, one: ExportedCamera) -> int:
     """Add the camera of a photo, and return the index of its node."""
     camera = one.intrinsics
     height, width = camera.height / camera.fy, camera.width / camera.fx

@@ -17,7 +17,7 @@ from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_core.errors import InputError, NoPersonError
 from physic_core.io.photo import read_photo
-from physic_core.io.result_folder import file_digest, image_digest, photo_digests, photo_digests_of_result
+from physic_core.io.result_folder import file_digest, image_digest, photo_identity, photo_identity_of_result
 
 from .results import empty_reconstruction
 
@@ -32,7 +32,7 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         if path.stem == "empty":
             raise NoPersonError("nobody was found")
         with suppress(InputError):
-            return empty_reconstruction(photo=photo_digests(path, read_photo(path).image))
+            return empty_reconstruction(photo=photo_identity(path, read_photo(path).image))
         return empty_reconstruction(photo=file_digest(path))
 
     module = ModuleType("physic_core.pipeline.run")
@@ -64,13 +64,13 @@ def test_photos_of_one_name_get_folders_of_their_own_and_find_them_again():
     folders = ["a-physic", "a.png-physic", "a.jpg-physic", "a.jpg-physic-2"]
     for _ in range(2):
         assert [folder_of(run(photo(name))) for name in names] == folders
-    assert [photo_digests_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
+    assert [photo_identity_of_result(folder) for folder in folders] == [file_digest(name) for name in names]
 
 
 def test_overwrite_takes_the_first_folder_with_a_result():
     run(photo("x/a.jpg"))
     assert folder_of(run(photo("y/a.jpg"), "--overwrite")) == "a-physic"
-    assert photo_digests_of_result("a-physic") == file_digest("y/a.jpg")
+    assert photo_identity_of_result("a-physic") == file_digest("y/a.jpg")
 
 
 def test_a_failing_run_leaves_no_default_folder():

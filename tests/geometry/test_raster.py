@@ -76,7 +76,7 @@ def part_shares(hidden, face, model):
     return lost / torch.bincount(part, minlength=count)
 
 
-def test_pixels_agree_with_rays(bodies):
+def test_vertices_hidden_by_raster_are_those_hidden_by_rays(bodies):
     """All but 3 % of the vertices, most of them fingers and face, and within 0.02 what is hidden of each part."""
     vertices, model = bodies[0][:2], bodies[1]
     by_ray, by_pixel = hidden_from_camera(vertices, model.faces), hidden_by_raster(vertices, model.faces)

@@ -19,8 +19,8 @@ from physic_core.io.result_folder import (
     file_digest,
     files_of_result,
     image_digest,
-    photo_digests,
-    photo_digests_of_result,
+    photo_identity,
+    photo_identity_of_result,
 )
 
 FILES = ("reconstruction.json", "reconstruction.npz", "preview.png", "scene.glb", "combined.glb")
@@ -107,7 +107,7 @@ def test_every_foreign_file_is_named_at_once(out: Path, photo: Path):
 def test_another_document_makes_no_result(out: Path, photo: Path, text: str):
     (out / "reconstruction.json").write_text(text)
     (out / "scene.glb").write_text("mine")
-    assert photo_digests_of_result(out) is None
+    assert photo_identity_of_result(out) is None
     assert refusal(out, file_digest(photo), overwrite=True).startswith(
         "reconstruction.json, scene.glb there are not of an earlier run: "
     )
@@ -146,9 +146,9 @@ def test_saving_replaces_the_same_photos_result_alone(tmp_path: Path, reconstruc
     other = replace(reconstruction, photo="sha256:2")
     with pytest.raises(OutputError, match="it holds the result of another photo"):
         other.save(str(tmp_path / "out"), preview=False)
-    assert photo_digests_of_result(tmp_path / "out") == "sha256:1"
+    assert photo_identity_of_result(tmp_path / "out") == "sha256:1"
     other.save(str(tmp_path / "out"), preview=False, overwrite=True)
-    assert photo_digests_of_result(tmp_path / "out") == "sha256:2"
+    assert photo_identity_of_result(tmp_path / "out") == "sha256:2"
     (tmp_path / "out" / "preview.png").write_text("mine")
     with pytest.raises(OutputError, match=r"preview\.png there is not of an earlier run"):
         other.save(str(tmp_path / "out"), overwrite=True)
@@ -230,10 +230,10 @@ def test_earlier_pictures_are_known_where_the_new_ones_fail(
 
 def test_a_photo_is_the_same_by_its_file_or_by_its_pixels(out: Path, photo: Path):
     pixels, others = np.zeros((4, 6, 3), np.uint8), np.ones((4, 6, 3), np.uint8)
-    result(out, photo_digests(photo, pixels))
-    for same in (photo_digests(photo, pixels), file_digest(photo), image_digest(pixels)):
+    result(out, photo_identity(photo, pixels))
+    for same in (photo_identity(photo, pixels), file_digest(photo), image_digest(pixels)):
         check_overwrite(out, same)
     assert refusal(out, image_digest(others)).startswith("it holds the result of another photo: ")
     result(out, file_digest(photo))  # as results were written before pixels had a digest
-    check_overwrite(out, photo_digests(photo, pixels))
+    check_overwrite(out, photo_identity(photo, pixels))
     assert refusal(out, image_digest(pixels)).startswith("it holds a result of an unknown photo: ")

@@ -13,10 +13,10 @@ import pytest
 
 from physic_core import load_reconstruction, save_reconstruction
 from physic_core.io.document import SCHEMA_VERSION
-from physic_core.io.schema_file import schema_file
+from physic_core.io.schema_file import result_schema_file
 
 WRITTEN = Path(__file__).with_name("written")
-SCHEMA = json.loads(schema_file().read_text(encoding="utf-8"))
+SCHEMA = json.loads(result_schema_file().read_text(encoding="utf-8"))
 
 
 def faults(document: Any) -> list[str]:

@@ -12,7 +12,7 @@ import pytest
 from physic_core import load_people, load_reconstruction, save_reconstruction
 from physic_core.errors import InputError
 from physic_core.io.results import save_people
-from physic_core.io.schema_file import schema_file
+from physic_core.io.schema_file import result_schema_file
 
 
 def assert_same(left, right, where="cameras"):
@@ -75,7 +75,7 @@ def test_only_a_result_of_several_photos_has_the_new_version(tmp_path, several_p
     assert (several["schema_version"], one["schema_version"]) == (4, 3)
     assert set(several) - set(one) == {"cameras"}
     assert several["cameras"][0] == {"photo": "0.jpg"}
-    schema = json.loads(schema_file().read_text())
+    schema = json.loads(result_schema_file().read_text())
     for document in (several, one):
         jsonschema.validate(document, schema)
     assert set(several["cameras"][1]) == set(schema["$defs"]["camera"]["properties"])

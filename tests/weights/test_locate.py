@@ -75,7 +75,9 @@ def test_a_file_right_in_a_folder_counts_if_it_has_the_published_size(
 FETCH = "`physic weights fetch net`"
 
 
-def test_missing_weights_have_this_message(lists: Any, own_cache: Path, tmp_path: Path, monkeypatch):
+def test_missing_weights_are_named_with_size_licence_command_and_searched_folders(
+    lists: Any, own_cache: Path, tmp_path: Path, monkeypatch
+):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
     with pytest.raises(WeightsMissingError) as caught:

@@ -1,4 +1,4 @@
-"""Settings of stage 4."""
+"""Settings of stage 4: what each vertex touches, and what carries each person."""
 
 from __future__ import annotations
 

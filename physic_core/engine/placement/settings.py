@@ -1,4 +1,4 @@
-"""Settings of stage 2."""
+"""Settings of stage 2: the points of people, and how bodies move onto them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of stage 1."""
+"""Settings of stage 1: scale, camera and floor of the scene."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
-from physic_embedded.networks.sessions import Products, graph_name, open_session
+from physic_embedded.networks.sessions import Products, graph_name, open_packaged_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
@@ -98,9 +98,9 @@ class EmbeddedPointmap(RelativePointmap):
         """Open the depth network and, if ``focal_from_edges`` is set, the line segment network."""
         if self._depth is None:
             graph = graph_name("depth_anything_v2_vits", self.options.products, device)
-            self._depth = open_session(graph, self.options.threads, device)
+            self._depth = open_packaged_session(graph, self.options.threads, device)
         if self._lines is None and self.options.focal_from_edges:
-            self._lines = open_session("mlsd_large_512", self.options.threads, device)
+            self._lines = open_packaged_session("mlsd_large_512", self.options.threads, device)
 
     def close(self) -> None:
         """Close both networks."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from physic_core.types import SURFACE_NAMES
 from physic_embedded.networks.ade20k import PADDING_VALUE, label_surfaces
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import open_packaged_session
 
 FLOOR, WALL, PERSON, SEAT = (SURFACE_NAMES.index(name) for name in ("floor", "wall", "person", "seat"))
 
@@ -63,7 +63,7 @@ def test_an_improbable_surface_is_unknown() -> None:
 
 
 def test_the_court_of_the_example_is_floor_or_ground(image: NDArray[np.uint8]) -> None:
-    surfaces = label_surfaces(open_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool))
+    surfaces = label_surfaces(open_packaged_session("deeplabv3_mnv2_ade20k", 1), image, np.zeros(image.shape[:2], bool))
     court = surfaces.mask("floor", "ground")
     assert court[-10:].mean() > 0.8
     assert court[: len(court) // 4].mean() < 0.05

@@ -21,7 +21,7 @@ from physic_embedded.networks.hand_landmarks import (
     hand_search_square,
     predict_hand_landmarks,
 )
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import open_packaged_session
 from physic_testing import violations
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def test_hands_are_searched_beyond_the_wrist() -> None:
 
 
 def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image: NDArray[np.uint8]) -> None:
-    session = open_session("hand_landmark_full", 1)
+    session = open_packaged_session("hand_landmark_full", 1)
     square = RotatedSquare(np.array([140.0, 130.0]), 90.0, 0.2)
     first = predict_hand_landmarks(session, ImagePyramid.from_image(image), square)
     other = RotatedSquare(np.array([image.shape[1] - 1 - 140.0, 130.0]), 90.0, -0.2)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from onnx import numpy_helper
 
 from physic_embedded.networks.depth_anything import predict_disparity
-from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_session
+from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_session
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.segmenter import EmbeddedSegmenter
 
@@ -100,7 +100,8 @@ def test_disparities_in_int8_are_near_those_in_float32() -> None:
     assert photo is not None
     image = np.ascontiguousarray(photo[..., ::-1])
     exact, rounded = (
-        predict_disparity(open_session(name, 1), image, short_side=252) for name in ("depth_anything_v2_vits", NETWORK)
+        predict_disparity(open_packaged_session(name, 1), image, short_side=252)
+        for name in ("depth_anything_v2_vits", NETWORK)
     )
     low, high = np.percentile(exact, [2, 98])
     error = np.abs(rounded - exact) / (high - low)

@@ -15,7 +15,7 @@ from physic_core.types import SurfaceLabels
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, encode_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import Detection, anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
@@ -212,8 +212,10 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     truth = np.zeros((300, 400), np.uint8)
     cv2.ellipse(truth, (170, 160), (90, 50), 25, 0, 360, 1, -1)
     image[truth > 0] = (190, 40, 30)
-    embedding = encode_image(open_session("mobilesam_encoder", 1), image)
-    answer = predict_masks(open_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2)))
+    embedding = encode_image(open_packaged_session("mobilesam_encoder", 1), image)
+    answer = predict_masks(
+        open_packaged_session("mobilesam_decoder", 1), embedding, np.array([[170, 160.0]]), np.zeros((0, 2))
+    )
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
     iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
     print("overlap with the drawn ellipse", np.round(iou, 3))

@@ -13,7 +13,7 @@ import pytest
 from physic_core.adapters.onnx_sessions import release_memory
 from physic_core.errors import BackendError
 from physic_embedded.networks import sessions
-from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_session
+from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_session
 
 MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
 MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
@@ -29,7 +29,7 @@ def test_a_network_is_the_file_that_the_manifest_names(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_a_network_opens_with_the_inputs_of_the_manifest(name: str) -> None:
-    session = open_session(name.removesuffix(".onnx"), threads=1)
+    session = open_packaged_session(name.removesuffix(".onnx"), threads=1)
     got = {i.name: list(i.shape) for i in session.session.get_inputs()}
     assert got == {i["name"]: i["shape"] for i in MODELS[name]["inputs"]}
     assert {o.name for o in session.session.get_outputs()} == {o["name"] for o in MODELS[name]["outputs"]}
@@ -68,7 +68,7 @@ def test_a_network_with_one_other_bit_is_refused(damaged_folder: Path, name: str
     content[1_000_000] ^= 1
     (damaged_folder / file).write_bytes(content)
     with pytest.raises(BackendError) as error:
-        open_session(name)
+        open_packaged_session(name)
     assert str(error.value) == (
         f"{damaged_folder / file} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
         f"{FILES[file]['sha256']}. Install physic-embedded again from its wheel."
@@ -79,7 +79,7 @@ def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None
     shutil.copy(WEIGHTS_FOLDER / "palm_detection_full.onnx", damaged_folder)
     (damaged_folder / "MANIFEST.json").write_text('{"models": [{"file": "other.onnx"}], "weights": []}')
     with pytest.raises(BackendError) as error:
-        open_session("palm_detection_full")
+        open_packaged_session("palm_detection_full")
     assert str(error.value) == (
         f"{damaged_folder / 'MANIFEST.json'} is damaged: it has no SHA-256 of palm_detection_full.onnx. "
         "Install physic-embedded again from its wheel."
@@ -87,7 +87,7 @@ def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None
 
 
 def test_memory_is_released_while_a_network_is_open() -> None:
-    session = open_session("palm_detection_full", threads=1)
+    session = open_packaged_session("palm_detection_full", threads=1)
     image = {"image": np.random.default_rng(0).random((1, 192, 192, 3), np.float32)}
     before = session.run(["scores"], image)[0]
     release_memory()

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from physic_core.adapters.detections import box_iou
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.yolox import PADDING_VALUE, detect_boxes
 
 CELLS = [(52, 8), (26, 16), (13, 32)]
@@ -85,7 +85,7 @@ def test_a_box_at_the_inner_edge_of_a_tile_is_dropped_and_one_at_the_photos_edge
 
 @pytest.mark.parametrize("fractions", [(), (0.5,)])
 def test_the_player_of_the_example_photo_is_one_box(image: NDArray[np.uint8], fractions: tuple[float, ...]) -> None:
-    session = open_session("yolox_nano", threads=1)
+    session = open_packaged_session("yolox_nano", threads=1)
     found = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5, fractions=fractions)
     whole = detect_boxes(session, image, min_score=0.4, min_tile_score=0.5)
     assert found.scores[0] > 0.7

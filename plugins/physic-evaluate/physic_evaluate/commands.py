@@ -229,7 +229,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     from physic_evaluate.carry import Carrier
     from physic_evaluate.datasets.base import FrameSet
     from physic_evaluate.output import write_evaluation
-    from physic_evaluate.run import evaluate_methods, require_truth
+    from physic_evaluate.run import evaluate_methods, require_any_truth
     from physic_evaluate.scoring import ScoringRules
 
     bodies = BodyFiles(given.smplx, given.smpl)
@@ -251,7 +251,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         click.echo(note, err=True)
     if given.from_release is not None:
         methods += _release_methods(chosen.name, found.frames, given, bodies, errors)
-    require_truth(found.frames, given.root)
+    require_any_truth(found.frames, given.root)
     if _reconstructs(given):
         methods.insert(0, _own_method(found.frames, how, given.out, bodies))
     rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)

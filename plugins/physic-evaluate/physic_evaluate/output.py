@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_evaluate.metrics import CONTACT_FIGURES
-from physic_evaluate.tables import Tables, latex_table, markdown_table, measure, text_table
+from physic_evaluate.tables import Tables, compute_tables, latex_table, markdown_table, text_table
 from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def write_evaluation(
     from physic_evaluate.previews import write_previews
 
     names = [method.name for method in evaluation.methods]
-    tables = measure(evaluation.records, names, contact_rules(evaluation, contact_cm))
+    tables = compute_tables(evaluation.records, names, contact_rules(evaluation, contact_cm))
     notes = summary_of(evaluation) + _unequal_counts(tables)
     header = settings["header"]
     texts = {

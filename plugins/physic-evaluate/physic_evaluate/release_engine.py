@@ -17,7 +17,7 @@ from physic_core.body.joints import ROTATION_FIELDS
 from physic_core.errors import InputError
 from physic_evaluate.damage import number_array, require_finite
 from physic_evaluate.readers.base import archive_arrays
-from physic_evaluate.readers.physic_release import point_contact, release_parameters
+from physic_evaluate.readers.physic_release import release_parameters, released_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,7 +116,7 @@ def optimise_release(file: Path, bodies: BodyFiles) -> dict[str, Any]:
     return {
         "vertices": vertices,
         "joints": result.joints.detach().cpu().numpy(),
-        "contact": np.stack([point_contact(own, points, normals) for own in vertices]),
+        "contact": np.stack([released_contact(own, points, normals) for own in vertices]),
         "K": K,
         "scene_points": points,
         "failures": np.array(result.failures),

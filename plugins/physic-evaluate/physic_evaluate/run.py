@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-__all__ = ["Evaluation", "Method", "UnexpectedError", "evaluate_methods", "require_truth"]
+__all__ = ["Evaluation", "Method", "UnexpectedError", "evaluate_methods", "require_any_truth"]
 
 CHECKED_FRAMES = 10
 """Frames, spread over the data set, that decide in which frame of reference results are."""
@@ -197,7 +197,7 @@ class FrameScorer:
             return MethodScores(method.name, "", tuple(record | {"has_result": False} for record in lost), unexpected)
 
 
-def require_truth(frames: Sequence[Frame], root: Path) -> None:
+def require_any_truth(frames: Sequence[Frame], root: Path) -> None:
     """Read truths until one can be used.
 
     Raises:
@@ -247,7 +247,7 @@ def evaluate_methods(
     if data_set.needs_results(found):
         results = {frame.id: methods[0].result_or_none(frame) for frame in found.frames}
         found = data_set.complete(found, results, methods[0].name, root)
-    require_truth(found.frames, root)
+    require_any_truth(found.frames, root)
     checks = {method.name: _check(found.frames, method) for method in methods}
     for name, check in checks.items():
         report(f"{name}: {check.sentence()}")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     Record = Mapping[str, Any]
 
-__all__ = ["Tables", "latex_table", "markdown_table", "measure", "text_table"]
+__all__ = ["Tables", "compute_tables", "latex_table", "markdown_table", "text_table"]
 
 PAPER_COLUMNS = ("pa_mpjpe", "me_mpjpe", "me_pve")
 """Of the LaTeX table, as in the paper's Table 2; precision, recall and F1 of the first contact truth follow."""
@@ -41,7 +41,7 @@ class Tables:
     common: Mapping[str, tuple[int, int]]
 
 
-def measure(records: Sequence[Record], methods: Sequence[str], rules: Sequence[str]) -> Tables:
+def compute_tables(records: Sequence[Record], methods: Sequence[str], rules: Sequence[str]) -> Tables:
     """Compute all figures.
 
     Args:

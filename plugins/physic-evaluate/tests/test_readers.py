@@ -17,7 +17,7 @@ from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Prediction, TruePerson, Truth
 from physic_evaluate.frame_of_results import check_frame
 from physic_evaluate.readers import open_reader
-from physic_evaluate.readers.physic_release import point_contact
+from physic_evaluate.readers.physic_release import released_contact
 
 from .miniatures import SIZE, STANDING, Files, K, moved_by, python2_pickle, rigid, rotation
 
@@ -145,7 +145,7 @@ def test_a_reader_gives_the_body_in_the_camera_frame(name: str, files: Files, tm
         np.testing.assert_allclose(found.K, [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
     if name in ("physic-release", "phy-sic"):
         # Scene points 1.5 cm below some vertices: those within 2 cm touch.
-        near = point_contact(vertices, np.asarray(found.scene_points), None)
+        near = released_contact(vertices, np.asarray(found.scene_points), None)
         assert person.contact is not None
         assert near.sum() > 0
         assert not (near & ~person.contact).any()
@@ -189,7 +189,7 @@ def test_torch_tensors_and_code_in_pickles_are_refused_by_name(files: Files, tmp
         open_reader("hsfm", tmp_path / "hsfm", files.bodies).result(frame)
 
 
-def test_the_world_of_the_data_set_is_found_by_projection(files: Files):
+def test_results_in_the_world_frame_are_refused_as_camera_results(files: Files):
     to_camera = rigid(rotation("y", 30) @ rotation("x", 95), [0.2, 0.4, 3.0])
     camera = Camera(K, *SIZE, to_camera[:3, :3], to_camera[:3, 3])
     vertices, joints = true_body(files)

@@ -1,4 +1,4 @@
-"""COCO JSON: boxes, masks and 17 keypoints of the people, beside the images as they were reconstructed."""
+"""COCO JSON: boxes, masks and 17 keypoints of the people, with a PNG of each reconstructed image."""
 
 from __future__ import annotations
 

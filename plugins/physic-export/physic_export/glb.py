@@ -22,7 +22,7 @@ from physic_export.textures import encode_jpeg, encode_png
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.glb_buffer import GlbBuffer
+    from physic_core.visual.glb_builder import GlbBuilder
     from physic_core.visual.rig import Rig
 
 __all__ = ["add_animation", "add_variants", "body_look", "export_glb"]
@@ -52,7 +52,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     colors = skins_of(request)
     textured = colors.textured
 
-    def look(glb: GlbBuffer, index: int, _: ExportRequest) -> Look:
+    def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Look:
         return body_look(glb, index, colors)
 
     background = textured_scene(result, request.frame) if request.scene else None
@@ -70,7 +70,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
-def body_look(glb: GlbBuffer, index: int, colors: Skins) -> Look:
+def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Look:
     """Return the materials of a person, as variants, and their texture coordinates."""
     textured, request = colors.textured, colors.request
     if textured is None:
@@ -92,7 +92,7 @@ def body_look(glb: GlbBuffer, index: int, colors: Skins) -> Look:
     )
 
 
-def add_variants(glb: GlbBuffer) -> None:
+def add_variants(glb: GlbBuilder) -> None:
     """Name the variants of the materials of :func:`body_look`."""
     used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
     glb.tree["extensionsUsed"] = sorted(used)
@@ -100,7 +100,7 @@ def add_variants(glb: GlbBuffer) -> None:
 
 
 def add_animation(
-    glb: GlbBuffer, seconds: Sequence[float], skeletons: Sequence[tuple[list[int], Sequence[Rig]]]
+    glb: GlbBuilder, seconds: Sequence[float], skeletons: Sequence[tuple[list[int], Sequence[Rig]]]
 ) -> None:
     """Add the animation ``pose``, which steps from pose to pose.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.glb import Look, add_joints, build_glb, glb_notes
-from physic_core.visual.glb_buffer import GlbBuffer
+from physic_core.visual.glb_builder import GlbBuilder
 from physic_core.visual.rig import rigs
 from physic_export.bone_names import bone_names
 from physic_export.glb import add_animation, add_variants, body_look
@@ -68,7 +68,7 @@ def _moved(rig: Rig, standing: Rig, height: float | None) -> Rig:
 def _avatar(colors: Skins, index: int, standing: Rig) -> bytes:
     request = replace(colors.request, people=(index,))
 
-    def look(glb: GlbBuffer, person: int, _: ExportRequest) -> Look:
+    def look(glb: GlbBuilder, person: int, _: ExportRequest) -> Look:
         return body_look(glb, person, colors)
 
     glb = build_glb(request, None, {index: standing}, look=look, camera=False)
@@ -82,7 +82,7 @@ def _avatar(colors: Skins, index: int, standing: Rig) -> bytes:
 
 
 def _animation(standing: Rig, posed: Rig) -> bytes:
-    glb = GlbBuffer(generator="PhySIC")
+    glb = GlbBuilder(generator="PhySIC")
     top, joints = add_joints(glb, "skeleton", standing)
     glb.tree |= {"scenes": [{"nodes": [top]}], "scene": 0}
     add_animation(glb, (0.0, _POSE_S), [(joints, (posed, posed))])
@@ -91,7 +91,7 @@ def _animation(standing: Rig, posed: Rig) -> bytes:
 
 
 def _add_humanoid(
-    glb: GlbBuffer, extension: str, joints: list[int], names: tuple[str, ...], further: dict[str, Any]
+    glb: GlbBuilder, extension: str, joints: list[int], names: tuple[str, ...], further: dict[str, Any]
 ) -> None:
     """Add an extension of VRM that states which node is which bone."""
     bones = {name: {"node": node} for name, node in zip(names, joints, strict=True)}

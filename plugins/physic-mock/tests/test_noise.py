@@ -134,7 +134,7 @@ def test_false_contact_lies_mostly_on_parts_that_often_touch(world, people):
 # --- depth ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_scale_of_metric_depth_is_drawn_once_a_world_and_its_sigma_stated(world):
+def test_metric_depth_has_one_scale_error_for_all_pixels_and_states_its_sigma(world):
     options = MetricDepthOptions(scale_sigma=0.1, focal_sigma=0.05, warp=0, smear_px=0)
     answers = [MockMetricDepth(replace_seed(options, s)).infer(world.image, Hints()) for s in range(100)]
     ratios = np.array([a.depth / world.depth for a in answers])

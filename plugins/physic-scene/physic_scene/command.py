@@ -1,4 +1,4 @@
-"""The command ``physic scene``."""
+"""The command ``physic scene``: reconstruct several photos of one moment, and write one folder of results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command ``physic serve``."""
+"""The command ``physic serve``: start the server that reconstructs uploaded photos, and end it at a signal."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ __all__ = [
     "ModelSpec",
     "check_model_type",
     "find_folder",
-    "missing_files",
+    "missing_file_messages",
     "model_fingerprint",
 ]
 
@@ -74,7 +74,7 @@ def find_folder(value: str) -> Path:
     return folder if folder.is_dir() else folder.parent
 
 
-def missing_files(spec: ModelSpec, value: str) -> tuple[str, ...]:
+def missing_file_messages(spec: ModelSpec, value: str) -> tuple[str, ...]:
     """Describe the missing files of a network, fast and without network access."""
     known = weights.read_manifest(MANIFEST)
     if value in known:

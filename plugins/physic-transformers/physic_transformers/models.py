@@ -21,7 +21,7 @@ from physic_transformers.folders import (
     ModelSpec,
     check_model_type,
     find_folder,
-    missing_files,
+    missing_file_messages,
     model_fingerprint,
 )
 
@@ -101,7 +101,7 @@ class PretrainedBackend(Backend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing weights, and how to get them."""
-        return tuple(text for spec in self.specs for text in missing_files(spec, self._value(spec)))
+        return tuple(text for spec in self.specs for text in missing_file_messages(spec, self._value(spec)))
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
@@ -165,7 +165,7 @@ def open_network(spec: ModelSpec, value: str, options: ModelOptions, device: str
         BackendError: the folder holds another model, or not all of its weights.
     """
     _check_dtype(options.dtype, device)
-    if absent := missing_files(spec, value):
+    if absent := missing_file_messages(spec, value):
         raise WeightsMissingError("; ".join(absent))
     folder = find_folder(value)
     check_model_type(folder, spec)

@@ -1,4 +1,4 @@
-"""The command ``physic view``."""
+"""The command ``physic view``: show saved results in a viewer in the browser."""
 
 from __future__ import annotations
 

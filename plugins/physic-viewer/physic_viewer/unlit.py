@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.visual.glb_buffer import ARRAY, INDICES, GlbBuffer
+from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_core.visual.palette import linear_from_srgb
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def unlit_glb(vertices: Array, faces: NDArray[np.integer], colors: NDArray[np.ui
         faces: (F, 3), seen from both sides.
         colors: (V, 3) sRGB.
     """
-    glb = GlbBuffer(generator="PhySIC")
+    glb = GlbBuilder(generator="PhySIC")
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
         "COLOR_0": glb.accessor(_before_tone_curve(linear_from_srgb(colors)).astype(np.float32), ARRAY),

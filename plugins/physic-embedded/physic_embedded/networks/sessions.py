@@ -13,7 +13,7 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-__all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "Products", "graph_name", "open_session", "weights_path"]
+__all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "Products", "graph_name", "open_packaged_session", "weights_path"]
 
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 """Folder of the packaged networks; its ``MANIFEST.json`` describes each of them."""
@@ -36,10 +36,10 @@ class PackagedNetworks:
         self._sessions: dict[str, OnnxSession] = {}
 
     def open(self, device: str, threads: int, products: Products = "auto") -> None:
-        """Open every network on a device, unless they are open; see :func:`open_session`."""
+        """Open every network on a device, unless they are open; see :func:`open_packaged_session`."""
         if not self._sessions:
             graphs = {name: graph_name(name, products, device) for name in self.names}
-            self._sessions = {name: open_session(graph, threads, device) for name, graph in graphs.items()}
+            self._sessions = {name: open_packaged_session(graph, threads, device) for name, graph in graphs.items()}
 
     def close(self) -> None:
         """Close every network."""
@@ -78,7 +78,7 @@ def weights_path(name: str) -> Path:
     return path
 
 
-def open_session(name: str, threads: int = 2, device: str = "cpu") -> OnnxSession:
+def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> OnnxSession:
     """Open a packaged network by its file name without ``.onnx``.
 
     Args:

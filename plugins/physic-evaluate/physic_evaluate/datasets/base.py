@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from physic_evaluate.contract import Frame, Prediction
     from physic_evaluate.run import Evaluation
 
-__all__ = ["DataSet", "Description", "FrameSet", "Source", "listed_frames", "missing_files", "option", "read_json"]
+__all__ = [
+    "DataSet",
+    "Description",
+    "FrameSet",
+    "Source",
+    "listed_frames",
+    "missing_file_messages",
+    "option",
+    "read_json",
+]
 
 
 @dataclass(frozen=True)
@@ -151,6 +160,6 @@ def read_json(path: Path) -> Any:
         raise DamagedFileError(f"{path} is not valid JSON ({error}): it is damaged or cut off") from error
 
 
-def missing_files(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
+def missing_file_messages(root: Path, names: Sequence[tuple[str, str]]) -> list[str]:
     """Return a sentence for each path (relative, what it is) or pattern that nothing exists for."""
     return [f"{root / name}: {what}" for name, what in names if next(root.glob(name), None) is None]

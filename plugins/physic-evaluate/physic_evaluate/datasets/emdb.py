@@ -23,7 +23,7 @@ from physic_evaluate.damage import (
     require_rotation,
     table,
 )
-from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, missing_files, option
+from physic_evaluate.datasets.base import DataSet, Description, FrameSet, Source, missing_file_messages, option
 from physic_evaluate.pickled import cached_pickle
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class Emdb(DataSet):
         needed = [("P*/*/*_data.pkl", "camera and bodies of the sequences")]
         if pictures:
             needed.append(("P*/*/images/*.jpg", "pictures"))
-        missing = missing_files(root, needed)
+        missing = missing_file_messages(root, needed)
         if options.part not in ("1", "2", "all"):
             missing.append(f"--part is 1, 2 or all (got '{options.part}')")
         if options.every < 1:

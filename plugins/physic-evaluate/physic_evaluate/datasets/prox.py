@@ -29,7 +29,7 @@ from physic_evaluate.datasets.base import (
     FrameSet,
     Source,
     listed_frames,
-    missing_files,
+    missing_file_messages,
     option,
     read_json,
 )
@@ -135,7 +135,7 @@ class Prox(DataSet):
         ]
         if pictures:
             needed.append(("recordings/*/Color/*.jpg", "pictures"))
-        missing = missing_files(root, needed)
+        missing = missing_file_messages(root, needed)
         if options.mesh_frame not in ("auto", *MESH_FRAMES):
             missing.append(f"--mesh-frame is one of auto, {', '.join(MESH_FRAMES)} (got '{options.mesh_frame}')")
         if options.every < 1:

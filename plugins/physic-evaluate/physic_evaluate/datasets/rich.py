@@ -29,7 +29,7 @@ from physic_evaluate.datasets.base import (
     FrameSet,
     Source,
     listed_frames,
-    missing_files,
+    missing_file_messages,
     option,
     read_json,
 )
@@ -129,11 +129,13 @@ class Rich(DataSet):
             needed.append((f"human_scene_contact/{split}/*/*/*.{kind}", "annotated contact; or --contact rule"))
         if pictures:
             needed.append((f"images/{split}/*/cam_*/*", "pictures"))
-        missing = missing_files(root, needed)
+        missing = missing_file_messages(root, needed)
         if options.contact not in ("smpl", "smplx", "rule"):
             missing.append(f"--contact is smpl, smplx or rule (got '{options.contact}')")
         if options.contact == "rule":
-            missing += missing_files(root, [("scan_calibration/*/scan_camcoord.ply", "scans, for contact by rule")])
+            missing += missing_file_messages(
+                root, [("scan_calibration/*/scan_camcoord.ply", "scans, for contact by rule")]
+            )
         if options.every < 1:
             missing.append(f"--every is at least 1 (got {options.every})")
         return missing

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["READER", "PhysicRelease", "people_of_release", "point_contact", "release_file", "release_parameters"]
+__all__ = ["READER", "PhysicRelease", "people_of_release", "release_file", "release_parameters", "released_contact"]
 
 JOINTS = {
     "global_orient": 1,
@@ -159,7 +159,7 @@ def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
     return found
 
 
-def point_contact(vertices: Array, points: Array, normals: Array | None) -> NDArray[np.bool_]:
+def released_contact(vertices: Array, points: Array, normals: Array | None) -> NDArray[np.bool_]:
     """Return the contact (V,) of the released rule: within 2 cm of a scene point, or behind it by up to 15 cm.
 
     Args:
@@ -186,7 +186,7 @@ def _contact(
     if prefix == "final" and "scene_points" in arrays:
         points = require_finite(number_array(arrays, "scene_points", path, (-1, 3)), f"{path}: 'scene_points'")
         own = number_array(arrays, "scene_normals", path, points.shape) if "scene_normals" in arrays else None
-        return point_contact(np.asarray(person.vertices), points, own)
+        return released_contact(np.asarray(person.vertices), points, own)
     if "contact_deco" not in arrays:
         return None
     contact = number_array(arrays, "contact_deco", path, (-1, 10475))

@@ -1,4 +1,4 @@
-"""Build networks from checkouts and load their checkpoints, ready for export."""
+"""Build CameraHMR, WiLoR and DECO from checkouts and load their checkpoints, ready for export."""
 
 from __future__ import annotations
 

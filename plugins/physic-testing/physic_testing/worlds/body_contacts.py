@@ -9,7 +9,7 @@ import numpy as np
 from physic_testing.worlds.contact_fit import centre_of_mass
 from physic_testing.worlds.reproducible_math import dot, norm
 from physic_testing.worlds.skin_patches import contact_skin, vertex_normals
-from physic_testing.worlds.solids import LEVEL_GROUND, SolidScene
+from physic_testing.worlds.solids import LEVEL_GROUND, SolidDistances
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -113,7 +113,7 @@ def touched_item(room: Room, outer: BoolArray, vertices: FloatArray, reach: floa
     least = np.full(vertices.shape[:2], reach)
     for k, item in enumerate(room.items):
         blocks = [block for block in room.blocks if block.item == item]
-        distance = SolidScene(blocks, LEVEL_GROUND).distances(vertices.reshape(-1, 3))[:-1].min(axis=0)
+        distance = SolidDistances(blocks, LEVEL_GROUND).distances(vertices.reshape(-1, 3))[:-1].min(axis=0)
         near = (distance.reshape(least.shape) <= least) & outer
         touched[near], least[near] = k, distance.reshape(least.shape)[near]
     return touched

@@ -33,7 +33,7 @@ from physic_testing.worlds.skin_patches import (
     vertex_normals,
 )
 from physic_testing.worlds.skinning import Skinner
-from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidScene, signed_distance
+from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidDistances, signed_distance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -290,7 +290,7 @@ class _ContactEnergy:
     ) -> None:
         self.model, self.plan, self.blocks, self.ground = model, plan, blocks, ground
         self.skin: ContactSkin = contact_skin(model)
-        self.solid = SolidScene(blocks, ground)
+        self.solid = SolidDistances(blocks, ground)
         self.columns = [self._columns(touch) for touch in plan.touches]
         self.start = rotation_matrix(plan.pose)
         self.whole = Skinner(model, plan.betas)

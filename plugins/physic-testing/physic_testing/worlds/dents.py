@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_testing.worlds.ray_casting import RayCaster
 from physic_testing.worlds.reproducible_math import apply, dot, norm
-from physic_testing.worlds.solids import BOX_QUADS, LEVEL_GROUND, Block, SolidScene
+from physic_testing.worlds.solids import BOX_QUADS, LEVEL_GROUND, Block, SolidDistances
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,7 +89,7 @@ def dented_distance(block: Block, depth: FloatArray, points: FloatArray) -> Floa
     from scipy.spatial import cKDTree
 
     local, half = block.to_local(points), np.array(block.half)
-    distance: FloatArray = SolidScene((Block((0, 0, 0), block.half),), LEVEL_GROUND).distances(local)[0]
+    distance: FloatArray = SolidDistances((Block((0, 0, 0), block.half),), LEVEL_GROUND).distances(local)[0]
     near = np.flatnonzero(distance < _RANGE)
     if not len(near):
         return distance

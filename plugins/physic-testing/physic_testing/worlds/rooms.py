@@ -17,7 +17,7 @@ from physic_testing.worlds.solids import (
     BOX_QUADS,
     Block,
     Ground,
-    SolidScene,
+    SolidDistances,
     blocks_mesh,
     box_corners,
     signed_distance,
@@ -108,7 +108,7 @@ class Room:
         """Return the surface nearest to each point (n, 3): (n,), index into ``physic_core.types.SURFACE_NAMES``."""
         names = self.surface_names()
         scene = [i for i, block in enumerate(self.blocks) if not block.item]
-        distance = SolidScene([self.blocks[i].pressed() for i in scene], self.ground).distances(points)
+        distance = SolidDistances([self.blocks[i].pressed() for i in scene], self.ground).distances(points)
         number = np.array([*(i + 6 for i in scene), 0])[distance.argmin(axis=0)]
         if self.walls is not None:
             local = self.walls.to_local(points)
@@ -127,7 +127,7 @@ class Room:
     def surface_normals(self, points: FloatArray) -> FloatArray:
         """Return the normal (n, 3) of the surface nearest to each of n points; of undented blocks."""
         blocks = [block for block in self.blocks if not block.item]
-        solid = SolidScene([block.pressed() for block in blocks], self.ground)
+        solid = SolidDistances([block.pressed() for block in blocks], self.ground)
         distance = solid.distances(points)
         normals = solid.normals(points, distance.argmin(axis=0))
         if self.walls is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from physic_core.body import JOINT_INDEX
 from physic_testing.worlds.reproducible_math import norm
 from physic_testing.worlds.skin_patches import contact_skin, vertex_normals
-from physic_testing.worlds.solids import LEVEL_GROUND, Block, SolidScene
+from physic_testing.worlds.solids import LEVEL_GROUND, Block, SolidDistances
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -55,7 +55,7 @@ def cup_in_hand(model: BodyModel, vertices: FloatArray, pose: FloatArray) -> Blo
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         cup = _cup_at(start + middle * away)
-        inside = SolidScene((cup,), LEVEL_GROUND).distances(near)[0].min() < 0
+        inside = SolidDistances((cup,), LEVEL_GROUND).distances(near)[0].min() < 0
         low, high = (middle, high) if inside else (low, middle)
     return _cup_at(start + high * away)
 

@@ -25,7 +25,7 @@ __all__ = [
     "LEVEL_GROUND",
     "Block",
     "Ground",
-    "SolidScene",
+    "SolidDistances",
     "blocks_mesh",
     "box_corners",
     "signed_distance",
@@ -132,7 +132,7 @@ LEVEL_GROUND = Ground()
 """Horizontal ground."""
 
 
-class SolidScene:
+class SolidDistances:
     """Blocks and ground, prepared for repeated distance queries.
 
     Args:
@@ -195,7 +195,7 @@ def signed_distance(points: FloatArray, blocks: Sequence[Block], ground: Ground)
         (...).
     """
     flat = np.asarray(points, np.float64).reshape(-1, 3)
-    solid = SolidScene(blocks, ground)
+    solid = SolidDistances(blocks, ground)
     step = max(1, _CHUNK // (len(blocks) + 1))
     found = [solid.distances(flat[i : i + step]).min(axis=0) for i in range(0, len(flat), step)]
     distance: FloatArray = np.concatenate([*found, np.zeros(0)]).reshape(np.shape(points)[:-1])

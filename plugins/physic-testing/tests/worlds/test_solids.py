@@ -1,4 +1,4 @@
-"""SolidScene things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
+"""Solid things: their signed distance against a plain twin and trimesh, its gradient, and their mesh."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidScene, blocks_mesh, signed_distance
+from physic_testing.worlds.solids import LEVEL_GROUND, Block, Ground, SolidDistances, blocks_mesh, signed_distance
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -67,7 +67,7 @@ def test_the_signed_distance_outside_equals_the_distance_to_the_mesh() -> None:
 
 def test_the_gradient_is_right_inside_and_outside() -> None:
     points, step = _points(40, seed=2), 1e-6
-    solid = SolidScene(_BLOCKS, Ground((0.0, 0.8, 0.6)))
+    solid = SolidDistances(_BLOCKS, Ground((0.0, 0.8, 0.6)))
     assert np.array_equal(
         solid.distances(points).min(axis=0), signed_distance(points, _BLOCKS, Ground((0.0, 0.8, 0.6)))
     )

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["ARRAY", "INDICES", "GlbBuffer"]
+__all__ = ["ARRAY", "INDICES", "GlbBuilder"]
 
 ARRAY, INDICES = 34962, 34963
 """Targets of buffer views: vertex attributes and indices."""
@@ -20,7 +20,7 @@ _COMPONENTS = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _TYPES = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 
 
-class GlbBuffer:
+class GlbBuilder:
     """Collect the tree and the binary chunk of a GLB file.
 
     Attributes:
