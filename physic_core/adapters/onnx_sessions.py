@@ -11,6 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.devices import DEVICE_PATTERN
+from physic_core.adapters.optimised_graphs import KeptGraph
 from physic_core.errors import BackendError, DeviceError
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-    from onnxruntime import InferenceSession
+    from onnxruntime import InferenceSession, SessionOptions
 
 __all__ = ["ExecutionProvider", "OnnxSession", "open_session", "read_compared", "release_memory", "select_provider"]
 
@@ -79,7 +80,7 @@ class OnnxSession:
 
 
 def open_session(
-    path: Path, threads: int, device: str, provider: str = "auto", *, broken: str, sha256: str = ""
+    path: Path, threads: int, device: str, provider: str = "auto", *, broken: str, sha256: str = "", keep: bool = False
 ) -> OnnxSession:
     """Open an ONNX file.
 
@@ -90,6 +91,8 @@ def open_session(
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
         sha256: that the file must have, external data files not included; "" for any.
+        keep: keep the graph in the cache as onnxruntime optimises it for the CPU, and read it from there; needs
+            ``sha256``, which then stands for the file.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
@@ -98,24 +101,35 @@ def open_session(
     import onnxruntime as ort
 
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
-    content = read_compared(path, sha256, broken) if sha256 else b""
-    options = ort.SessionOptions()
-    options.intra_op_num_threads = threads
-    # Level 4 hides the errors of a provider that does not start: they are raised below.
-    options.log_severity_level = 3 if chosen.name == "CPU" else 4
-    # Photos have all sizes. Memory planned for one size would stay allocated for each.
-    options.enable_mem_pattern = False
     # The CPU runs the few operators that another provider does not implement.
-    fallback = [] if chosen.name == "CPU" else ["CPUExecutionProvider"]
+    providers = settings if chosen.name == "CPU" else [*settings, "CPUExecutionProvider"]
     _register_shared_arena()
-    options.add_session_config_entry("session.use_env_allocators", "1")
-    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(path.parent))
-    # Threads that wait for work in a loop take processor time from others, and finish later themselves.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    try:
-        session = ort.InferenceSession(content or str(path), options, providers=[*settings, *fallback])
-    except Exception as cause:  # onnxruntime's own exceptions share no public base class
-        raise _open_error(path, chosen, cause, broken) from cause
+
+    def create(content: bytes | str, options: SessionOptions) -> InferenceSession:
+        return ort.InferenceSession(content, options, providers=providers)
+
+    def optimise(part: Path) -> InferenceSession:
+        options = _session_options(path, threads, chosen)
+        options.optimized_model_filepath = str(part)
+        return create(read_compared(path, sha256, broken), options)
+
+    session = None
+    kept = KeptGraph.of(path.stem, sha256) if keep and chosen.name == "CPU" else None
+    if kept is not None:
+        if (content := kept.read()) is not None:
+            options = _session_options(path, threads, chosen)
+            options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
+            try:
+                session = create(content, options)
+            except Exception:  # onnxruntime's own exceptions share no public base class
+                kept.delete()
+        session = session or kept.write(optimise)
+    if session is None:
+        source = read_compared(path, sha256, broken) if sha256 else str(path)
+        try:
+            session = create(source, _session_options(path, threads, chosen))
+        except Exception as cause:
+            raise _open_error(path, chosen, cause, broken) from cause
     running = session.get_providers()
     if chosen.key not in running:
         raise DeviceError(
@@ -126,6 +140,22 @@ def open_session(
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
     _LOG.info("%s runs on %s", path.name, runtime, extra={"network_runtime": runtime})
     return OnnxSession(session, chosen)
+
+
+def _session_options(path: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:
+    import onnxruntime as ort
+
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    # Level 4 hides the errors of a provider that does not start: they are raised by the caller.
+    options.log_severity_level = 3 if provider.name == "CPU" else 4
+    # Photos have all sizes. Memory planned for one size would stay allocated for each.
+    options.enable_mem_pattern = False
+    options.add_session_config_entry("session.use_env_allocators", "1")
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(path.parent))
+    # Threads that wait for work in a loop take processor time from others, and finish later themselves.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    return options
 
 
 def select_provider(

@@ -6,7 +6,14 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = ["CACHE_VARIABLE", "cache_folder", "correspondences_folder", "models_folder", "results_folder"]
+__all__ = [
+    "CACHE_VARIABLE",
+    "cache_folder",
+    "correspondences_folder",
+    "graphs_folder",
+    "models_folder",
+    "results_folder",
+]
 
 CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable with the folder of all caches, or "off"."""
@@ -50,3 +57,8 @@ def correspondences_folder() -> Path | None:
 def models_folder() -> Path | None:
     """Return the cache folder of converted body models; None if disabled."""
     return cache_folder("models", CACHE_VARIABLE)
+
+
+def graphs_folder() -> Path | None:
+    """Return the cache folder of optimised graphs of networks; None if disabled."""
+    return cache_folder("graphs", CACHE_VARIABLE)

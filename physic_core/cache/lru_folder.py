@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 __all__ = [
+    "GRAPH_SUFFIX",
     "MAP_SUFFIX",
     "MODEL_SUFFIX",
     "RESULT_SUFFIX",
@@ -25,6 +26,8 @@ MAP_SUFFIX = ".map.npz"
 """Suffix of cached mesh correspondences (:mod:`physic_core.cache.correspondences`)."""
 MODEL_SUFFIX = ".model.pkl"
 """Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.chumpy_free`)."""
+GRAPH_SUFFIX = ".graph.onnx"
+"""Suffix of optimised graphs of networks (:mod:`physic_core.adapters.optimised_graphs`)."""
 
 _INCOMPLETE_AGE_S = 3600.0
 """Age after which an incomplete file is deleted, s."""

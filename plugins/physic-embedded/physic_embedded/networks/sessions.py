@@ -96,7 +96,7 @@ def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> O
     if "weights" in network:
         weights = path.with_name(network["weights"])
         onnx_sessions.read_compared(weights, _published(weights)["sha256"], _BROKEN)
-    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=network["sha256"])
+    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=network["sha256"], keep=True)
 
 
 @cache

@@ -1,0 +1,76 @@
+"""Optimised graphs of the packaged networks in the cache."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core.cache.folders import CACHE_VARIABLE
+from physic_embedded.networks.sessions import open_session
+
+NETWORK = "palm_detection_full"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def outputs() -> list[np.ndarray]:
+    session = open_session(NETWORK, threads=1)
+    one = session.session.get_inputs()[0]
+    return session.run(None, {one.name: np.random.default_rng(0).random(one.shape, np.float32)})
+
+
+def assert_same(first: list[np.ndarray], second: list[np.ndarray]) -> None:
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_kept_graph_gives_the_same_outputs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = outputs()
+    [kept] = folder.iterdir()
+    before = kept.stat().st_ino
+    assert_same(outputs(), made)
+    assert [file.stat().st_ino for file in folder.iterdir()] == [before]
+    monkeypatch.setenv(CACHE_VARIABLE, "off")
+    assert_same(outputs(), made)
+
+
+@pytest.mark.parametrize("damage", ["", "changed", "no graph"])
+def test_a_damaged_graph_is_made_again(folder: Path, damage: str) -> None:
+    made = outputs()
+    [kept] = folder.iterdir()
+    content = kept.read_bytes()
+    kept.write_bytes({"": b"", "changed": content[:-1] + bytes([content[-1] ^ 1]), "no graph": b"no graph"}[damage])
+    assert_same(outputs(), made)
+    [kept] = folder.iterdir()
+    assert len(kept.read_bytes()) == len(content)
+
+
+def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder: Path) -> None:
+    made = outputs()
+    [kept] = folder.iterdir()
+    kept.unlink()
+    # The checksum of no bytes is 0.
+    kept.with_name(f"{kept.name.rpartition('-')[0]}-00000000.graph.onnx").touch()
+    assert_same(outputs(), made)
+    [kept] = folder.iterdir()
+    assert kept.stat().st_size
+
+
+def test_networks_open_where_nothing_can_be_kept(folder: Path) -> None:
+    folder.write_text("a file in place of the folder")
+    assert len(outputs()) == 2
+
+
+def test_several_writers_leave_complete_graphs(folder: Path) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        runs = list(pool.map(lambda _: outputs(), range(4)))
+    assert {file.name.endswith(".graph.onnx") and not file.name.startswith(".") for file in folder.iterdir()} == {True}
+    for run in runs:
+        assert_same(run, runs[0])
