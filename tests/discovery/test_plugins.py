@@ -39,14 +39,27 @@ def test_a_record_is_stamped_with_who_made_it(site):
     assert claim.problem == ""
 
 
-def test_a_broken_plugin_is_a_row_with_its_cause_and_the_others_live(site):
-    site.install("physic-bad", "import no_such_module\n", version="0.3")
+@pytest.mark.parametrize(
+    ("source", "entry", "cause"),
+    [
+        (
+            "import no_such_module\n",
+            "",
+            "ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
+        ),
+        (
+            "",
+            "bad = physic-bad/plugin.py",
+            "its entry point 'bad = physic-bad/plugin.py' should name a module: 'bad = my_pkg'",
+        ),
+    ],
+)
+def test_a_broken_plugin_is_a_row_with_its_cause_and_the_others_are_found(site, source, entry, cause):
+    site.install("physic-bad", source, version="0.3", entry=entry)
     site.offer("physic-good", "inpainter", "good")
     registry = found(site)
     assert names(registry) == ["good"]
-    assert causes(registry) == [
-        "physic-bad 0.3 (ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1))"
-    ]
+    assert causes(registry) == [f"physic-bad 0.3 ({cause})"]
 
 
 def test_output_of_a_plugin_goes_to_stderr(site, capsys):
@@ -136,16 +149,6 @@ def test_a_record_without_a_version_of_its_interface_breaks_its_plugin(site):
     site.install("physic-bad", HOOK + "    return [BackendRecord('inpainter', 'x', 'm:C')]\n")
     (cause,) = causes(found(site))
     assert "missing 1 required positional argument: 'api'" in cause
-
-
-def test_an_entry_point_that_names_no_module_is_a_row(site):
-    site.install("physic-bad", "", entry="bad = physic-bad/plugin.py")
-    site.offer("physic-good", "inpainter", "good")
-    registry = found(site)
-    assert names(registry) == ["good"]
-    assert causes(registry) == [
-        "physic-bad 1.0 (its entry point 'bad = physic-bad/plugin.py' should name a module: 'bad = my_pkg')"
-    ]
 
 
 def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(site):

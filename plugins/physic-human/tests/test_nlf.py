@@ -361,12 +361,18 @@ class ExactNlf:
         }
 
 
+def exact_backend(smplx_file: Path, tmp_path: Path, shift: float) -> Nlf:
+    """A loaded backend whose network poses the file exactly, with vertices ``shift`` mm off."""
+    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
+    backend.load()
+    backend._network = ExactNlf(smplx_file, shift)
+    return backend
+
+
 def test_the_users_file_gives_the_exact_place_and_the_surface(
     smplx_file: Path, tmp_path: Path, torchvision: ModuleType
 ) -> None:
-    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
-    backend.load()
-    backend._network = ExactNlf(smplx_file, 0.0)
+    backend = exact_backend(smplx_file, tmp_path, shift=0.0)
     bodies = ask(backend)
     np.testing.assert_allclose(bodies.parameters.transl, [[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]], atol=1e-5)
     assert bodies.mesh is not None
@@ -377,9 +383,7 @@ def test_the_users_file_gives_the_exact_place_and_the_surface(
 def test_a_file_other_than_nlfs_is_recognised_by_its_vertices(
     smplx_file: Path, tmp_path: Path, torchvision: ModuleType
 ) -> None:
-    backend = Nlf(NlfOptions(weights=script(tmp_path), smplx_file=str(smplx_file)))
-    backend.load()
-    backend._network = ExactNlf(smplx_file, 30.0)
+    backend = exact_backend(smplx_file, tmp_path, shift=30.0)
     with pytest.raises(
         BackendError, match=r"rebuilt from its parameters by smplx_file, NLF's first body is 5[0-9]\.\d mm"
     ):

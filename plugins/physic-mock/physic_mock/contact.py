@@ -62,6 +62,7 @@ class MockContactPrior(interfaces.ContactPrior):
     """Contact prior that returns a world's contact with missed patches and false patches near the scene."""
 
     Options = ContactOptions
+    options: ContactOptions
 
     def infer(self, image: UInt8Array, people: People, bodies: Bodies) -> ContactProbability:
         """Return contact probabilities (N, V) for people of a world's photo, above 0.5 for predicted contact.
@@ -71,7 +72,6 @@ class MockContactPrior(interfaces.ContactPrior):
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
-        assert isinstance(self.options, ContactOptions)
         from physic_core.body import load_body
         from physic_core.body.conversion import rest_mesh_of_model
 

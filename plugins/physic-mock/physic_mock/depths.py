@@ -106,6 +106,7 @@ class MockMetricDepth(interfaces.MetricDepth):
     """
 
     Options = MetricDepthOptions
+    options: MetricDepthOptions
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
         """Return the depth map of a world's photo, with or without people, m; NaN in the sky.
@@ -113,7 +114,6 @@ class MockMetricDepth(interfaces.MetricDepth):
         Raises:
             BackendError: the image shows no world.
         """
-        assert isinstance(self.options, MetricDepthOptions)
         options, noise = self.options, self.options.noise
         found = recognise_world(image, hints.hole)
         world, seed = found.world, options.noise_seed
@@ -208,6 +208,7 @@ class MockRelativePointmap(interfaces.RelativePointmap):
     """Point map estimator that returns a world's points with unknown scale and shift, drawn per image."""
 
     Options = RelativePointmapOptions
+    options: RelativePointmapOptions
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the point map of a world's photo, on the rays of ``hints.intrinsics`` if given.
@@ -217,7 +218,6 @@ class MockRelativePointmap(interfaces.RelativePointmap):
         Raises:
             BackendError: the image shows no world.
         """
-        assert isinstance(self.options, RelativePointmapOptions)
         options = self.options
         found = recognise_world(image, hints.hole)
         depth = _noisy_depth(found, hints, options)

@@ -131,6 +131,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
     """
 
     Options = BodyOptions
+    options: BodyOptions
 
     def infer(
         self, image: UInt8Array, people: People, intrinsics: Intrinsics, keypoints: Keypoints, hints: Hints
@@ -140,7 +141,6 @@ class MockBodyEstimator(interfaces.BodyEstimator):
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
-        assert isinstance(self.options, BodyOptions)
         options = self.options
         found = recognise_world(image)
         rows = match_people(found, people)
@@ -297,6 +297,7 @@ class MockHandEstimator(interfaces.HandEstimator):
     """Hand estimator that returns a world's finger rotations with noise, for hands with a visible wrist."""
 
     Options = HandOptions
+    options: HandOptions
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Return the hands of people in a world's photo.
@@ -304,7 +305,6 @@ class MockHandEstimator(interfaces.HandEstimator):
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
-        assert isinstance(self.options, HandOptions)
         options = self.options
         found = recognise_world(image)
         rows = match_people(found, people)

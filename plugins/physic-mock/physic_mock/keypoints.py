@@ -88,6 +88,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
     """Keypoint detector that returns a world's keypoints with noise and left-right swaps."""
 
     Options = KeypointOptions
+    options: KeypointOptions
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return the keypoints of people in a world's photo.
@@ -95,7 +96,6 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         Raises:
             BackendError: the image shows no world, or a person is nobody of it.
         """
-        assert isinstance(self.options, KeypointOptions)
         options = self.options
         found = recognise_world(image)
         rows = match_people(found, people)

@@ -56,6 +56,7 @@ class MockSegmenter(interfaces.Segmenter):
     """Segmenter that returns a world's person masks and floor mask with errors."""
 
     Options = SegmenterOptions
+    options: SegmenterOptions
 
     def infer(self, image: UInt8Array) -> People:
         """Return the people that are still visible in a world's photo.
@@ -63,7 +64,6 @@ class MockSegmenter(interfaces.Segmenter):
         Raises:
             BackendError: the image shows no world.
         """
-        assert isinstance(self.options, SegmenterOptions)
         found = recognise_world(image)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
@@ -138,6 +138,7 @@ class MockInpainter(interfaces.Inpainter):
     """
 
     Options = InpainterOptions
+    options: InpainterOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Return the image with filled masked pixels; other pixels are unchanged.
@@ -145,7 +146,6 @@ class MockInpainter(interfaces.Inpainter):
         Raises:
             BackendError: the image shows no world.
         """
-        assert isinstance(self.options, InpainterOptions)
         filled: UInt8Array = image.copy()
         world = recognise_world(image).world
         if self.options.fill == "surroundings" and self.options.noise > 0:

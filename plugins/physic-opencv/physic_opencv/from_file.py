@@ -52,11 +52,11 @@ class DepthFile(interfaces.MetricDepth):
     """
 
     Options = DepthFileOptions
+    options: DepthFileOptions
     cacheable = False  # reading the file again costs less than the cache
 
     def missing(self) -> tuple[str, ...]:
         """Return a line if the file does not exist."""
-        assert isinstance(self.options, DepthFileOptions)
         return _missing_file(self.options.path, "metric_depth")
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -65,7 +65,6 @@ class DepthFile(interfaces.MetricDepth):
         Raises:
             InputError: the file cannot be read, or shows another photo.
         """
-        assert isinstance(self.options, DepthFileOptions)
         options = self.options
         path = _given(options.path, "metric_depth")
         depth, is_relative = read_depth(path, options.scale, options.invalid)
@@ -101,11 +100,11 @@ class PointmapFile(interfaces.RelativePointmap):
     """
 
     Options = PointmapFileOptions
+    options: PointmapFileOptions
     cacheable = False  # reading the file again costs less than the cache
 
     def missing(self) -> tuple[str, ...]:
         """Return a line if the file does not exist."""
-        assert isinstance(self.options, PointmapFileOptions)
         return _missing_file(self.options.path, "relative_pointmap")
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
@@ -114,7 +113,6 @@ class PointmapFile(interfaces.RelativePointmap):
         Raises:
             InputError: the file cannot be read, or shows another photo.
         """
-        assert isinstance(self.options, PointmapFileOptions)
         options = self.options
         path = _given(options.path, "relative_pointmap")
         points, valid = read_points(path, options.scale)

@@ -70,6 +70,7 @@ class GrabCut(interfaces.Segmenter):
     """Segmenter by colour models and graph cuts (C. Rother et al., 2004) in given boxes or around given keypoints."""
 
     Options = GrabCutOptions
+    options: GrabCutOptions
 
     @staticmethod
     def conformance_options(world: Any) -> dict[str, object]:
@@ -87,7 +88,6 @@ class GrabCut(interfaces.Segmenter):
             ConfigError: the options give neither boxes nor keypoints, or a box that holds no pixels of the image.
             BackendError: nothing stands out in one of the boxes.
         """
-        assert isinstance(self.options, GrabCutOptions)
         options = self.options
         height, width = image.shape[:2]
         seeds = [np.asarray(points, np.float64) for points in options.keypoints]

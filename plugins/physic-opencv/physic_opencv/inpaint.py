@@ -37,6 +37,7 @@ class DiffusionOptions(interfaces.Options):
 
 class _Diffusion(interfaces.Inpainter):
     Options = DiffusionOptions
+    options: DiffusionOptions
     _method: ClassVar[str]
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
@@ -48,7 +49,6 @@ class _Diffusion(interfaces.Inpainter):
         import cv2
 
         check_mask(image, mask)
-        assert isinstance(self.options, DiffusionOptions)
         return _fill(image, mask, getattr(cv2, self._method), self.options)
 
 

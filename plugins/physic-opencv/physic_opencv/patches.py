@@ -43,6 +43,7 @@ class PatchBased(interfaces.Inpainter):
     """
 
     Options = PatchOptions
+    options: PatchOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their values.
@@ -51,7 +52,6 @@ class PatchBased(interfaces.Inpainter):
             InputError: image or mask has another shape or dtype, or too little is unmasked to take a patch from.
         """
         check_mask(image, mask)
-        assert isinstance(self.options, PatchOptions)
         filled = image.copy()
         if mask.any():
             answer = patchmatch.fill_by_patches(

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["BETTER_DIRECTION", "check_is_exact", "mean_accuracy", "measure_errors"]
+__all__ = ["BETTER_DIRECTION", "MAIN_ERROR", "check_is_exact", "main_error", "mean_accuracy", "measure_errors"]
 
 BETTER_DIRECTION: dict[str, str] = {
     "IoU": "higher",
@@ -61,6 +61,17 @@ BETTER_DIRECTION: dict[str, str] = {
     "recall": "higher",
 }
 """Error name -> whether higher or lower is better."""
+
+MAIN_ERROR: dict[str, str] = {
+    "segmenter": "IoU",
+    "metric_depth": "abs-rel, scale fitted",
+    "relative_pointmap": "abs-rel, aligned",
+    "keypoint_detector": "share of person",
+    "body_estimator": "MPJPE, mm",
+    "hand_estimator": "degrees",
+    "contact_prior": "F1",
+}
+"""Interface -> name of the error by which two results are compared."""
 
 EXACT: dict[str, float] = {
     "IoU": 0.99,
@@ -94,6 +105,18 @@ def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
     if interface not in _ERROR_FUNCTIONS:
         raise CheckSkipped(f"worlds have no ground truth for the interface {interface}")
     return _ERROR_FUNCTIONS[interface](answer, case)
+
+
+def main_error(interface: str, answer: Any, case: Case) -> float:
+    """Return the error :data:`MAIN_ERROR` of a result, turned such that lower is better; NaN if it was not measured.
+
+    Raises:
+        CheckSkipped: worlds have no ground truth for this interface.
+        BodyModelError: the result is of a body that cannot be compared.
+    """
+    name = MAIN_ERROR[interface]
+    value = measure_errors(interface, answer, case).get(name, float("nan"))
+    return 1 - value if BETTER_DIRECTION[name] == "higher" else value
 
 
 def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:

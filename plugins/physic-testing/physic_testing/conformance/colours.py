@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError, PhysicError
-from physic_testing.conformance.accuracy import measure_errors
+from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.contract import contract_violations
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -18,12 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CHECKS"]
 
-_ERROR_NAMES = {
-    "segmenter": "IoU",
-    "metric_depth": "abs-rel, scale fitted",
-    "relative_pointmap": "abs-rel, aligned",
-    "keypoint_detector": "share of person",
-}
 _NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
 
 
@@ -31,7 +25,7 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     """The output for the photo in RGB is not less accurate than for the same photo in BGR."""
     case = subject.case("one person")
     try:
-        own = _error(subject.interface, measure_errors(subject.interface, subject.result(), case))
+        own = main_error(subject.interface, subject.result(), case)
     except BodyModelError as error:
         raise CheckSkipped("its keypoints are not defined on a body, so there is no error to compare") from error
     if own < _NEGLIGIBLE_ERROR:
@@ -44,20 +38,14 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
         raise CheckSkipped("it raises a PhysicError for a photo with red and blue exchanged") from error
     if contract_violations(subject.interface, answer, case):
         return
-    other = _error(subject.interface, measure_errors(subject.interface, answer, case))
-    name = _ERROR_NAMES[subject.interface]
+    other = main_error(subject.interface, answer, case)
+    name = MAIN_ERROR[subject.interface]
     expect(
         other > 0.5 * own,
         "the smaller error for the photo in RGB order",
         f"an error ({name}) of {own:.3f}, but of {other:.3f} for the photo with red and blue exchanged",
         "Does it convert the image to BGR, as OpenCV reads files? Images are RGB.",
     )
-
-
-def _error(interface: str, measured: dict[str, float]) -> float:
-    """Return the error that is compared, lower is better."""
-    value = measured[_ERROR_NAMES[interface]]
-    return 1 - value if interface == "segmenter" else value
 
 
 CHECKS: tuple[Check, ...] = (Check(check_reads_images_as_rgb, "physic_core.interfaces"),)

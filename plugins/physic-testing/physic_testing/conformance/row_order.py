@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import BodyModelError
-from physic_testing.conformance.accuracy import BETTER_DIRECTION, measure_errors
+from physic_testing.conformance.accuracy import main_error
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.requests import infer_arguments
 
@@ -19,13 +19,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 __all__ = ["check_rows_follow_the_people"]
-
-_ERROR_NAMES = {
-    "keypoint_detector": "share of person",
-    "body_estimator": "MPJPE, mm",
-    "hand_estimator": "degrees",
-    "contact_prior": "F1",
-}
 
 MAX_RATIO = 0.5
 """Share of the error that the rows in the right order leave at most."""
@@ -64,12 +57,10 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
 
 def _error(interface: str, answer: Any, case: Case) -> float:
     """Return the error of the answer, lower is better; NaN where worlds have no ground truth for it."""
-    name = _ERROR_NAMES[interface]
     try:
-        value = measure_errors(interface, answer, case).get(name, float("nan"))
+        return main_error(interface, answer, case)
     except (BodyModelError, CheckSkipped):
         return float("nan")
-    return 1 - value if BETTER_DIRECTION[name] == "higher" else value
 
 
 def _reordered(thing: Any, order: IntArray) -> Any:
