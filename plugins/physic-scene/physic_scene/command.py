@@ -46,8 +46,8 @@ def scene(
 ) -> None:
     """Reconstruct one moment from two to eight photos.
 
-    Writes the files of `physic run` with all cameras and a row of the preview for each photo, moment.json and
-    scene_points.ply. The frame is that of the photo that shows most people.
+    Writes the files of `physic run --save full` with all cameras and a row of the preview for each photo, moment.json
+    and scene_points.ply. The frame is that of the photo that shows most people.
     """
     if file is not None and preset is not None:
         raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
@@ -75,11 +75,24 @@ def scene(
     with Scene(load_config(file, preset=preset, overrides=overrides)) as solver:
         result = solver(photos, intrinsics=sized, known=known, progress=progress)
     result.save(str(out), overwrite=overwrite)
+    _write_page(result, out, quiet=quiet)
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
     if not quiet:
         echo(_table(result))
         echo(str(out))
+
+
+def _write_page(result: SceneResult, out: Path, *, quiet: bool) -> None:
+    """Write ``report.html`` if a plugin makes it; else say which one does."""
+    from physic_core.cli.output import echo
+    from physic_core.errors import PackageMissingError
+
+    try:
+        result.reconstruction.report(str(out / "report.html"), result.reconstruction.cameras[0].photo)
+    except PackageMissingError as error:
+        if not quiet:
+            echo(f"no page: {error}", err=True)
 
 
 def _numbers(text: str, option: str) -> tuple[float, ...]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
 from physic_core.errors import ConfigError, InputError
@@ -176,3 +177,21 @@ def test_the_command_names_what_is_wrong(tmp_path):
     assert str(run.exception) == "there is no file a.png: name two to eight photos of one moment"
     run = CliRunner().invoke(command, ["a.png", "b.png", "-o", "out", "--intrinsics", "1,2,3,4"])
     assert "--intrinsics: give it once for each of the 2 photos, - where unknown" in run.output
+
+
+def test_the_command_writes_result_moment_and_page(worlds, tmp_path):
+    for name, world in zip("ab", worlds, strict=False):
+        Image.fromarray(world.image).save(tmp_path / f"{name}.png")
+    photos, out = [str(tmp_path / "a.png"), str(tmp_path / "b.png")], tmp_path / "out"
+    run = CliRunner().invoke(
+        command, [*photos, "-o", str(out), "--preset", "mock", "--set", "engine.joint.optimiser.steps=3"]
+    )
+    assert run.exit_code == 0, run.output
+    lines = run.stdout.splitlines()
+    assert lines[0].split("  ")[0] == "photo"
+    assert [line.split()[0] for line in lines[1:3]] == ["a.png", "b.png"]
+    assert lines[-1] == str(out)
+    files = {path.name for path in out.iterdir()}
+    assert {"reconstruction.json", "moment.json", "scene_points.ply", "preview.png", "report.html"} <= files
+    page = (out / "report.html").read_text("utf-8")
+    assert '"further":[{"name":"' in page
