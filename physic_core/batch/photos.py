@@ -39,7 +39,7 @@ _PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix 
 TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _OF_RESULTS, _LINK = "in folders of results", "link to a folder"
-_COLUMNS = ("path", "camera", "stature", "depth", "pointmap", "id", "moment")
+_COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id", "moment")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -109,10 +109,10 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     """List the photos of files, folders (recursively), glob patterns, and CSV or Parquet tables, without duplicates.
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length in px, or
-    "fx,fy,cx,cy"), "stature" (m), "depth" and "pointmap" (files), "id", and "moment": photos with the same one become
-    one result. Photos of folders and patterns are sorted by path. Files of folders and patterns that are in the folder
-    of a result are skipped, and folders of earlier batches, and all files below ``out``. So are files of folders that
-    are hidden, or have a suffix that no photo has, and links to folders.
+    "fx,fy,cx,cy"), "stature" (m), "age" (years), "depth" and "pointmap" (files), "id", and "moment": photos with the
+    same one become one result. Photos of folders and patterns are sorted by path. Files of folders and patterns that
+    are in the folder of a result are skipped, and folders of earlier batches, and all files below ``out``. So are files
+    of folders that are hidden, or have a suffix that no photo has, and links to folders.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos have one id, or
@@ -327,11 +327,11 @@ def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[st
         if len(numbers) not in (1, 4):
             raise ValueError(f"a camera is a focal length in px, or fx,fy,cx,cy (got {quoted(camera)})")
         settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
-    stature = _text(row.get("stature"))
-    if stature:
-        settings["stature"] = _numbers(stature)
-        if not settings["stature"]:
-            raise ValueError(f"statures are numbers in m, from left to right (got {quoted(stature)})")
+    for name, unit in (("stature", "m"), ("age", "years")):
+        if text := _text(row.get(name)):
+            settings[name] = _numbers(text)
+            if not settings[name]:
+                raise ValueError(f"{name}s are numbers in {unit}, from left to right (got {quoted(text)})")
     files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
     return settings | {name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()}
 

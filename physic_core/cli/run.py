@@ -109,6 +109,12 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
     type=_Numbers("metres,...", ""),
     help="Known standing height, metres: one for all people, or one per person from left to right, 0 where unknown.",
 )
+@_setting(
+    "--age",
+    "photo.age",
+    type=_Numbers("years,...", ""),
+    help="Known age, years, as --stature: one for all people, or one per person from left to right, 0 where unknown.",
+)
 @_setting("--camera-height", "photo.camera_height", type=float, metavar="METRES", help="Known height over the floor.")
 @_setting(
     "--known-length",

@@ -152,6 +152,18 @@ class PhotoSettings(_Table):
         description="known standing heights, metres: one for all people, or one per person from left to right, or in "
         "the order of the chosen people; 0 where unknown",
     )
+    age: tuple[Annotated[float, Field(ge=0, le=120)], ...] | None = Field(
+        default=None,
+        max_length=_MAX_PROMPTS,
+        description="known ages, years: one for all people, or one per person as in stature; 0 where unknown",
+    )
+    child_share: float = Field(
+        default=0.1,
+        ge=0,
+        le=0.9,
+        description="share of people under 16 years among the people of such photos; 0 takes all people of unknown age "
+        "for adults",
+    )
     camera_height: float | None = Field(
         default=None, ge=0.01, le=1000, description="known height of the camera over the floor, metres"
     )
@@ -187,9 +199,9 @@ class PhotoSettings(_Table):
                 raise ValueError(f"should be a list of [{names}] with finite numbers, px (got {quoted(value)})")
         return value
 
-    @field_validator("stature", mode="before")
+    @field_validator("stature", "age", mode="before")
     @classmethod
-    def _list_of_statures(cls, value: Any) -> Any:
+    def _list_of_numbers(cls, value: Any) -> Any:
         return (value,) if type(value) in (int, float) else value
 
     @field_validator("known_length", mode="before")
@@ -210,6 +222,7 @@ class PhotoSettings(_Table):
             stature=given.stature if self.stature is None else self.stature,
             camera_height=given.camera_height if self.camera_height is None else self.camera_height,
             lengths=given.lengths if self.known_length is None else lengths,
+            age=given.age if self.age is None else self.age,
         )
 
     @model_validator(mode="after")

@@ -59,6 +59,7 @@ from physic_core.io.result_folder import (
 )
 from physic_core.types import (
     NO_PARTNER,
+    AgeEstimate,
     BodyContact,
     BodyParameters,
     CameraView,
@@ -484,6 +485,7 @@ def _person(
         grade=parse_grade(record),
         contacts=from_records(BodyContact, record.get("contacts")),
         support=from_record_or_none(Support, record.get("support")),
+        age=from_record_or_none(AgeEstimate, record.get("age")),
     )
 
 

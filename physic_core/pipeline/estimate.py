@@ -36,6 +36,7 @@ from physic_core.pipeline.invalid_results import (
 )
 from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
+    AgeEstimates,
     Bodies,
     ContactProbability,
     DepthMap,
@@ -47,11 +48,13 @@ from physic_core.types import (
     Plane,
     Pointmap,
 )
+from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+    from physic_core.configuration.model import PhotoSettings
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.settings import EngineSettings
     from physic_core.geometry.floor import FloorEvidence
@@ -94,6 +97,7 @@ class Estimates(ShortRepr):
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
         objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter looks for none.
+        ages: of the people; None if all were taken for adults.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
     """
 
@@ -114,6 +118,7 @@ class Estimates(ShortRepr):
     known: KnownSizes = field(default_factory=KnownSizes)
     statures: FloatArray | None = None
     objects: BoolArray | None = None
+    ages: AgeEstimates | None = None
     scale_guess: str = ""
 
 
@@ -145,6 +150,7 @@ def run_backends(
     chosen = chosen or ChosenByUser()
     people = run.people(image, chosen.people, required=plan.photo.require_people)
     statures = _statures(chosen, people)
+    years = _ages(chosen, people)
     keypoints = run.keypoints(image, people)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
@@ -155,6 +161,8 @@ def run_backends(
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), statures)
+    hints = replace(hints, people=people, keypoints=keypoints)
+    bodies, ages = run.children(bodies, hints, plan.photo, KnownPeople(years, statures, chosen.known.camera_height))
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -165,6 +173,7 @@ def run_backends(
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
     depth, scale_guess = run.metric_depth(MetricDepthRequest(inpainted, hints), scene, camera)
     stages.note(*depth.notes)
+    scale_guess = scale_guess or ("" if ages is None else ages.scale_guess())
 
     return Estimates(
         image=image,
@@ -182,6 +191,7 @@ def run_backends(
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
+        ages=ages,
         scale_guess=scale_guess,
         known=chosen.known,
         statures=statures,
@@ -195,6 +205,15 @@ def _statures(chosen: ChosenByUser, people: People) -> FloatArray | None:
     from physic_core.pipeline.known_sizes import statures_of_people
 
     return statures_of_people(chosen.known, people, chosen=chosen.people is not None)
+
+
+def _ages(chosen: ChosenByUser, people: People) -> FloatArray | None:
+    """Return the known ages (N,) in years, NaN where unknown; None if the user gives none."""
+    if not any(chosen.known.age):
+        return None
+    from physic_core.pipeline.known_sizes import ages_of_people
+
+    return ages_of_people(chosen.known, people, chosen=chosen.people is not None)
 
 
 @dataclass(frozen=True)
@@ -335,6 +354,20 @@ class _BackendCalls:
             return bodies
         hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
         return replace_hands(bodies, hands, self.model)
+
+    def children(
+        self, bodies: Bodies, hints: Hints, settings: PhotoSettings, known: KnownPeople
+    ) -> tuple[Bodies, AgeEstimates | None]:
+        """Give children their size, and return their ages; None if nobody can be a child."""
+        if not len(bodies.parameters) or not (settings.child_share or known.years is not None):
+            return bodies, None
+        from physic_core.pipeline.ages import AgeSettings, find_children, resize_children
+
+        ages = find_children(bodies, self.model, hints, AgeSettings(child_share=settings.child_share), known)
+        if ages is None:
+            return bodies, None
+        self.stages.note(*ages.notes())
+        return resize_children(bodies, self.model, ages), ages
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
         """Predict contact probabilities of all N people; 0 without a backend or a body.

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
 
 __all__ = [
+    "ages_of_people",
     "bodies_of_stature",
     "check_people_in_scene",
     "contradictions",
@@ -48,24 +49,34 @@ def statures_of_people(known: KnownSizes, people: People, *, chosen: bool = Fals
     Raises:
         InputError: there are several statures, but not one per person.
     """
-    count, given = len(people), len(known.stature)
-    if given > 1 and given != count:
+    return _per_person(known.stature, "stature", people, chosen=chosen)
+
+
+def ages_of_people(known: KnownSizes, people: People, *, chosen: bool = False) -> FloatArray:
+    """Return the known age of each person (N,), years, NaN where unknown; as :func:`statures_of_people`."""
+    return _per_person(known.age, "age", people, chosen=chosen)
+
+
+def _per_person(given: tuple[float, ...], name: str, people: People, *, chosen: bool) -> FloatArray:
+    count = len(people)
+    if len(given) > 1 and len(given) != count:
         raise InputError(
-            f"{given} statures were given, but {count} {'person was' if count == 1 else 'people were'} found: give one "
-            "stature for all, or one per person from left to right with 0 where it is unknown"
+            f"{len(given)} {name}s were given, but {count} {'person was' if count == 1 else 'people were'} found: give "
+            f"one {name} for all, or one per person from left to right with 0 where it is unknown"
         )
-    heights = np.array(known.stature * count if given == 1 else known.stature or (0.0,) * count, np.float64)
+    values = np.array(given * count if len(given) == 1 else given or (0.0,) * count, np.float64)
     boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
     order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
-    statures = np.full(count, np.nan)
-    statures[order] = np.where(heights > 0, heights, np.nan)
-    return statures
+    found = np.full(count, np.nan)
+    found[order] = np.where(values > 0, values, np.nan)
+    return found
 
 
-def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray) -> Bodies:
+def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, near: FloatArray | None = None) -> Bodies:
     """Give N bodies of the configured body model their known statures (N,), and keep their size in the image.
 
-    A body that becomes larger moves away from the camera by the same factor.
+    A body that becomes larger moves away from the camera by the same factor. Its betas are the nearest to ``near``
+    (N, K), or to the old ones.
     """
     parameters = bodies.parameters
     chosen = np.isfinite(statures) & np.isfinite(parameters.betas).all(1) & np.isfinite(parameters.transl).all(1)
@@ -79,6 +90,7 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray) ->
         tensor(rows.betas).double(),
         tensor(rows.transl).double(),
         torch.from_numpy(statures[chosen]),
+        None if near is None else torch.from_numpy(near[chosen]),
     )
 
     def changed(values: FloatArray, new: Tensor) -> FloatArray:

@@ -436,6 +436,7 @@ def _result(
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
+                age=None if estimates.ages is None else estimates.ages.person(i),
             )
         )
     stages.warn(*warning_messages(checks))

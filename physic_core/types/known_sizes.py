@@ -1,14 +1,21 @@
-"""Sizes that the user knows: statures, the camera's height, and lengths between two pixels."""
+"""Sizes that the user knows: statures, ages, the camera's height, and lengths between two pixels."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-__all__ = ["KnownLength", "KnownSizes"]
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types.arrays import FloatArray
+
+__all__ = ["KnownLength", "KnownPeople", "KnownSizes"]
 
 _STATURES_M = (0.4, 2.6)
 _LENGTHS_M = (0.01, 1000)
+_OLDEST = 120.0
 
 
 @dataclass(frozen=True)
@@ -36,20 +43,27 @@ class KnownSizes:
             photo (by the centre of the box).
         camera_height: of the camera over the floor; None if unknown.
         lengths: distances between pixels.
+        age: years, as ``stature``: one for all people, or one per person, 0 where unknown. A child of known age and
+            unknown stature has the usual stature of that age.
 
     Raises:
-        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, or a length has no extent in px.
+        ValueError: a size is not 0.01 to 1000 m, a stature is not 0.4 to 2.6 m, an age is not 0 to 120 years, or a
+            length has no extent in px.
     """
 
     stature: tuple[float, ...] = ()
     camera_height: float | None = None
     lengths: tuple[KnownLength, ...] = ()
+    age: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         least, most = _STATURES_M
         for height in self.stature:
             if height != 0 and not least <= height <= most:
                 raise ValueError(f"a stature should be {least} to {most} metres, or 0 where unknown (got {height:g})")
+        for years in self.age:
+            if not 0 <= years <= _OLDEST:
+                raise ValueError(f"an age should be 0 to {_OLDEST:g} years, 0 where unknown (got {years:g})")
         least, most = _LENGTHS_M
         if self.camera_height is not None and not least <= self.camera_height <= most:
             raise ValueError(f"the camera height should be {least} to {most} metres (got {self.camera_height:g})")
@@ -60,7 +74,7 @@ class KnownSizes:
                 raise ValueError(f"a known length needs two different pixels (got {length.start} and {length.end})")
 
     def __bool__(self) -> bool:
-        return bool(any(self.stature) or self.camera_height is not None or self.lengths)
+        return bool(any(self.stature) or any(self.age) or self.camera_height is not None or self.lengths)
 
     def resized(self, factor_x: float, factor_y: float) -> KnownSizes:
         """Return the sizes for the same image resized by these factors; pixel centres are at integers."""
@@ -70,3 +84,18 @@ class KnownSizes:
 
         lengths = tuple(replace(length, start=pixel(length.start), end=pixel(length.end)) for length in self.lengths)
         return replace(self, lengths=lengths)
+
+
+@dataclass(frozen=True)
+class KnownPeople(ShortRepr):
+    """What the user knows about N people of a photo, and its camera.
+
+    Attributes:
+        years: (N,) ages, NaN where unknown; None if none is known.
+        stature: (N,) metres, NaN where unknown; None if none is known.
+        camera_height: metres over the floor, or None.
+    """
+
+    years: FloatArray | None = None
+    stature: FloatArray | None = None
+    camera_height: float | None = None

@@ -54,15 +54,16 @@ def test_pictures_of_an_earlier_run_are_no_photos(folder: Path):
     assert names(find_photos(["photos", "photos/**/*.jpg"], "photos/out")) == ["a.PNG", "b.jpg", "c.webp"]
 
 
-def test_a_table_gives_cameras_statures_and_ids(folder: Path):
+def test_a_table_gives_cameras_statures_ages_and_ids(folder: Path):
     (folder / "table.csv").write_text(
-        'path,camera,stature,id\nb.jpg,"900,910,320,240",1.8,first\na.PNG,700,"1.8,1.6",\ndeep/er/c.webp,,,\n'
+        "path,camera,stature,age,id\n"
+        'b.jpg,"900,910,320,240",1.8,,first\na.PNG,700,"1.8,1.6","0,7.5",\ndeep/er/c.webp,,,,\n'
     )
     first, second, third = find_photos([str(folder / "table.csv")])
     assert first == PhotoItem(
         "first", str(folder / "b.jpg"), {"intrinsics": [900.0, 910.0, 320.0, 240.0], "stature": [1.8]}
     )
-    assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6]}
+    assert second.settings == {"focal_px": 700.0, "stature": [1.8, 1.6], "age": [0.0, 7.5]}
     assert (second.id, third.settings) == (default_id(str(folder / "a.PNG")), {})
 
 
@@ -81,7 +82,10 @@ def test_photos_of_one_moment_are_one_item(folder: Path):
             "path,moment\nb.jpg,jump\na.PNG,\n",
             "b.jpg is of the moment 'jump': name another photo of it, or leave the cell empty",
         ),
-        ("file\nb.jpg\n", "unknown column 'file'; a table may have path, camera, stature, depth, pointmap, id, moment"),
+        (
+            "file\nb.jpg\n",
+            "unknown column 'file'; a table may have path, camera, stature, age, depth, pointmap, id, moment",
+        ),
         ("path,id\n,x\n", ", row 1: the column 'path' is missing or empty"),
         (
             "path,camera\nb.jpg,wide\n",
@@ -90,6 +94,7 @@ def test_photos_of_one_moment_are_one_item(folder: Path):
         ("path,id\nb.jpg,x\na.PNG,x\n", "ids of a batch must be unique"),
         ("path,camera\nb.jpg,nan\n", ", row 1: a camera is a focal length in px, or fx,fy,cx,cy (got 'nan')"),
         ("path,stature\nb.jpg,tall\n", ", row 1: statures are numbers in m, from left to right (got 'tall')"),
+        ("path,age\nb.jpg,old\n", ", row 1: ages are numbers in years, from left to right (got 'old')"),
         ("path,id\nb.jpg,1,2\n", ", row 1: it has more cells than the first line; quote commas"),
         ("path\nb\0.jpg\n", ", row 1: a path is text without null characters (got 'b\\x00.jpg')"),
         (

@@ -75,13 +75,18 @@ def betas_with_stature(model: BodyModel, betas: Tensor, stature: Tensor) -> Tens
 
 
 def resize_bodies(
-    model: BodyModel, rotations: Tensor, betas: Tensor, transl: Tensor, stature: Tensor
+    model: BodyModel,
+    rotations: Tensor,
+    betas: Tensor,
+    transl: Tensor,
+    stature: Tensor,
+    near: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return betas (B, K) and transl (B, 3) of bodies with other statures (B,) and the factor (B,) on their size.
 
-    The pelvis moves along its ray by this factor.
+    The pelvis moves along its ray by this factor. The new betas are the nearest to ``near`` (B, K), or to the old ones.
     """
-    taller = betas_with_stature(model, betas, stature)
+    taller = betas_with_stature(model, betas if near is None else near, stature)
     ratio = model.stature(taller) / model.stature(betas)
     before = model(rotations, betas, transl, joints_only=True).joints[:, 0]
     after = model(rotations, taller, transl, joints_only=True).joints[:, 0]

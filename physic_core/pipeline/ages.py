@@ -1,0 +1,385 @@
+"""Who is a child, and how tall: a posterior over the scale of the scene and the age of each person.
+
+Body estimators take all people for adults, so that children come out as adults who are farther away. The size that an
+estimated body would have to have, to stand on the floor and at the depth where the photo shows it, depends on the scale
+of the scene, which all people share. Given the scale, people are independent: the posterior is a product of one mixture
+over ages a person, on a grid of scales. OpenCV camera frame, metres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core.adapters.observed import observed_joints
+from physic_core.body.ages import ADULT_YEARS, load_ages
+from physic_core.body.joints import joint_pair
+from physic_core.body.landmarks import keypoints_on_body
+from physic_core.body.parameters import rotations_from_parameters
+from physic_core.engine.scene.stature import STATURE_SIGMA
+from physic_core.geometry.camera import project
+from physic_core.geometry.tensors import tensor
+from physic_core.pipeline.known_sizes import bodies_of_stature
+from physic_core.types import AgeEstimates
+from physic_core.types.per_person import select_people
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import Bodies, BoolArray, FloatArray, Hints
+    from physic_core.types.known_sizes import KnownPeople
+
+__all__ = ["AgeEstimates", "AgeEvidence", "AgeSettings", "age_evidence", "estimate_ages"]
+
+_FEET, _ANKLES = joint_pair("foot"), joint_pair("ankle")
+_FACE_POINTS = ("eye", "ear", "mouth")
+_BODY_POINTS = ("shoulder", "hip", "knee", "ankle")
+_FEWEST_POINTS = 3
+_RAISED = (0.3, 0.3)  # mean and standard deviation of log size, of people whose feet are over the floor
+_WRONG_SIGMA = 0.7  # of log size, where the points are those of something else
+_SEEN = 0.5  # confidence of a keypoint that counts as seen
+_SCALE_STEP = 0.03  # of the grid of log scale
+_BIAS, _SLOPE = (grid.ravel() for grid in np.meshgrid(*2 * [np.linspace(-2.1, 2.1, 7)]))  # standard deviations
+
+
+@dataclass(frozen=True)
+class AgeSettings:
+    """What photos of people are like.
+
+    Attributes:
+        child_share: share of people under 16 years among the people of photos; 0 takes all people for adults.
+        least_probability: from which a person is taken for a child; adults are ten times as many, and a wrong child is
+            as wrong as a wrong adult.
+        camera_height_m: usual height of the camera over the floor of a relative point map, which lies too near.
+        camera_height_sigma: standard deviation of its logarithm.
+        floor_sigma: error of log size from the soles on the floor, besides that of the scale.
+        off_floor: share of people whose seen feet are not on the floor that was found.
+        wrong_points: share of people whose points are those of something else.
+        points_sigma: error of log size from the depth of a person's points, besides that of the scale.
+        points_bias: how much farther than the scene the points of all people of a photo come out, log; mean and
+            standard deviation.
+        depth_slope: by how much the log size of people grows with log depth, because the point map is bent; standard
+            deviation.
+        head_sigma: error of the log size of the head beside that of the body, by keypoints.
+    """
+
+    child_share: float = 0.1
+    least_probability: float = 0.8
+    camera_height_m: float = 1.0
+    camera_height_sigma: float = 0.5
+    floor_sigma: float = 0.08
+    off_floor: float = 0.15
+    wrong_points: float = 0.1
+    points_sigma: float = 0.12
+    points_bias: tuple[float, float] = (0.05, 0.08)
+    depth_slope: float = 0.2
+    head_sigma: float = 0.15
+
+
+@dataclass(frozen=True)
+class AgeEvidence(ShortRepr):
+    """What one photo says about the sizes of N people; C classes of age. NaN where unknown.
+
+    Attributes:
+        stature: (N,) metres, of the estimated bodies.
+        depth: (N,) metres, of the same.
+        by_floor: (N,) log scale of the scene, metres per unit, if the estimated body stands on its floor.
+        by_points: (N,) log scale of the scene if the estimated body is at the depth of the person's points.
+        head: (N, C + 1) log likelihood of the size of the head beside the body, of an estimated body, then of children
+            of each class.
+        floor_height: of the camera over the floor in units of the scene, or None.
+    """
+
+    stature: FloatArray
+    depth: FloatArray
+    by_floor: FloatArray
+    by_points: FloatArray
+    head: FloatArray
+    floor_height: float | None
+
+
+def find_children(
+    bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSettings, known: KnownPeople
+) -> AgeEstimates | None:
+    """Estimate who is a child; None without people who could be one.
+
+    Args:
+        bodies: of N people, of the configured body model; those of known stature have it.
+        model: the configured body model.
+        hints: people, keypoints, intrinsics, floor and aligned point map of the photo.
+        settings: what photos are like.
+        known: by the user.
+    """
+    p = bodies.parameters
+    finite = np.asarray(np.isfinite(np.concatenate([p.betas, p.transl, p.body_pose], 1)).all(1))
+    unknown = np.full(len(finite), np.nan)
+    years = unknown if known.years is None else known.years
+    stature = unknown if known.stature is None else known.stature
+    if not finite.any() or not (settings.child_share or (years < ADULT_YEARS).any()):
+        return None
+    assert hints.people is not None
+    assert hints.keypoints is not None
+    shown = replace(hints, people=select_people(hints.people, finite), keypoints=select_people(hints.keypoints, finite))
+    evidence = age_evidence(select_people(bodies, finite), model, shown, settings)
+    found = estimate_ages(evidence, settings, years[finite], stature[finite], known.camera_height)
+
+    def of_all(values: FloatArray, missing: float) -> FloatArray:
+        everyone = np.full(len(finite), missing, values.dtype)
+        everyone[finite] = values
+        return everyone
+
+    return AgeEstimates(
+        child_probability=of_all(found.child_probability, np.nan),
+        years=of_all(found.years, np.nan),
+        years_sigma=of_all(found.years_sigma, np.nan),
+        stature=of_all(found.stature, np.nan),
+        stature_sigma=of_all(found.stature_sigma, np.nan),
+    )
+
+
+def resize_children(bodies: Bodies, model: BodyModel, ages: AgeEstimates) -> Bodies:
+    """Give children the shape of their stature, as large in the photo as before; adults stay as they are."""
+    rows = np.isfinite(ages.stature)
+    if not rows.any():
+        return bodies
+    near = None
+    if model.name == "embedded":
+        near = np.array(bodies.parameters.betas, np.float64)
+        near[rows] = load_ages().betas(np.log(ages.stature[rows]))
+    return replace(bodies_of_stature(bodies, model, ages.stature, near), stature_sigma=ages.stature_sigma)
+
+
+def age_evidence(bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSettings) -> AgeEvidence:
+    """Measure what a photo says about the sizes of N people.
+
+    Args:
+        bodies: estimated, of the configured body model.
+        model: that body model.
+        hints: people, keypoints, intrinsics, floor and aligned point map of the photo.
+        settings: error of the size of heads.
+    """
+    assert hints.people is not None
+    p, count = bodies.parameters, len(bodies.parameters)
+    model = model.to(dtype=torch.float32)
+    with torch.no_grad():
+        betas, transl = tensor(p.betas).float(), tensor(p.transl).float()
+        rotations = rotations_from_parameters(p).float()
+        vertices = model(rotations, betas, transl).vertices.double().numpy()
+        stature = model.stature(betas).double().numpy()
+    by_floor, by_points = np.full((2, count), np.nan)
+    seen = bodies.observed
+    if hints.keypoints is not None and hints.intrinsics is not None and seen is None:
+        seen = observed_joints(hints.keypoints, hints.intrinsics.height, hints.intrinsics.width)
+    if hints.floor is not None and hints.floor.offset > 0 and seen is not None:
+        feet = seen[:, _FEET].any(1) & seen[:, _ANKLES].any(1)
+        drop = -(vertices[:, model.soles.numpy()] @ np.asarray(hints.floor.normal, np.float64)).min(1)
+        by_floor = np.log(np.where(feet & (drop > 0), drop, np.nan) / hints.floor.offset)
+    if hints.original is not None:
+        depth = np.where(hints.original.valid, hints.original.points[..., 2], np.nan)
+        for i, mask in enumerate(hints.people.masks):
+            shown = depth[mask & np.isfinite(depth)]
+            if len(shown) and (near := float(np.median(shown))) > 0:
+                by_points[i] = math.log(max(float(np.median(vertices[i, :, 2])), 1e-6) / near)
+    return AgeEvidence(
+        stature,
+        np.maximum(vertices[:, :, 2].mean(1), 1e-3),
+        by_floor,
+        by_points,
+        _head_likelihood(bodies, model, hints, settings),
+        None if hints.floor is None or hints.floor.offset <= 0 else float(hints.floor.offset),
+    )
+
+
+def _head_likelihood(bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSettings) -> FloatArray:
+    """Return the log likelihood (N, C + 1) of the size of the head beside the body, of the estimated and child shapes.
+
+    All shapes are posed alike, so that the view of head and body is that of the photo.
+    """
+    ages, p, count = load_ages(), bodies.parameters, len(bodies.parameters)
+    nothing = np.zeros((count, len(ages.middle) + 1))
+    if hints.keypoints is None or hints.intrinsics is None or model.name != "embedded":
+        return nothing
+    keypoints = keypoints_on_body(hints.keypoints)
+    names = keypoints.joint_set.names
+    face = np.array([name == "nose" or any(part in name for part in _FACE_POINTS) for name in names])
+    body = np.array([any(part in name for part in _BODY_POINTS) for name in names])
+    children = np.broadcast_to(ages.betas(ages.log_stature), (count, len(ages.middle), p.betas.shape[1]))
+    betas = tensor(np.concatenate([p.betas[:, None], children], 1)).float()
+    shapes = betas.shape[1]
+    with torch.no_grad():
+        size = model.stature(betas.flatten(0, 1)).view(count, shapes)
+        rotations = rotations_from_parameters(p).float()[:, None].expand(-1, shapes, -1, -1, -1).flatten(0, 1)
+        # A child as large in the photo is nearer.
+        transl = (tensor(p.transl).float()[:, None] * (size / size[:, :1])[..., None]).flatten(0, 1)
+        points = model.landmarks_only([keypoints.joint_set])(rotations, betas.flatten(0, 1), transl)
+        seen = project(points[keypoints.joint_set], torch.from_numpy(hints.intrinsics.matrix).to(size))
+    drawn = seen.double().numpy().reshape(count, shapes, len(names), 2)
+    observed = np.asarray(keypoints.points, np.float64)[:, None]
+    sure = np.asarray(keypoints.confidence > _SEEN)
+
+    def spread(points: FloatArray, used: BoolArray, along: FloatArray | None = None) -> FloatArray:
+        """Return the mean square of points (N, S, J, 2) about their centre, or their covariance with others."""
+        weight = used[:, None, :, None] / np.maximum(used.sum(1), 1)[:, None, None, None]
+        centred = points - (weight * points).sum(2, keepdims=True)
+        other = centred if along is None else along
+        total: FloatArray = (weight * centred * other).sum((2, 3))
+        return total
+
+    on_face, on_body = sure & face, sure & body
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Along the drawn face: noise of the keypoints makes the observed one larger in all other directions.
+        head = np.log(spread(drawn[:, :1], on_face, observed) / spread(drawn[:, :1], on_face))
+        head = head - np.log(spread(observed, on_body) / spread(drawn[:, :1], on_body)) / 2
+        expected = np.log(spread(drawn, on_face) / spread(drawn[:, :1], on_face)) / 2
+        expected = expected - np.log(spread(drawn, on_body) / spread(drawn[:, :1], on_body)) / 2
+        likely = -2.5 * np.log1p(
+            ((head - expected) / settings.head_sigma) ** 2 / 4
+        )  # Student's t, 4 degrees of freedom
+    shown = (on_face.sum(1) >= _FEWEST_POINTS) & (on_body.sum(1) >= _FEWEST_POINTS) & np.isfinite(likely).all(1)
+    return np.where(shown[:, None], likely, nothing)
+
+
+def estimate_ages(
+    evidence: AgeEvidence,
+    settings: AgeSettings,
+    known_years: FloatArray,
+    known_stature: FloatArray,
+    camera_height_m: float | None = None,
+) -> AgeEstimates:
+    """Return the most probable ages and statures of N people.
+
+    Args:
+        evidence: of one photo.
+        settings: what photos are like.
+        known_years: (N,) ages that the user knows, NaN where unknown.
+        known_stature: (N,) metres, that the user knows, NaN where unknown: these people keep their bodies.
+        camera_height_m: over the floor, if the user knows it.
+    """
+    ages, count = load_ages(), len(evidence.stature)
+    weight, mean, sigma = _mixtures(evidence, settings, known_years, known_stature)
+    unknown = np.isnan(evidence.by_floor) & np.isnan(evidence.by_points)
+    measured = np.concatenate([evidence.by_floor, evidence.by_points])
+    middle = measured[np.isfinite(measured)] if np.isfinite(measured).any() else np.zeros(1)
+    log_scale = np.arange(middle.min() - 1.8, middle.max() + 0.6, _SCALE_STEP)[:, None]
+    bias_mean, bias_sigma = settings.points_bias
+    bias, slope = (bias_mean + bias_sigma * _BIAS)[None], (settings.depth_slope * _SLOPE)[None]
+    prior = -(_BIAS**2 + _SLOPE**2)[None] / 2 + 0 * log_scale
+    nearness = np.log(evidence.depth / np.exp(np.log(evidence.depth).mean()))
+    if evidence.floor_height is not None:
+        usual = math.log(camera_height_m or settings.camera_height_m)
+        spread = 0.03 if camera_height_m else settings.camera_height_sigma
+        prior = prior + _log_normal(log_scale + math.log(evidence.floor_height), usual, spread)
+    # Per person: (S, B, C + 1) log likelihood, and moments of log stature given the class.
+    each, means, variances = [], [], []
+    for i in range(count):
+        own = np.log(evidence.stature[i])
+        shape = (*prior.shape, len(weight[i]))
+        log_likelihood = np.broadcast_to(weight[i], shape)
+        moment, variance = np.broadcast_to(mean[i], shape), np.broadcast_to(sigma[i] ** 2, shape)
+        if not unknown[i]:
+            states = _size_states(
+                evidence.by_floor[i], evidence.by_points[i], log_scale - slope * nearness[i], bias, settings
+            )
+            parts = []
+            for log_share, factor, error in states:
+                # The factor by which the estimated body has to be enlarged is the ratio of the statures.
+                shown = (own + factor)[..., None]
+                total = sigma[i] ** 2 + error**2
+                likely = log_share[..., None] + _log_normal(shown, mean[i], np.sqrt(total))
+                gain = sigma[i] ** 2 / total
+                parts.append((likely, mean[i] + gain * (shown - mean[i]), np.broadcast_to(gain * error**2, shape)))
+            joint = np.logaddexp.reduce([part[0] for part in parts])
+            share = [np.exp(part[0] - joint) for part in parts]
+            moment = sum(s * part[1] for s, part in zip(share, parts, strict=True))
+            square = sum(s * (part[1] ** 2 + part[2]) for s, part in zip(share, parts, strict=True))
+            variance = square - moment**2
+            log_likelihood = log_likelihood + joint
+        each.append(log_likelihood)
+        means.append(moment)
+        variances.append(variance)
+    total = prior + sum(np.logaddexp.reduce(one, axis=-1) for one in each)
+    posterior = np.exp(total - total.max())
+    posterior /= posterior.sum()
+    child, years, years_sigma = np.zeros(count), np.full(count, np.nan), np.full(count, np.nan)
+    stature, stature_sigma = np.full(count, np.nan), np.full(count, np.nan)
+    span = ages.years[:, 1] - ages.years[:, 0]
+    for i, (one, moment, variance) in enumerate(zip(each, means, variances, strict=True)):
+        classes = np.exp(one - np.logaddexp.reduce(one, axis=-1)[..., None]) * posterior[..., None]
+        share = classes.sum((0, 1))
+        child[i] = share[1:].sum()
+        taken = np.log(evidence.stature[i])
+        if child[i] > settings.least_probability:
+            taken = (classes * moment)[..., 1:].sum() / child[i]
+            stature[i] = math.exp(taken)
+            known = known_years[i]
+            years[i] = share[1:] @ ages.middle / child[i] if np.isnan(known) else known
+            spread = share[1:] @ ((ages.middle - years[i]) ** 2 + span**2 / 12) / child[i]
+            years_sigma[i] = math.sqrt(spread) if np.isnan(known) else 0.0
+        stature_sigma[i] = math.sqrt((classes * ((moment - taken) ** 2 + variance)).sum())
+    return AgeEstimates(child, years, years_sigma, stature, stature_sigma)
+
+
+def _mixtures(
+    evidence: AgeEvidence, settings: AgeSettings, known_years: FloatArray, known_stature: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return log weight, mean and standard deviation (N, C + 1) of log stature: the estimated body, then children."""
+    ages, own = load_ages(), np.log(evidence.stature)
+    count, classes = len(own), len(ages.middle) + 1
+    share = np.append(1 - settings.child_share, settings.child_share * ages.share)
+    with np.errstate(divide="ignore"):
+        weight = np.tile(np.log(share), (count, 1)) + evidence.head
+    mean = np.column_stack([own, np.tile(ages.log_stature, (count, 1))])
+    sigma = np.tile(np.append(STATURE_SIGMA, ages.sigma), (count, 1))
+    for i, (years, stature) in enumerate(zip(known_years, known_stature, strict=True)):
+        if np.isfinite(years) and years < ADULT_YEARS:
+            mean[i, 1:], sigma[i, 1:] = ages.at_age(years)
+            weight[i] = np.append(-np.inf, np.full(classes - 1, -math.log(classes - 1)))
+        elif np.isfinite(years) or np.isfinite(stature):
+            weight[i, 1:] = -np.inf
+        if np.isfinite(stature):
+            sigma[i] = 0.01
+    return weight, mean, sigma
+
+
+def _size_states(
+    by_floor: float, by_points: float, log_scale: FloatArray, bias: FloatArray, settings: AgeSettings
+) -> list[tuple[FloatArray, FloatArray, float]]:
+    """Return log share, log factor on the body (S, B) and error of that, for each state of what was measured.
+
+    A body that the scene shows at half of its size has to become half as large: the factor is s over its own scale. The
+    feet are on the floor or not, and the points are at the person's depth or not.
+    """
+    on, right = 1 - settings.off_floor, 1 - settings.wrong_points
+    floor = log_scale - by_floor + 0 * bias
+    points = log_scale - by_points - bias
+    raised = floor - _RAISED[0]  # feet over the floor seem to be those of a larger person
+    if math.isnan(by_points):
+        return [
+            (math.log(on) + 0 * floor, floor, settings.floor_sigma),
+            (math.log(1 - on) + 0 * floor, raised, _RAISED[1]),
+        ]
+    if math.isnan(by_floor):
+        return [
+            (math.log(right) + 0 * points, points, settings.points_sigma),
+            (math.log(1 - right) + 0 * points, points, _WRONG_SIGMA),
+        ]
+    apart = math.hypot(settings.floor_sigma, settings.points_sigma)
+    trust = settings.points_sigma**2 / apart**2
+    both = trust * floor + (1 - trust) * points
+    error = settings.floor_sigma * settings.points_sigma / apart
+    return [
+        (math.log(on * right) + _log_normal(floor, points, apart), both, error),
+        (math.log((1 - on) * right) + _log_normal(raised, points, _RAISED[1]), points, settings.points_sigma),
+        (math.log(on * (1 - right)) + _log_normal(points, floor, _WRONG_SIGMA), floor, settings.floor_sigma),
+        (math.log((1 - on) * (1 - right)) + _log_normal(points, raised, _WRONG_SIGMA), raised, _RAISED[1]),
+    ]
+
+
+def _log_normal(value: FloatArray, mean: FloatArray | float, sigma: FloatArray | float) -> FloatArray:
+    """Return the logarithm of a normal density, up to a common constant."""
+    density: FloatArray = -(((value - mean) / sigma) ** 2) / 2 - np.log(sigma)
+    return density
