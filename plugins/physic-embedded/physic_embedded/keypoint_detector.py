@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
@@ -54,18 +55,23 @@ class EmbeddedKeypoints(KeypointDetector):
     def __init__(self, options: EmbeddedKeypointsOptions | None = None) -> None:
         super().__init__(options)
         self._networks = PackagedNetworks("pose_detection", "pose_landmark_heavy")
+        self._device = ""
 
     def load(self, device: str = "cpu") -> None:
-        """Open the two networks.
+        """Set the device; the two networks are opened for the first people without joints.
 
         Raises:
             DeviceError: the device is not there.
         """
-        self._networks.open(device, self.options.threads)
+        from onnxruntime import get_available_providers
+
+        select_provider("auto", device, get_available_providers())
+        self._device = device
 
     def close(self) -> None:
         """Close the networks."""
         self._networks.close()
+        self._device = ""
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return 33 joints of each of N people; confidence is 0 for a person without a detected pose."""
@@ -77,6 +83,8 @@ class EmbeddedKeypoints(KeypointDetector):
             and len(seen.points) == len(people)
         ):
             return seen
+        if self._device:
+            self._networks.open(self._device, self.options.threads)
         picture = ImagePyramid.from_image(image)
         looks = [self._look(picture, mask, box) for mask, box in zip(people.masks, people.boxes, strict=True)]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])

@@ -12,6 +12,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from physic_core.cache.folders import CACHE_VARIABLE
 from physic_core.errors import PhysicError
@@ -32,6 +34,7 @@ YARDSTICK = "depth_anything_v2_vits"
 """File name of the yardstick's network, without its ending."""
 YARDSTICK_PASSES = 20
 """Passes of the depth network in float32, at 252 x 252 px, in the yardstick."""
+_IMPORTS_BESIDE = "imports beside the first network"
 
 
 @dataclass(frozen=True)
@@ -131,20 +134,27 @@ class _Meter:
         self.networks: defaultdict[str, float] = defaultdict(float)
         self.paths: list[Path] = []
         self.imports = 0.0
-        self._part, self._since, self._importing = "start", 0.0, False
+        self._part, self._since = "start", 0.0
+        self._importing: set[int] = set()
+        self._beside: dict[int, tuple[int, float]] = {}
 
     def begin(self, part: str) -> None:
         """End the current part and begin another."""
-        now = time.process_time()
+        now = self._now()
         self.parts[self._part] += now - self._since
         self._part, self._since = part, now
 
     @contextmanager
     def network(self, name: str) -> Iterator[None]:
         """Count the time of the block for a network."""
-        start = time.process_time()
+        start = self._now()
         yield
-        self.networks[name] += time.process_time() - start
+        self.networks[name] += self._now() - start
+
+    def _now(self) -> float:
+        """Return the seconds of the process without imports in other threads, which are a part of their own."""
+        running = sum(time.clock_gettime(clock) - start for clock, start in self._beside.values())
+        return time.process_time() - self.parts[_IMPORTS_BESIDE] - running
 
     def count_imports(self) -> None:
         """Count all imports from now on; those inside an import once."""
@@ -153,13 +163,22 @@ class _Meter:
         real = builtins.__import__
 
         def counted(*arguments: Any, **keywords: Any) -> Any:
-            if self._importing:
+            thread = threading.get_ident()
+            if thread in self._importing:
                 return real(*arguments, **keywords)
-            self._importing, start = True, time.process_time()
+            self._importing.add(thread)
+            start = time.thread_time()
+            if is_beside := threading.current_thread() is not threading.main_thread():
+                self._beside[thread] = time.pthread_getcpuclockid(thread), start
             try:
                 return real(*arguments, **keywords)
             finally:
-                self._importing, self.imports = False, self.imports + time.process_time() - start
+                seconds = time.thread_time() - start
+                self._importing.remove(thread)
+                self.imports += seconds
+                if is_beside:
+                    self.parts[_IMPORTS_BESIDE] += seconds
+                    del self._beside[thread]
 
         builtins.__import__ = counted
 
@@ -167,22 +186,22 @@ class _Meter:
         """Count the opening and the runs of all ONNX files that are opened from now on."""
         from physic_core.adapters import onnx_sessions
 
-        real: Callable[..., onnx_sessions.OnnxSession] = onnx_sessions.open_session
+        real_open: Callable[..., onnx_sessions.OnnxSession] = onnx_sessions.open_session
+        real_run, names = onnx_sessions.OnnxSession.run, WeakKeyDictionary[onnx_sessions.OnnxSession, str]()
 
-        def counted(path: Path, *arguments: Any, **keywords: Any) -> onnx_sessions.OnnxSession:
+        def counted_open(path: Path, *arguments: Any, **keywords: Any) -> onnx_sessions.OnnxSession:
             with self.network(f"{path.stem}: open"):
-                session = real(path, *arguments, **keywords)
+                session = real_open(path, *arguments, **keywords)
             self.paths.append(path)
-            run = session.run
-
-            def counted_run(outputs: Any, inputs: Any) -> Any:
-                with self.network(path.stem):
-                    return run(outputs, inputs)
-
-            session.run = counted_run  # type: ignore[method-assign]
+            names[session] = path.stem
             return session
 
-        onnx_sessions.open_session = counted
+        def counted_run(session: onnx_sessions.OnnxSession, outputs: Any, inputs: Any) -> Any:
+            with self.network(names[session]):
+                return real_run(session, outputs, inputs)
+
+        onnx_sessions.open_session = counted_open
+        onnx_sessions.OnnxSession.run = counted_run  # type: ignore[method-assign, assignment]
 
 
 def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) -> None:
