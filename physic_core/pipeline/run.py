@@ -358,7 +358,7 @@ def _reconstruct(
 
     with limited_threads(plan.config.run.threads):
         solution = run_engine(estimates, plan.engine, load_model(), stages)
-    checks = run_checks(estimates, solution, plan.engine)
+        checks = run_checks(estimates, solution, plan.engine)
     sources, others = describe_sources(plan, stages.files)
     stages.warn(*others)
     found = _result(estimates, solution, checks, load_model(), plan.config, stages)

@@ -43,8 +43,11 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
         ConfigError: several plugins do.
         PluginError: the plugin cannot be imported, fails, or does not return a page.
     """
+    from threadpoolctl import threadpool_limits
+
     found = _find()
-    page = call_target(found, "page", reconstruction, title or "Reconstruction")
+    with threadpool_limits(limits=1, user_api="blas"):
+        page = call_target(found, "page", reconstruction, title or "Reconstruction")
     head = str(page)[:HEAD_BYTES].encode("utf-8", "replace")[:HEAD_BYTES]
     if not isinstance(page, str) or PAGE_MARK.encode() not in head:
         raise PluginError(
