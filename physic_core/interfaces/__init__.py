@@ -18,7 +18,7 @@ A plugin whose weights are to be fetched lists them in TOML files, and names the
 
 from __future__ import annotations
 
-from physic_core.interfaces.backend import Backend, Options, Request
+from physic_core.interfaces.backend import Backend, Options, Request, Share
 from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
 from physic_core.interfaces.contact_prior import ContactPrior, ContactPriorRequest
 from physic_core.interfaces.hand_estimator import HandEstimator, HandEstimatorRequest
@@ -54,6 +54,7 @@ __all__ = [
     "Requirement",
     "Segmenter",
     "SegmenterRequest",
+    "Share",
     "UserFile",
 ]
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from physic_core.adapters.contact_crop import BOX_GROWTH, contact_crop
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior, Options
+from physic_core.interfaces import ContactPrior, Options, Share
 from physic_core.types import ContactProbability
 from physic_human.checkout_backend import (
     CheckoutProject,
@@ -38,9 +38,7 @@ class DecoOptions(SmplCheckoutOptions):
     smpl_file: str = Field(
         default="", description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your body model"
     )
-    growth: float = Field(
-        default=BOX_GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes"
-    )
+    growth: Share = Field(default=BOX_GROWTH, description="of a person's box on every side, in its own sizes")
     fit: Literal["letterbox", "squash"] = Field(
         default="letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",

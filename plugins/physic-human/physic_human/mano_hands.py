@@ -11,7 +11,7 @@ from pydantic import Field
 from physic_core.adapters.crops import antialias_sigma, crop_around_box, resample_crop
 from physic_core.adapters.hand_boxes import hand_boxes
 from physic_core.adapters.mano import empty_hands, hands_from_mano
-from physic_core.interfaces import HandEstimator
+from physic_core.interfaces import HandEstimator, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, batch_slices
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ SIDE = 256
 class ManoOptions(CheckoutOptions):
     """Base class of the settings of MANO hand estimators."""
 
-    least_confidence: float = Field(
-        default=0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
+    least_confidence: Share = Field(
+        default=0.5, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
     )
     least_size_px: float = Field(
         default=24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess"

@@ -50,8 +50,8 @@ class DepthOptions(MockOptions):
     )
     knows_camera: bool = Field(True, description="Whether the intrinsics are returned.")
     focal_error: float = Field(1.0, ge=1e-6, le=1e3, description="Factor on the focal length besides the drawn one.")
-    focal_sigma: float = Field(
-        0.07, ge=0, le=1, description="Standard deviation of the logarithm of the focal length, drawn once a world."
+    focal_sigma: interfaces.Share = Field(
+        0.07, description="Standard deviation of the logarithm of the focal length, drawn once a world."
     )
 
     one_camera: bool = Field(
@@ -90,8 +90,8 @@ class MetricDepthOptions(DepthOptions):
     )
 
     scale: float = Field(1.0, ge=1e-6, le=1e6, description="Factor on the true depth besides the drawn one.")
-    scale_sigma: float = Field(
-        0.08, ge=0, le=1, description="Standard deviation of the logarithm of that factor, drawn once a world."
+    scale_sigma: interfaces.Share = Field(
+        0.08, description="Standard deviation of the logarithm of that factor, drawn once a world."
     )
     stated_sigma: float | None = Field(
         None, ge=0, le=10, description="Returned standard deviation of log scale; None: the true one of the draws."
@@ -172,14 +172,14 @@ class RelativePointmapOptions(DepthOptions):
         le=1e6,
         description="The unknown shift t, metres or 1 / metres; None draws it. Unused where there is none.",
     )
-    shift_sigma: float = Field(
-        0.08, ge=0, le=1, description="Standard deviation of the drawn shift, as a share of the median (inverse) depth."
+    shift_sigma: interfaces.Share = Field(
+        0.08, description="Standard deviation of the drawn shift, as a share of the median (inverse) depth."
     )
     photo_scale_sigma: float = Field(
         0.15, ge=0, le=2, description="How far the photo with its people has another scale: standard deviation of log."
     )
-    photo_shift_sigma: float = Field(
-        0.03, ge=0, le=1, description="How far it has another drawn shift, as a share of the median (inverse) depth."
+    photo_shift_sigma: interfaces.Share = Field(
+        0.03, description="How far it has another drawn shift, as a share of the median (inverse) depth."
     )
     disagreement: float = Field(
         0.025, ge=0, le=0.5, description="A further smooth error of log depth, of its own in each of the two images."
@@ -190,8 +190,8 @@ class RelativePointmapOptions(DepthOptions):
     bumps: float = Field(
         0.01, ge=0, le=0.5, description="Standard deviation of bumps of log depth, a sixteenth of the picture wide."
     )
-    relief_lost: float = Field(
-        0.3, ge=0, le=1, description="Share of people's relief about their own median depth that is flatten_relief."
+    relief_lost: interfaces.Share = Field(
+        0.3, description="Share of people's relief about their own median depth that is flatten_relief."
     )
     person_offset: float = Field(
         0.05, ge=0, le=0.5, description="Standard deviation of log depth by which a person is shifted."

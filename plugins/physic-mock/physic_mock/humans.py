@@ -69,8 +69,8 @@ class BodyOptions(MockOptions):
     plane_noise_deg: float = Field(
         3.5, ge=0, le=60, description="Standard deviation of bones' turns in the plane of the picture, degrees."
     )
-    limb_share: float = Field(
-        0.5, ge=0, le=1, description="Share of the variance of both that all bones of an arm, a leg or the trunk share."
+    limb_share: interfaces.Share = Field(
+        0.5, description="Share of the variance of both that all bones of an arm, a leg or the trunk share."
     )
     trunk_factor: float = Field(0.5, ge=0, le=5, description="Factor on these errors of trunk, neck and head.")
     hidden_factor: float = Field(2.0, ge=0, le=5, description="Factor on these errors of bones whose end is hidden.")
@@ -90,10 +90,10 @@ class BodyOptions(MockOptions):
         description="How unlike people fare: standard deviation of the logarithm of a person's factor on all of these "
         "rotations.",
     )
-    flipped: float = Field(
-        0.0, ge=0, le=1, description="Share of upper arms, thighs and shanks that point towards the camera, not away."
+    flipped: interfaces.Share = Field(
+        0.0, description="Share of upper arms, thighs and shanks that point towards the camera, not away."
     )
-    flipped_forearms: float = Field(0.0, ge=0, le=1, description="The same share of forearms.")
+    flipped_forearms: interfaces.Share = Field(0.0, description="The same share of forearms.")
     shape_noise: float = Field(
         0.4, ge=0, le=3, description="Standard deviation of each shape component; those that change the stature less."
     )
@@ -109,19 +109,16 @@ class BodyOptions(MockOptions):
         description="Whether children come out as adults who are farther away: with the mean adult's shape, and as "
         "large in the photo.",
     )
-    depth_noise: float = Field(
-        0.34,
-        ge=0,
-        le=1,
-        description="Standard deviation of the logarithm of distance: people come out too near or too far.",
+    depth_noise: interfaces.Share = Field(
+        0.34, description="Standard deviation of the logarithm of distance: people come out too near or too far."
     )
-    depth_share: float = Field(
-        0.5, ge=0, le=1, description="Share of the variance of log distance that all people of a photo share."
+    depth_share: interfaces.Share = Field(
+        0.5, description="Share of the variance of log distance that all people of a photo share."
     )
     lateral_noise_m: float = Field(
         0.03, ge=0, le=2, description="Standard deviation of the place across the line of sight, metres."
     )
-    observed_errors: float = Field(0.03, ge=0, le=1, description="Share of joints whose reported visibility is wrong.")
+    observed_errors: interfaces.Share = Field(0.03, description="Share of joints whose reported visibility is wrong.")
 
 
 class MockBodyEstimator(interfaces.BodyEstimator):
@@ -290,7 +287,7 @@ class HandOptions(MockOptions):
     noise_deg: float = Field(
         10.0, ge=0, le=90, description="Standard deviation about each axis of each finger joint, degrees."
     )
-    missed: float = Field(0.1, ge=0, le=1, description="Share of the hands in sight that are not found.")
+    missed: interfaces.Share = Field(0.1, description="Share of the hands in sight that are not found.")
 
 
 class MockHandEstimator(interfaces.HandEstimator):

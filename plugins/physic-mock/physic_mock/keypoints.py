@@ -51,20 +51,15 @@ class KeypointOptions(MockOptions):
         description="Standard deviation along x and along y, as a share of the larger side of the person's box.",
     )
     hidden_noise: float = Field(0.03, ge=0, le=0.5, description="The same for points that something hides.")
-    hidden_confidence: float = Field(
-        0.3, ge=0, le=1, description="Mean confidence of hidden points, give or take half of it; others have about .9."
+    hidden_confidence: interfaces.Share = Field(
+        0.3, description="Mean confidence of hidden points, give or take half of it; others have about .9."
     )
-    overconfident: float = Field(
-        0.1, ge=0, le=1, description="Share of the hidden points that are as confident as the others."
+    overconfident: interfaces.Share = Field(
+        0.1, description="Share of the hidden points that are as confident as the others."
     )
-    unsure: float = Field(
-        0.0, ge=0, le=1, description="Share of the points in sight that are as unsure as hidden ones."
-    )
-    limb_share: float = Field(
-        0.0,
-        ge=0,
-        le=1,
-        description="Share of the variance that all points of an arm, a leg or the rest have in common.",
+    unsure: interfaces.Share = Field(0.0, description="Share of the points in sight that are as unsure as hidden ones.")
+    limb_share: interfaces.Share = Field(
+        0.0, description="Share of the variance that all points of an arm, a leg or the rest have in common."
     )
     tail_freedom: float | None = Field(
         None,
@@ -73,14 +68,12 @@ class KeypointOptions(MockOptions):
         description="Degrees of freedom of Student's t distribution of the errors, one draw of its scale for each arm, "
         "each leg and the rest; None: normal.",
     )
-    neighbour_limbs: float = Field(
+    neighbour_limbs: interfaces.Share = Field(
         0.0,
-        ge=0,
-        le=1,
         description="Share of the arms and legs of people whose boxes overlap that are found at the other person's.",
     )
-    swapped: float = Field(
-        0.02, ge=0, le=1, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
+    swapped: interfaces.Share = Field(
+        0.02, description="Share of people's pairs of arms, and of legs, whose left and right are swapped."
     )
 
 

@@ -29,15 +29,15 @@ class SegmenterOptions(MockOptions):
     raggedness_px: float = Field(
         1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
     )
-    missed_ends: float = Field(0.04, ge=0, le=1, description="Share of hands and feet that are left out of the masks.")
-    strays: float = Field(
-        0.15, ge=0, le=1, description="Share of people whose mask takes in a bit of what is beside them."
+    missed_ends: interfaces.Share = Field(0.04, description="Share of hands and feet that are left out of the masks.")
+    strays: interfaces.Share = Field(
+        0.15, description="Share of people whose mask takes in a bit of what is beside them."
     )
-    missed_people: float = Field(
-        0.0, ge=0, le=1, description="Share of people who are not found; the largest in the photo always is."
+    missed_people: interfaces.Share = Field(
+        0.0, description="Share of people who are not found; the largest in the photo always is."
     )
     floor: bool = Field(True, description="Whether the floor is looked for; false answers None.")
-    floor_missed: float = Field(0.15, ge=0, le=1, description="Share of photos whose floor is not found.")
+    floor_missed: interfaces.Share = Field(0.15, description="Share of photos whose floor is not found.")
     floor_spills: float = Field(
         1.5,
         ge=0,

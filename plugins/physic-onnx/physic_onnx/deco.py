@@ -13,7 +13,7 @@ from pydantic import Field
 
 from physic_core.adapters.contact_crop import BOX_GROWTH, INPUT_SIDE
 from physic_core.errors import BackendError
-from physic_core.interfaces import ContactPrior
+from physic_core.interfaces import ContactPrior, Share
 
 from .contract import GraphSignature, PortSpec
 from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
@@ -28,7 +28,7 @@ class DecoOptions(OnnxBackendOptions):
     """Settings of DECO."""
 
     weights: str = Field("deco-onnx", description=WEIGHTS_HELP)
-    growth: float = Field(BOX_GROWTH, ge=0, le=1, description="of a person's box on every side, in its own sizes")
+    growth: Share = Field(BOX_GROWTH, description="of a person's box on every side, in its own sizes")
     fit: Literal["letterbox", "squash"] = Field(
         "letterbox",
         description="how a box becomes a square: with white, as in the PhySIC paper's code, or stretched, as in DECO's",

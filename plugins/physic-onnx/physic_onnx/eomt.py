@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Options, Segmenter, Share
 
 from .contract import GraphSignature, PortSpec
 from .one_graph import OnnxBackend, OnnxBackendOptions
@@ -31,10 +31,8 @@ class EomtOptions(OnnxBackendOptions):
     weights: str = Field(
         "eomt-base", description="a name of `physic weights list`, or the path of a file that you exported"
     )
-    score: float = Field(0.5, ge=0, le=1, description="from which a query is heard; 0.8 is sure, 0.3 finds more")
-    held: float = Field(
-        0.8, ge=0, le=1, description="share of its own mask that a query must win from the others; 0.5 keeps more"
-    )
+    score: Share = Field(0.5, description="from which a query is heard; 0.8 is sure, 0.3 finds more")
+    held: Share = Field(0.8, description="share of its own mask that a query must win from the others; 0.5 keeps more")
     smallest_px: int = Field(100, ge=1, le=100_000, description="people of fewer pixels are left out")
     floor: bool = Field(
         True, description="answer what people stand on: floors, rugs, roads, pavements, grass, sand ..."

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import KeypointDetector
+from physic_core.interfaces import KeypointDetector, Share
 
 from .contract import GraphSignature, PortSpec
 from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
@@ -30,10 +30,8 @@ class RtmoOptions(OnnxBackendOptions):
     """Settings of RTMO."""
 
     weights: str = Field("rtmo-l", description=WEIGHTS_HELP)
-    least_score: float = Field(0.1, ge=0, le=1, description="score of a pose below which it is nobody's")
-    least_iou: float = Field(
-        0.3, ge=0, le=1, description="overlap with a person's box below which a pose is not that person's"
-    )
+    least_score: Share = Field(0.1, description="score of a pose below which it is nobody's")
+    least_iou: Share = Field(0.3, description="overlap with a person's box below which a pose is not that person's")
 
 
 class Rtmo(OnnxBackend, KeypointDetector):

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from physic_core import discover, load_backend
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Options, Segmenter, Share
 from physic_core.weights import fingerprint, locate, missing
 
 from .options import OnnxOptions
@@ -44,7 +44,7 @@ class Sam2Options(OnnxOptions):
         description="what finds people: YOLOX, RT-DETR, D-FINE or RTMO, a name of `physic weights list` or a file; or "
         "embedded, the segmenter of physic-embedded, which needs no further weights",
     )
-    score: float = Field(0.45, ge=0, le=1, description="from which a detected person is believed; 0.3 finds more")
+    score: Share = Field(0.45, description="from which a detected person is believed; 0.3 finds more")
     overlap: float = Field(
         0.65, gt=0, le=1, description="boxes that share more are one person's; 0.45 where one is found twice"
     )

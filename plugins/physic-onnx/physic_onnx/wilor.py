@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.interfaces import HandEstimator
+from physic_core.interfaces import HandEstimator, Share
 
 from .contract import GraphSignature, PortSpec
 from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
@@ -31,9 +31,7 @@ class WilorOptions(OnnxBackendOptions):
     """Settings of WiLoR."""
 
     weights: str = Field("wilor-onnx", description=WEIGHTS_HELP)
-    least_confidence: float = Field(
-        0.5, ge=0, le=1, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper"
-    )
+    least_confidence: Share = Field(0.5, description="of a hand's keypoints; 0.7 in the code of the PhySIC paper")
     least_size_px: float = Field(24.0, ge=0, le=100_000, description="longer side of a hand; fingers below are a guess")
     margin: float = Field(
         2.5, ge=1, le=4, description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR"

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from physic_core.adapters.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 from physic_core.errors import BackendError
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Options, Segmenter, Share
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
@@ -23,11 +23,11 @@ class EomtOptions(ModelOptions):
     """Settings of :class:`Eomt`."""
 
     weights: str = Field(default="eomt-large-640-hf", description=f"EoMT of COCO panoptic: {WEIGHTS_HELP}.")
-    threshold: float = Field(
-        default=0.5, ge=0, le=1, description="Chance from which a query's class is believed; 0.8 finds fewer, surely."
+    threshold: Share = Field(
+        default=0.5, description="Chance from which a query's class is believed; 0.8 finds fewer, surely."
     )
-    held: float = Field(
-        default=0.8, ge=0, le=1, description="Share of its own mask that a query must win; 0.5 keeps more of a crowd."
+    held: Share = Field(
+        default=0.8, description="Share of its own mask that a query must win; 0.5 keeps more of a crowd."
     )
 
 

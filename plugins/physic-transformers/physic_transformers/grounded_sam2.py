@@ -13,7 +13,7 @@ from pydantic import Field
 
 from physic_core.adapters.detections import clip_boxes, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Options, Segmenter, Share
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
 from physic_transformers.sizes import size_from_edges
@@ -39,18 +39,16 @@ class GroundedSam2Options(ModelOptions):
         default="ground, floor, carpet.",
         description="What the floor is called; all that is found is the floor. Empty: do not look for it.",
     )
-    box_threshold: float = Field(
-        default=0.3, ge=0, le=1, description="Score from which a box is looked at; 0.25-0.4 works."
+    box_threshold: Share = Field(default=0.3, description="Score from which a box is looked at; 0.25-0.4 works.")
+    text_threshold: Share = Field(
+        default=0.25, description="A box counts if it fits some word of the prompt by more than this."
     )
-    text_threshold: float = Field(
-        default=0.25, ge=0, le=1, description="A box counts if it fits some word of the prompt by more than this."
-    )
-    person_score: float = Field(
-        default=0.45, ge=0, le=1, description="Score from which a box is a person; 0.3 finds more, and some furniture."
+    person_score: Share = Field(
+        default=0.45, description="Score from which a box is a person; 0.3 finds more, and some furniture."
     )
     max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
-    same_person: float = Field(
-        default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
+    same_person: Share = Field(
+        default=0.8, description="Masks that share more of their union than this are one person."
     )
 
 

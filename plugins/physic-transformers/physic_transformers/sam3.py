@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.adapters.detections import clip_boxes
 from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_map
-from physic_core.interfaces import Options, Segmenter
+from physic_core.interfaces import Options, Segmenter, Share
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
 from physic_transformers.sam_masks import best_rows, people_from_sam
 
@@ -32,18 +32,14 @@ class Sam3Options(ModelOptions):
         description="What the floor is called. Words between commas are looked for one by one, and all that is found "
         "is the floor. Empty: do not look for it.",
     )
-    person_score: float = Field(
-        default=0.5, ge=0, le=1, description="Score from which something is a person; 0.3 finds more."
-    )
-    floor_score: float = Field(
+    person_score: Share = Field(default=0.5, description="Score from which something is a person; 0.3 finds more.")
+    floor_score: Share = Field(
         default=0.5,
-        ge=0,
-        le=1,
         description="Chance from which a pixel is the floor: that of the pixel times that of there being such a thing.",
     )
     max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
-    same_person: float = Field(
-        default=0.8, ge=0, le=1, description="Masks that share more of their union than this are one person."
+    same_person: Share = Field(
+        default=0.8, description="Masks that share more of their union than this are one person."
     )
 
 
