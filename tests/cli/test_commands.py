@@ -28,12 +28,6 @@ from physic_core.types import Reconstruction, StageRecord
 from .results import empty_reconstruction
 
 
-@pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-
-
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 

@@ -31,12 +31,6 @@ CODES = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-
-
 def physic(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 

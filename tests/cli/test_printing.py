@@ -28,11 +28,6 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def printed(*arguments: str, code: int = 0) -> str:
     """What a command prints on both streams, in which nothing controls a terminal."""
     done = CliRunner().invoke(main, list(arguments))

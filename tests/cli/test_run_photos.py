@@ -27,11 +27,6 @@ from physic_testing.worlds import World, build_world
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
-@pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.fixture(scope="module")
 def world() -> World:
     return build_world("stand", 0, (160, 120))
