@@ -102,7 +102,7 @@ def add_variants(glb: GlbBuilder) -> None:
 def add_animation(
     glb: GlbBuilder, seconds: Sequence[float], skeletons: Sequence[tuple[list[int], Sequence[Rig]]]
 ) -> None:
-    """Add the animation ``pose``, which steps from pose to pose.
+    """Add the animation ``pose``, from pose to pose.
 
     Args:
         glb: the file.
@@ -115,7 +115,7 @@ def add_animation(
 
     def add(node: int, path: str, values: NDArray[np.float64]) -> None:
         output = glb.accessor(values.astype(np.float32))
-        samplers.append({"input": times, "output": output, "interpolation": "STEP"})
+        samplers.append({"input": times, "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
     for joints, poses in skeletons:

@@ -53,6 +53,8 @@ def test_contact_is_a_picture_on_request(export):
 def test_the_animation_has_a_t_pose_and_the_pose(tree):
     (animation,) = tree.animations
     skin = tree.skins[0]
+    # Blender gives keys of STEP constant interpolation, so that keys set after them would jump.
+    assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
     rotated = [c for c in animation.channels if c.target.path == "rotation" and c.target.node in skin.joints]
     assert len(rotated) == 55
     for channel in rotated:
