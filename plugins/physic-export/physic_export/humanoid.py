@@ -15,6 +15,7 @@ import roma
 import torch
 
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_export.joint_limits import LIMITS
 from physic_export.mjcf_shapes import RGBA, add_mesh, convex_hull, numbers
 
 if TYPE_CHECKING:
@@ -53,25 +54,6 @@ PASSIVE = {"trunk": Passive(10_000.0, 500.0, 5.0), "arm": Passive(1000.0, 50.0, 
 centre of mass is 10 cm from the ankles: the body is nearly a statue, and what falls is out of balance."""
 
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
-
-_LIMITS: dict[str, tuple[tuple[str, float, float], ...]] = {
-    "hip": (("x", -120, 30), ("z", -30, 45), ("y", -45, 45)),
-    "knee": (("x", 0, 155),),
-    "ankle": (("x", -20, 50), ("z", -35, 20), ("y", -20, 20)),
-    "foot": (("x", -70, 40),),
-    "spine1": (("x", -10, 30), ("z", -12, 12), ("y", -15, 15)),
-    "spine2": (("x", -10, 30), ("z", -12, 12), ("y", -15, 15)),
-    "spine3": (("x", -10, 30), ("z", -12, 12), ("y", -15, 15)),
-    "neck": (("x", -25, 25), ("z", -23, 23), ("y", -40, 40)),
-    "head": (("x", -25, 25), ("z", -23, 23), ("y", -40, 40)),
-    "collar": (("z", -10, 40), ("y", -20, 20), ("x", -15, 15)),
-    "shoulder": (("z", -100, 90), ("y", -130, 45), ("x", -90, 90)),
-    "elbow": (("y", -155, 0), ("x", -90, 90)),
-    "wrist": (("z", -80, 70), ("y", -25, 25)),
-}
-"""Hinges of each joint of the left side, in their order, with limits in degrees, 0 in the T-pose (x left, y up, z
-forward). Ranges of motion are those of the American Academy of Orthopaedic Surgeons, a third of the spine's and half of
-the neck's for each joint; knees and elbows have those of the reconstruction (2.7 rad). A pose beyond widens them."""
 
 _SOLE_M, _SOLE_RADIUS_M, _SOLE_POINTS = 0.02, 0.005, 8
 """Height of the sole over its lowest point, radius of the spheres at its outline, and their number."""
@@ -168,7 +150,7 @@ def add_humanoid(
 def _add_hinges(body: ElementTree.Element, name: str, label: str, rotation: Array) -> None:
     """Add the hinges of a joint whose rotation (3, 3) against the T-pose is that of the pose."""
     side, _, plain = label.rpartition("_")
-    hinges = _LIMITS[plain]
+    hinges = LIMITS[plain]
     order = "".join(axis for axis, _, _ in hinges)
     order += "".join(axis for axis in "zyx" if axis not in order)
     angles = roma.rotmat_to_euler(order.upper(), torch.from_numpy(rotation.copy())).numpy()
