@@ -50,16 +50,22 @@ class Passive:
 
 
 PASSIVE = {"trunk": Passive(10_000.0, 500.0, 5.0), "arm": Passive(1000.0, 50.0, 1.0)}
-"""Classes of joints: of trunk, legs and head, and of arms. Hips, knees and ankles in series then yield 1 cm where the
-centre of mass is 10 cm from the ankles: the body is nearly a statue, and what falls is out of balance."""
+"""Classes of joints: of trunk, legs and head; of arms. They make the body nearly a statue, so that a body that falls
+is out of balance; with ten times the stiffness, the same bodies of worlds stay. No passive person stands: the stiffness
+of human ankles in quiet standing is 91 % of the load's (Loram and Lakie, J. Physiol. 545.3, 2002), and muscles do the
+rest."""
 
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
 
-_SOLE_M, _SOLE_RADIUS_M, _SOLE_POINTS = 0.02, 0.005, 8
-"""Height of the sole over its lowest point, radius of the spheres at its outline, and their number."""
+_FLAT_M, _SOLE_RADIUS_M, _SOLE_POINTS = 0.02, 0.005, 8
+"""Height over the lowest point up to which skin flattens on the floor, which is the distance of contact of the
+reconstruction; radius of the spheres at the outline of what is flat, and their number."""
 
-_CHILD_OF_LIMB = {"hip": "knee", "knee": "ankle", "shoulder": "elbow", "elbow": "wrist"}
-"""Segments that collide as capsules, and the joint at their other end."""
+_FOOT = {"ankle": "foot", "foot": "ankle"}
+
+_CHILD_OF_LIMB = {"shoulder": "elbow", "elbow": "wrist"}
+"""Segments that collide as capsules, and the joint at their other end. A thigh tapers: its capsule would be up to 5 cm
+off its skin, and people sit on thighs."""
 
 
 def add_defaults(root: ElementTree.Element) -> None:
@@ -104,13 +110,14 @@ def add_humanoid(
         world: gets the body.
         name: such as "person_0"; bodies are "person_0" (the pelvis), "person_0_left_hip", ...
         rig: in the frame of the file.
-        vertices: (V, 3) posed, in that frame.
+        vertices: (V, 3) posed, in that frame, with the floor at z = 0.
         geom: attributes of the shapes that collide.
     """
     poses, part = rig.world(), segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
     volumes = np.array([_volume(*hull) for hull in hulls])
     masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
+    lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
     bodies: list[ElementTree.Element] = []
     for joint in range(NUM_BODIES):
         parent, label = PARENTS[joint], JOINT_NAMES[joint]
@@ -138,10 +145,15 @@ def add_humanoid(
         ElementTree.SubElement(
             body, "geom", {"name": f"{own_name}_skin", "type": "mesh", "mesh": f"{own_name}_skin"} | skin
         )
-        shapes = _shapes(label, local[part == joint], poses, joint)
-        if not shapes or shapes[0]["type"] == "sphere":
+        shapes = _capsule(label, local[part == joint], poses, joint)
+        if not shapes:
             add_mesh(asset, own_name, (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1])
-            shapes = [{"type": "mesh", "mesh": own_name}, *shapes]
+            shapes = [{"type": "mesh", "mesh": own_name}]
+        if label.endswith(("ankle", "foot")) or lowest[joint] < _FLAT_M:
+            side, _, plain = label.rpartition("_")
+            other = lowest[JOINT_INDEX[f"{side}_{_FOOT[plain]}"]] if plain in _FOOT else lowest[joint]
+            drop = lowest[joint] - other  # heel and ball of a foot have one sole
+            shapes += _soles(local[part == joint], poses[joint][2, :3], drop if 0 < drop < _FLAT_M else 0.0)
         for number, shape in enumerate(shapes):
             own = {"name": f"{own_name}_{number}", "mass": "0"} if number else {"name": own_name}
             ElementTree.SubElement(body, "geom", {"mass": f"{masses[joint]:.4f}"} | own | shape | geom)
@@ -180,11 +192,9 @@ def _add_hinges(body: ElementTree.Element, name: str, label: str, rotation: Arra
         )
 
 
-def _shapes(label: str, points: Array, poses: Array, joint: int) -> list[dict[str, str]]:
-    """Return the capsule of a limb's points in its frame, the spheres of a foot's; none for other parts of the body."""
+def _capsule(label: str, points: Array, poses: Array, joint: int) -> list[dict[str, str]]:
+    """Return the capsule of an arm's points in its frame; none for other parts of the body."""
     side, _, plain = label.rpartition("_")
-    if plain in ("ankle", "foot"):
-        return _soles(points)
     if plain not in _CHILD_OF_LIMB:
         return []
     child = JOINT_INDEX[f"{side}_{_CHILD_OF_LIMB[plain]}"]
@@ -200,25 +210,32 @@ def _shapes(label: str, points: Array, poses: Array, joint: int) -> list[dict[st
     return [{"type": "capsule", "fromto": numbers((center + ends[:, None] * axis).ravel()), "size": f"{radius:.5f}"}]
 
 
-def _soles(points: Array) -> list[dict[str, str]]:
-    """Return spheres at the outline of the sole of a part of the foot, on one level as under a shoe.
+def _soles(points: Array, up: Array, drop: float) -> list[dict[str, str]]:
+    """Return spheres at the outline of the lowest skin of a part of the body, on one level, as under a shoe.
 
     MuJoCo finds three neighbouring points of a mesh on a plane, too few to stand on; and a bare sole, which is round,
-    flattens under the body's weight.
+    flattens under the body's weight. The level is that of the pose, not of the joint: a heel that is 1 cm over the
+    floor would otherwise let a balanced body rock by 8 degrees, and fall.
+
+    Args:
+        points: (V, 3) in the frame of the part.
+        up: (3,) the vertical in that frame, in the pose of the file.
+        drop: depth of the level under the lowest point.
     """
     from scipy.spatial import ConvexHull
 
-    sole = points[points[:, 1] < points[:, 1].min() + _SOLE_M]
-    sole = points[np.argsort(points[:, 1])[:8]] if len(sole) < 8 else sole
-    outline = sole[ConvexHull(sole[:, [0, 2]]).vertices]
+    height = points @ up
+    sole = height < height.min() + _FLAT_M
+    if sole.sum() < 8:
+        sole = np.argsort(height)[:8]
+    level = points[sole] - (height[sole] - height.min() + drop - _SOLE_RADIUS_M)[:, None] * up
+    flat = level @ np.linalg.svd(up[None])[2][1:].T
+    outline = level[ConvexHull(flat).vertices]
     kept = [0]
     while len(kept) < min(_SOLE_POINTS, len(outline)):
         apart = np.linalg.norm(outline[:, None] - outline[kept], axis=2).min(1)
         kept.append(int(apart.argmax()))
-    level = points[:, 1].min() + _SOLE_RADIUS_M
-    return [
-        {"type": "sphere", "pos": numbers((x, level, z)), "size": f"{_SOLE_RADIUS_M:g}"} for x, _, z in outline[kept]
-    ]
+    return [{"type": "sphere", "pos": numbers(point), "size": f"{_SOLE_RADIUS_M:g}"} for point in outline[kept]]
 
 
 def _volume(vertices: Array, faces: NDArray[np.int64]) -> float:

@@ -7,12 +7,15 @@ convex, and its hull is the collision shape.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene
 
@@ -25,8 +28,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Tile", "convex_tiles", "tile_errors"]
 
-THICKNESS_M = 0.1
-"""Depth of a tile behind the surface; what is behind it is not known."""
+THICKNESS_M, THINNEST_M = 0.1, 0.01
+"""Depth of a tile behind the surface, where only people are known, and the least, where a person is right behind it."""
 
 FLAT_M, FLAT_SHARE = 0.02, 0.01
 """Maximum distance of a patch's points from its plane: in metres, and as a share of its depth if that is more."""
@@ -68,10 +71,14 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     heights = np.full(len(points), np.inf)
     if floor is not None:
         heights = points @ np.asarray(floor.normal, np.float64) + floor.offset
-    tiles: list[Tile] = []
-    for square in _top_squares(cells, np.arange(len(cells)), _LARGEST):
-        _divide(square, _LARGEST, cells, surface.faces, points, heights, colors, tiles)
-    return tiles
+    patches: list[tuple[Array, Array]] = []
+    raised = np.flatnonzero(heights[surface.faces].max(1) >= FLOOR_M)
+    for square in _top_squares(cells, raised, _LARGEST):
+        _divide(square, _LARGEST, cells, surface.faces, points, colors, patches)
+    skin, normals = _skin(result)
+    tree = cKDTree(skin)
+    tiles = (_thicken(patch, color, skin, normals, tree) for patch, color in patches)
+    return [tile for tile in tiles if tile is not None]
 
 
 def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, float] | None:
@@ -117,23 +124,18 @@ def _divide(
     cells: NDArray[np.int64],
     faces: NDArray[np.int64],
     points: Array,
-    heights: Array,
     colors: Array,
-    tiles: list[Tile],
+    patches: list[tuple[Array, Array]],
 ) -> None:
-    """Append the tiles of the faces in one square; divide the square in four if they are not flat."""
+    """Append points and colour of the faces in one square; divide the square in four if they are not flat."""
     used = np.unique(faces[inside])
-    if heights[used].max() < FLOOR_M:
-        return
     filled = len(inside) / (2 * side * side)
     flat = max(FLAT_M, FLAT_SHARE * float(points[used, 2].mean()))
     if side == 1 or (filled >= MIN_FILLED and _deviation(points[used]) <= flat):
-        tile = _thicken(points[used], colors[used].mean(0))
-        if tile is not None:
-            tiles.append(tile)
+        patches.append((points[used], colors[used].mean(0)))
         return
     for quarter in _top_squares(cells, inside, side // 2):
-        _divide(quarter, side // 2, cells, faces, points, heights, colors, tiles)
+        _divide(quarter, side // 2, cells, faces, points, colors, patches)
 
 
 def _plane_axis(points: Array) -> Array:
@@ -148,11 +150,47 @@ def _deviation(points: Array) -> float:
     return float(np.abs(centered @ _plane_axis(points)).max())
 
 
-def _thicken(points: Array, color: Array) -> Tile | None:
-    """Return the convex hull of points and of the same points moved away from the camera; None if it is degenerate."""
-    from scipy.spatial import ConvexHull, QhullError
+def _skin(result: Reconstruction) -> tuple[Array, Array]:
+    """Return vertices and outward normals (n, 3) of all people with a body."""
+    bodies = [np.asarray(one.vertices, np.float64) for one in result.people if np.isfinite(one.vertices).all()]
+    faces = np.asarray(result.faces, np.int64)
+    normals = [vertex_normals(body, faces) for body in bodies]
+    return np.concatenate([np.zeros((0, 3)), *bodies]), np.concatenate([np.zeros((0, 3)), *normals])
 
-    both = np.concatenate([points, points + THICKNESS_M * _plane_axis(points)])
+
+def _depth_to_skin(points: Array, axis: Array, skin: Array, normals: Array, tree: cKDTree) -> float:
+    """Return the distance along an axis from a patch to the skin behind it that faces it; infinite without such skin.
+
+    Skin that a body presses into the patch from its front faces along the axis, and does not count.
+    """
+    middle = points.mean(0)
+    reach = float(np.linalg.norm(points - middle, axis=1).max()) + THICKNESS_M
+    near = np.asarray(tree.query_ball_point(middle, reach), np.int64)
+    near = near[(normals[near] @ axis) < 0]
+    depth = (skin[near] - middle) @ axis
+    near, depth = near[depth > 0], depth[depth > 0]
+    across = np.linalg.svd(axis[None])[2][1:].T
+    try:
+        edges = ConvexHull((points - middle) @ across).equations
+    except QhullError:  # all points on one line
+        return math.inf
+    inside = (edges[:, :2] @ ((skin[near] - middle) @ across).T + edges[:, 2:]).max(0, initial=-math.inf) < 0
+    return float(depth[inside].min(initial=math.inf))
+
+
+def _thicken(points: Array, color: Array, skin: Array, normals: Array, tree: cKDTree) -> Tile | None:
+    """Return the convex hull of points and of the same points moved away from the camera; None if it is degenerate.
+
+    Args:
+        points: (P, 3) of the surface.
+        color: (3,) of the tile.
+        skin: (n, 3) vertices of all people, which a tile does not reach from its front.
+        normals: (n, 3) of the skin, outward.
+        tree: of the skin.
+    """
+    axis = _plane_axis(points)
+    depth = min(THICKNESS_M, max(THINNEST_M, _depth_to_skin(points, axis, skin, normals, tree)))
+    both = np.concatenate([points, points + depth * axis])
     try:
         hull = ConvexHull(both)
     except QhullError:  # all points on one line

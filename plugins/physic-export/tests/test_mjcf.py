@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from physic_core import Reconstruction
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
-from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
+from physic_export.tiles import FLAT_M, FLOOR_M, Tile, convex_tiles
 
 RADIUS = 0.05
 
@@ -188,6 +188,43 @@ def test_people_do_not_collide_with_themselves(text: str):
     assert collide(first, second)
     assert collide(first, floor)
     assert not collide(first, model.geom("person_0"))
+
+
+def test_no_tile_reaches_a_person_behind_it(result: Reconstruction):
+    nearest = float(result.people[0].vertices[:, 2].min())
+    scene, camera = result.scene, result.intrinsics
+    rows, columns = np.indices(scene.valid.shape)
+    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1)
+    wall = (rays * (nearest - 0.05)).astype(np.float32)  # 5 cm before the first person
+    walled = replace(result, scene=replace(scene, points=wall, valid=np.ones_like(scene.valid)))
+    alone = convex_tiles(replace(walled, people=()))
+    tiles = convex_tiles(walled)
+    assert max(tile.vertices[:, 2].max() for tile in alone) == pytest.approx(nearest + 0.05, abs=1e-3)
+    for one, other in zip(tiles, alone, strict=True):
+        assert one.vertices[:, 2].min() == pytest.approx(other.vertices[:, 2].min(), abs=1e-6)
+    skin = result.people[0].vertices
+    inside = sum(int((tile_depths(tile, skin) < 0).sum()) for tile in tiles)
+    assert sum(int((tile_depths(tile, skin) < 0).sum()) for tile in alone) > 0
+    assert inside == 0
+
+
+def tile_depths(tile: Tile, points: np.ndarray) -> np.ndarray:
+    """Distances (n,) of points outside the planes of a tile; negative inside."""
+    hull = ConvexHull(tile.vertices)
+    return (hull.equations[:, :3] @ points.T + hull.equations[:, 3:]).max(0)
+
+
+def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstruction, text: str):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for limb in ("left_shoulder", "right_elbow"):
+        assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
+    for part in ("left_ankle", "right_foot"):
+        spheres = [f"person_0_{part}_{number}" for number in range(1, 9)]
+        heights = np.array([data.geom(name).xpos[2] for name in spheres])
+        np.testing.assert_allclose(heights, heights[0], atol=1e-4)
 
 
 def test_the_error_of_the_collision_mesh_is_stated(export):

@@ -11,9 +11,11 @@ import pytest
 import torch
 from click.testing import CliRunner
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
 from physic_core.body import load_body
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.cli import main
 from physic_core.types import BodyContact, ContactPartner
@@ -25,7 +27,16 @@ pytest.importorskip("mujoco")
 
 @pytest.fixture(scope="module")
 def standing(result: Reconstruction) -> Reconstruction:
-    """The first person in a T-pose, upright, with the soles on a floor without a scene."""
+    return upright(result)
+
+
+def upright(result: Reconstruction, heels_up: float = 0.0) -> Reconstruction:
+    """The first person in a T-pose, upright, with the soles on a floor without a scene.
+
+    Args:
+        result: with a floor.
+        heels_up: angle of the heels over the floor, radians; the toes are level.
+    """
     model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
     assert floor is not None
     up = np.asarray(floor.normal, np.float64)
@@ -33,6 +44,10 @@ def standing(result: Reconstruction) -> Reconstruction:
     forward /= np.linalg.norm(forward)
     rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
     rotations[0, 0] = torch.from_numpy(np.stack([np.cross(up, forward), up, forward], 1))
+    for name, angle in (("ankle", heels_up), ("foot", -heels_up)):
+        turn = torch.from_numpy(Rotation.from_euler("x", angle).as_matrix())
+        for joint in (JOINT_NAMES.index(f"{side}_{name}") for side in ("left", "right")):
+            rotations[0, joint] = turn
     betas, transl = torch.zeros(1, 16, dtype=torch.float64), np.array([0.0, 0.0, 3.0])
     low = (model(rotations, betas, torch.from_numpy(transl[None])).vertices[0].numpy() @ up + floor.offset).min()
     place = torch.from_numpy((transl - low * up)[None])
@@ -58,6 +73,11 @@ def test_an_upright_body_stays_and_its_soles_keep_contact(standing: Reconstructi
     assert motion.slip_m < 0.01
     assert 2 <= motion.lasting <= motion.contacts
     assert motion.start.shape == motion.end.shape
+
+
+def test_a_balanced_body_whose_heels_are_a_centimetre_over_the_floor_stays(result: Reconstruction):
+    (motion,) = simulate_people(upright(result, heels_up=np.deg2rad(7)), [0])
+    assert motion.stays
 
 
 @pytest.mark.parametrize("control", CONTROLS)
