@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import torch
@@ -15,13 +16,15 @@ from physic_core.pipeline.measures import Ground, clearance, depth_ratio, sole_h
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from torch import Tensor
 
     from physic_core.engine.contact.problem import ContactResult
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.types import Support
 
-__all__ = ["deep_shares", "depth_ratios", "measure_people"]
+__all__ = ["deep_shares", "depth_ratios", "measure_people", "reversed_depths"]
 
 
 def measure_people(problem: JointProblem, result: JointResult, found: ContactResult) -> list[dict[str, float | None]]:
@@ -45,6 +48,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     ratios = depth_ratios(problem, result)
     deep = deep_shares(result, found.give)
     order = _depth_order(problem, result)
+    reversed_depth = reversed_depths(result.joints[:, 0, 2].tolist(), ratios)
     measured: list[dict[str, float | None]] = [{} for _ in ratios]
     for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
         if support is None:
@@ -62,7 +66,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
             "support_gap_m": support_gap(body, result.joints[i], normals, may_carry[i], distance, ground),
         }
         if problem.human_depth is not None:
-            measured[i]["depth_ratio"] = ratios[i]
+            measured[i] |= {"depth_ratio": ratios[i], "reversed_depth": reversed_depth[i]}
         if bool(result.surface_share[i].any()):
             measured[i]["penetration_share"] = deep[i]
     return measured
@@ -80,6 +84,28 @@ def _depth_order(problem: JointProblem, result: JointResult) -> list[float]:
     behind = depth_order_violations(vertices, project(vertices, problem.K), problem.masks[finite])
     shares: list[float] = vertices.new_zeros(len(finite)).index_put((finite,), behind.amax(0)).tolist()
     return shares
+
+
+def reversed_depths(depths: Sequence[float], ratios: Sequence[float | None]) -> list[float | None]:
+    """Return by how much each person is on the other side of another one by the depth map than by the bodies.
+
+    Args:
+        depths: of the pelvises, metres.
+        ratios: depth of the photo over that of each body, None where it cannot be measured.
+
+    Returns:
+        Per person the smaller one of both differences of log depth, largest over the other people; None without others.
+    """
+    found = []
+    known = [(z, z * ratio) if ratio and z > 0 else None for z, ratio in zip(depths, ratios, strict=True)]
+    for i, own in enumerate(known):
+        others = [other for j, other in enumerate(known) if other is not None and j != i]
+        worst: float | None = None
+        for other in others if own is not None else []:
+            by_body, by_map = (math.log(b / a) for a, b in zip(own or (), other, strict=True))
+            worst = max(worst or 0.0, min(abs(by_body), abs(by_map)) if by_body * by_map < 0 else 0.0)
+        found.append(worst)
+    return found
 
 
 def deep_shares(result: JointResult, give: Tensor) -> list[float]:

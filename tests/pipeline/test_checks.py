@@ -32,6 +32,7 @@ from physic_core.pipeline.checks import (
 from physic_core.pipeline.checks.result import check_value
 from physic_core.pipeline.checks.specs import CheckSpec
 from physic_core.pipeline.measures import Ground, depth_ratio, sole_height, support_gap, visible_share
+from physic_core.pipeline.person_measures import reversed_depths
 from physic_core.types import CameraTrust, CheckResult, CheckState, Grade, Intrinsics, Plane, skeleton_named
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -173,6 +174,8 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"report": {"seen_share": 0.75}}, ()),
         ({"shoulders": False}, ("shoulders_seen",)),
         ({"report": {"depth_order_share": 0.2}}, ("depth_order",)),
+        ({"report": {"reversed_depth": 0.2}}, ("depth_map_order",)),
+        ({"report": {"reversed_depth": 0.05}}, ()),
         ({"report": {"mask_covered_share": 0.78}}, ("mask_covered",)),
         ({"report": {"body_in_mask_share": 0.6}}, ("body_in_mask",)),
         ({"report": {"clearance_m": 0.28}}, ("support",)),
@@ -546,3 +549,13 @@ def test_a_depth_map_half_as_far_again_is_found() -> None:
     assert ratio == pytest.approx(1.5, rel=0.04)
     unknown = torch.full((480, 640), torch.nan)
     assert depth_ratio(body.vertices, body.normals, body.outer, mask, body.K, unknown) is None
+
+
+def test_people_whose_order_the_depth_map_reverses_are_measured() -> None:
+    assert reversed_depths([2.0, 3.0, 2.1], [1.0, 1.0, 1.0]) == [0, 0, 0]
+    assert reversed_depths([2.0, 3.0, 9.0], [2.0, 1.0, None]) == [
+        pytest.approx(math.log(4 / 3)),
+        pytest.approx(math.log(4 / 3)),
+        None,
+    ]
+    assert reversed_depths([2.0], [1.0]) == [None]

@@ -167,6 +167,12 @@ def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
         unmeasured="too few pixels at the lower end of the body are visible and have a depth",
     )
     yield check_value(
+        "depth_map_order",
+        measured(report, "reversed_depth"),
+        "the depth map puts this person on the other side of another one than the bodies do: who is nearer is in doubt",
+        unmeasured="no other person has a body and a depth",
+    )
+    yield check_value(
         "depth_order",
         measured(report, "depth_order_share"),
         "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
