@@ -36,7 +36,13 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
     people = _people(solved, reconstruction, model)
     reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, people, photos[v].index))
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
-    moved = [f"person {i} moved between the photos, and is as one photo shows" for i, p in enumerate(people) if p.moved]
+    names = {photo.index: photo.name for photo in photos}
+    moved = [
+        f"{'another person' if one.row is None else f'person {one.row}'} moved between the photos "
+        f"({', '.join(names[view] for view in one.views)}), and is as one of them shows"
+        for one in people
+        if one.moved
+    ]
     notes = (
         f"cameras of {len(photos)} photos from {len(solved.rows)} people; the frame is that of {photos[v].name}",
         *moved,

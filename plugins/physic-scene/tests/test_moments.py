@@ -83,6 +83,34 @@ def test_the_same_photo_twice_is_one_view(solver, alone):
     assert len(found.cameras) == 2
 
 
+def moved(result, index, right_m):
+    """The result of a photo in which one person stands elsewhere."""
+    person, step = result.people[index], np.array([right_m, 0.0, 0.0], np.float32)
+    px = right_m * result.intrinsics.fx / float(person.joints[0, 2])
+    elsewhere = replace(
+        person,
+        parameters=replace(person.parameters, transl=person.parameters.transl + step),
+        vertices=person.vertices + step,
+        joints=person.joints + step,
+        keypoints=person.keypoints + np.array([px, 0.0], person.keypoints.dtype),
+        box=person.box + np.array([px, 0.0, px, 0.0], person.box.dtype),
+        mask=np.roll(person.mask, round(px), 1),
+    )
+    return replace(result, people=tuple(elsewhere if i == index else p for i, p in enumerate(result.people)))
+
+
+def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, config):
+    with Pipeline(config) as pipeline:
+        a, b, c = (pipeline(build_world(name, 3, SIZE).image) for name in view_names("group", 3))
+    found = solver.join([a, moved(b, 1, 0.7), c], ["a.png", "b.png", "c.png"])
+    (person,) = (person for person in found.people if person.moved)
+    reference, *others = found.reconstruction.cameras
+    assert person.row in reference.people
+    assert not any(person.row in camera.people for camera in others)
+    note = f"person {person.row} moved between the photos (a.png, b.png, c.png), and is as one of them shows"
+    assert note in found.reconstruction.notes
+
+
 def test_a_photo_of_other_people_is_left_out(solver, config, alone):
     with Pipeline(config) as pipeline:
         other = pipeline(build_world("sit_on_floor", 3, SIZE).image)
