@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import isotonic_regression
+from scipy.optimize import isotonic_regression, minimize
 from scipy.spatial.transform import Rotation
 
 from benchmarks.scene import NAMES, SIZE, kept, mock_config, world_seed
@@ -205,12 +205,14 @@ def _rounded(values: Any) -> list[float]:
 
 
 def _cues(moments: Sequence[list[View]]) -> dict[str, dict[str, list[float]]]:
-    """Return the table of each cue, from people of the same moment and of other moments."""
+    """Return the table of each cue, from people of the same moment and of other moments.
+
+    Cues of looks have causes in common: their LLRs have the weights of a logistic regression.
+    """
     from physic_scene.matching import look_cues, place_cues, relative_motion
 
-    same: dict[str, list[float]] = {}
-    near: dict[str, list[float]] = {}
-    far: dict[str, list[float]] = {}
+    looks: dict[str, list[Any]] = {"same": [], "near": [], "far": []}
+    places: dict[str, list[Any]] = {"same": [], "near": []}
     for views in moments:
         for a, b in itertools.combinations(views, 2):
             cues, turns = look_cues(a.people, b.people)
@@ -220,20 +222,41 @@ def _cues(moments: Sequence[list[View]]) -> dict[str, dict[str, list[float]]]:
                 if p == q >= 0
             ]
             for i, j in np.ndindex(turns.shape[:2]):
-                into = same if a.number[i] == b.number[j] >= 0 else near
-                for name, values in cues.items():
-                    into.setdefault(name, []).append(float(values[i, j]))
+                kind = "same" if a.number[i] == b.number[j] >= 0 else "near"
+                looks[kind].append([values[i, j] for values in cues.values()])
                 # Places: under the motion of the other people.
                 others = [pair for pair in true if pair[0] != i and pair[1] != j]
                 if others:
                     motion = relative_motion(a.people, b.people, others)
-                    for name, values in place_cues(a.people, b.people, motion, turns).items():
-                        into.setdefault(name, []).append(float(values[i, j]))
+                    found = place_cues(a.people, b.people, motion, turns)
+                    places[kind].append([values[i, j] for values in found.values()])
     for one, two in itertools.combinations(moments, 2):
-        a, b = one[0].people, two[1].people
-        for name, values in look_cues(a, b)[0].items():
-            far.setdefault(name, []).extend(values.reshape(-1).tolist())
-    return {name: _table(same[name], near[name], far.get(name, near[name])) for name in same}
+        values, _ = look_cues(one[0].people, two[1].people)
+        looks["far"] += list(np.stack([value.reshape(-1) for value in values.values()], axis=1))
+    own = {name: np.array(rows) for name, rows in looks.items()}
+    tables = {name: _table(*(own[kind][:, k] for kind in ("same", "near", "far"))) for k, name in enumerate(cues)}
+    weights = _weights([_llrs(own[kind], tables) for kind in ("same", "near", "far")])
+    for table, weight in zip(tables.values(), weights, strict=True):
+        table["llr"] = _rounded(weight * np.array(table["llr"]))
+    near = [np.array(places[kind]) for kind in ("same", "near")]
+    return tables | {name: _table(near[0][:, k], near[1][:, k], near[1][:, k]) for k, name in enumerate(found)}
+
+
+def _llrs(values: Any, tables: dict[str, dict[str, list[float]]]) -> Any:
+    """Return the LLRs (n, K) of cues (n, K); 0 where a cue is missing."""
+    found = [np.interp(column, t["values"], t["llr"]) for column, t in zip(values.T, tables.values(), strict=True)]
+    return np.nan_to_num(np.stack(found, axis=1))
+
+
+def _weights(llrs: Sequence[Any]) -> Any:
+    """Return the weights (K,) of LLRs by logistic regression; the kinds of different people count alike."""
+
+    def loss(weights: Any) -> float:
+        same, near, far = (np.logaddexp(0, s * rows @ weights).mean() for s, rows in zip((-1, 1, 1), llrs, strict=True))
+        return float(same + (near + far) / 2 + 0.01 * np.square(weights - 1).sum())
+
+    count = llrs[0].shape[1]
+    return minimize(loss, np.ones(count), bounds=[(0.0, 1.0)] * count).x
 
 
 def _table(same: Sequence[float], near: Sequence[float], far: Sequence[float]) -> dict[str, list[float]]:

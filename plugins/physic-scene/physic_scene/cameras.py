@@ -32,10 +32,11 @@ class FitSettings:
 
     Attributes:
         keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
-            stature in px.
+            stature in px. Of eight worlds of four photos, right matches have up to 0.175 and a median of 0.033; of two
+            people who are mistaken for each other in one photo, the larger has a median of 0.3.
     """
 
-    keypoint: float = 0.15
+    keypoint: float = 0.18
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,13 @@ def solve_cameras(
             rows, moved = chosen.rows, chosen.rows[:0]
         elif len(rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
-            rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
+            shown = rows[worst] >= 0
+            if bad[:, worst].sum() == 1 and shown.sum() > 2:
+                # The other photos agree: this one shows somebody else, or the person after a move.
+                rows = rows.copy()
+                rows[worst, bad[:, worst]] = -1
+            else:
+                rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
         else:
             break
         found = _adjusted(chosen, rows, statures, settings)

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
+from physic_core.body import JOINT_NAMES
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
@@ -117,6 +118,72 @@ def test_a_photo_of_other_people_is_left_out(solver, config, alone):
     found = solver.join([*alone, other], ["a.png", "b.png", "c.png", "other.png"])
     assert [(one.photo, one.reason) for one in found.left_out] == [("other.png", "other people")]
     assert len(found.cameras) == 3
+
+
+def in_a_mirror(result):
+    """Return the result of a photo in a mirror."""
+    size = result.image.shape[1]
+    sides = [JOINT_NAMES.index(other_side(name)) for name in JOINT_NAMES[:22]]
+    points = [result.skeleton.names.index(other_side(name)) for name in result.skeleton.names]
+    people = []
+    for person in result.people:
+        own = person.parameters
+        pose = np.concatenate([own.global_orient, own.body_pose], axis=1).reshape(22, 3)[sides] * [1, -1, -1]
+        parameters = replace(
+            own,
+            global_orient=pose[:1].astype(np.float32),
+            body_pose=pose[1:].reshape(1, -1).astype(np.float32),
+            transl=own.transl * np.float32([-1, 1, 1]),
+        )
+        people.append(
+            replace(
+                person,
+                parameters=parameters,
+                vertices=person.vertices * np.float32([-1, 1, 1]),
+                mask=person.mask[:, ::-1],
+                keypoints=(person.keypoints * [-1, 1] + [size - 1, 0])[points].astype(person.keypoints.dtype),
+                keypoint_confidence=person.keypoint_confidence[points],
+            )
+        )
+    return replace(result, image=np.ascontiguousarray(result.image[:, ::-1]), people=tuple(people))
+
+
+def other_side(name):
+    side, _, rest = name.partition("_")
+    return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+
+
+def test_a_mirrored_photo_is_left_out(solver, alone):
+    found = solver.join([alone[0], alone[1], in_a_mirror(alone[2])], ["a.png", "b.png", "mirrored.png"])
+    assert [(one.photo, one.reason) for one in found.left_out] == [("mirrored.png", "mirrored")]
+    assert found.left_out[0].message.startswith("mirrored.png is left out: it is mirrored")
+
+
+def stepped_aside(result, metres):
+    """Return a result whose first person stands elsewhere, as far from the camera."""
+    person, K = result.people[0], result.intrinsics.matrix
+    step = np.array([metres, 0, 0], np.float32)
+    pixels = np.array([K[0, 0] * metres / person.joints[0, 2], 0])
+    moved = replace(
+        person,
+        parameters=replace(person.parameters, transl=person.parameters.transl + step),
+        vertices=person.vertices + step,
+        mask=np.roll(person.mask, round(pixels[0]), axis=1),
+        keypoints=(person.keypoints + pixels).astype(person.keypoints.dtype),
+    )
+    return replace(result, people=(moved, *result.people[1:]))
+
+
+def test_a_person_who_moved_is_solved_without_the_photo_that_differs(solver, config):
+    with Pipeline(config) as pipeline:
+        first, second, third = (pipeline(build_world(name, 4, SIZE).image) for name in view_names("group", 3))
+    held_still = solver.join([first, second, third], ["a.png", "b.png", "c.png"])
+    found = solver.join([first, second, stepped_aside(third, 0.8)], ["a.png", "b.png", "c.png"])
+    assert len(found.people) == len(held_still.people)
+    views = [sorted(person.views for person in moment.people) for moment in (held_still, found)]
+    assert views[0].count((0, 1, 2)) == views[1].count((0, 1, 2)) + 1
+    assert views[1].count((0, 1)) == views[0].count((0, 1)) + 1
+    assert not found.left_out
 
 
 def test_photos_without_a_common_person_are_refused(solver, config, alone):
