@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.contact.method import ContactMethod
-    from physic_core.engine.joint.problem import JointResult
+    from physic_core.engine.joint.problem import JointResult, View
     from physic_core.engine.known_sizes import KnownScene
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
@@ -121,13 +121,16 @@ def placement_input(
     )
 
 
-def joint_problem(given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None) -> JointProblem:
+def joint_problem(
+    given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None, views: tuple[View, ...] = ()
+) -> JointProblem:
     """Return the input of stage 3.
 
     Args:
         given: input of stage 2.
         placed: its result.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
+        views: what other cameras show of the same people.
     """
     scene, photo, bodies, detections = placed.scene, placed.photo, placed.bodies, given.detections
     agrees = photo.alignment.inlier_share > 0
@@ -158,6 +161,7 @@ def joint_problem(given: PlacementInput, placed: PlacedPeople, scale_sigma: floa
         estimated_transl=bodies.transl,
         keypoint_transl=placed.placement.keypoint_transl,
         known=None if given.known is None else given.known.geometry,
+        views=views,
     ).to_model_dtype()
 
 
@@ -184,7 +188,7 @@ def contact_input(
         joints=result.joints,
         rotations=result.rotations,
         prior=problem.contact_probability,
-        observed=problem.observed,
+        observed=problem.observed_anywhere,
         lifted_feet=torch.zeros(len(problem), 2, dtype=torch.bool) if lifted is None else lifted,
         surfaces=method.surfaces(problem, finite, s),
         uncarved=method.surfaces(uncarved, finite, s),

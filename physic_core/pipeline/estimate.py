@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import PhotoSettings
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
+    from physic_core.engine.joint.problem import View
     from physic_core.engine.settings import EngineSettings
     from physic_core.geometry.floor import FloorEvidence
     from physic_core.pipeline.stage_runner import StageRunner
@@ -99,6 +100,7 @@ class Estimates(ShortRepr):
         objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter looks for none.
         ages: of the people; None if all were taken for adults.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
+        views: what other cameras show of the same people.
     """
 
     image: UInt8Array
@@ -120,6 +122,7 @@ class Estimates(ShortRepr):
     objects: BoolArray | None = None
     ages: AgeEstimates | None = None
     scale_guess: str = ""
+    views: tuple[View, ...] = ()
 
 
 def run_backends(

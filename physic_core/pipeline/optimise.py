@@ -60,7 +60,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         if known is not None:
             stages.warn(*_size_warnings(estimates, known, given, placed))
     with stages.time_engine("joint optimisation"):
-        problem = joint_problem(given, placed, scale_sigma)
+        problem = joint_problem(given, placed, scale_sigma, estimates.views)
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = problem.human_depth is None
         result = optimize(problem, settings.joint.without("depth") if blind else settings.joint)

@@ -43,7 +43,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     outward = vertex_normals(result.vertices, model.faces)
     may_carry = model.outer & ~problem.feet_in_air()
     if found.probability is not None:
-        may_carry = may_carry & observed_parts(model.part_names, problem.observed)[:, model.part_of_vertex]
+        may_carry = may_carry & observed_parts(model.part_names, problem.observed_anywhere)[:, model.part_of_vertex]
     silhouettes = compare_silhouettes(result.vertices, model.faces, _photo_evidence(problem, scale))
     ratios = depth_ratios(problem, result)
     deep = deep_shares(result, found.give)

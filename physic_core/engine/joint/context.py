@@ -66,6 +66,7 @@ class JointContext:
         feet_visible: (B, 2) bool.
         log_depth: (H, W) logarithm of the depth map of the original photo, NaN where unknown; or None.
         fronts: of the scene, see :mod:`physic_core.geometry.free_space`; None without a depth of the scene.
+        views: the same for each other camera, with its problem (``JointProblem.seen_by``), keypoints and sizes in px.
     """
 
     problem: JointProblem
@@ -88,6 +89,7 @@ class JointContext:
     feet_visible: Tensor
     log_depth: Tensor | None
     fronts: Tensor | None
+    views: tuple[JointContext, ...] = ()
 
 
 def select_surface(problem: JointProblem) -> JointProblem:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -10,7 +12,7 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem
+from physic_core.engine.joint.problem import JointProblem, View
 from physic_core.engine.limbs import is_standing, observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
@@ -30,15 +32,15 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     """Compute the constants of one joint optimisation of a problem with finite people only."""
     problem, model = method.prepare(problem), problem.model
     start = model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
-    observed = problem.observed.bool()
+    observed = problem.observed_anywhere
     height, width = problem.masks.shape[-2:]
     probability = torch.where(problem.feet_in_air(), 0.0, torch.nan_to_num(problem.contact_probability))
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
-    person_px = problem.K[1, 1] * model.stature(problem.betas0) / start.joints[:, 0, 2].clamp(min=0.1)
+    person_px = _person_px(problem, start.joints[:, 0])
     depth = problem.human_depth
-    return JointContext(
+    context = JointContext(
         problem=problem,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
@@ -60,6 +62,20 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
         log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
         fronts=None if problem.scene_depth is None else front_depth(problem.scene_depth),
     )
+    return replace(context, views=tuple(_context_of_view(context, view, method) for view in problem.views))
+
+
+def _context_of_view(context: JointContext, view: View, method: JointMethod) -> JointContext:
+    """Return the constants with the camera and the detections of another view."""
+    problem = context.problem.seen_by(view)
+    person_px = _person_px(problem, view.to_camera(context.start.joints[:, 0]))
+    keypoints = method.weigh_keypoints(problem, person_px)
+    return replace(context, problem=problem, keypoints=keypoints, person_px=person_px, log_depth=None, fronts=None)
+
+
+def _person_px(problem: JointProblem, pelvis: Tensor) -> Tensor:
+    """Return the stature (B,) in px of people whose pelvis (B, 3) is at a place of the camera's frame."""
+    return problem.K[1, 1] * problem.model.stature(problem.betas0) / pelvis[:, 2].clamp(min=0.1)
 
 
 def _standing(problem: JointProblem, joints: Tensor, observed: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton
 
-__all__ = ["JointProblem", "JointResult"]
+__all__ = ["JointProblem", "JointResult", "View"]
 
 
 def _shape(shape: str) -> dict[str, tuple[str, ...]]:
@@ -28,8 +28,41 @@ def _shape(shape: str) -> dict[str, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
+class View(ShortRepr):
+    """What another camera shows of the B people of a problem.
+
+    Cameras and scene have one scale: with the factor s of stage 3 on the scene, a point x of the problem's frame is
+    ``rotation @ x + s * translation`` in the frame of this camera. Equal factors on scene, cameras and people change no
+    pixel of any photo: the photos show proportions, and sizes of people and metric depth give the scale.
+
+    Attributes:
+        rotation: (3, 3).
+        translation: (3,) metres, before the factor on the scene.
+        K: (3, 3) px.
+        keypoints: (B, J, 2) px, of the problem's skeleton; non-finite ones count as not visible.
+        keypoint_confidence: (B, J) in [0, 1]; 0 for people who are not in the photo.
+        masks: (B, H, W) bool, visible pixels of each person; empty for people who are not in the photo.
+        observed: (B, 55) bool, visible joints.
+    """
+
+    rotation: Tensor
+    translation: Tensor
+    K: Tensor
+    keypoints: Tensor
+    keypoint_confidence: Tensor
+    masks: Tensor
+    observed: Tensor
+
+    def to_camera(self, points: Tensor, scale: Tensor | float = 1.0) -> Tensor:
+        """Transform points (..., 3) of the problem's frame to that of this camera, at a scale of the scene."""
+        return points @ self.rotation.T + scale * self.translation
+
+
+@dataclass(frozen=True)
 class JointProblem(ShortRepr):
     """Input of the joint optimisation: one photo with B people, placed in their scene by stages 1 and 2.
+
+    Other cameras may show the same people at the same moment; everything is in the frame of the photo's camera.
 
     Attributes:
         model: body model of all people.
@@ -59,6 +92,7 @@ class JointProblem(ShortRepr):
         keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
             preset "release".
         known: sizes that the user knows, or None.
+        views: what other cameras show of the same people, whose start then follows from all photos.
     """
 
     model: BodyModel
@@ -87,12 +121,13 @@ class JointProblem(ShortRepr):
     estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     keypoint_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     known: KnownGeometry | None = None
+    views: tuple[View, ...] = ()
 
     def __len__(self) -> int:
         return len(self.transl0)
 
-    def check(self) -> None:
-        """Raise PhysicError if a field has a wrong shape; the message lists all such fields."""
+    def check(self, name: str = "joint optimisation") -> None:
+        """Raise PhysicError, which begins with the name, if a field has a wrong shape; it lists all such fields."""
         j = self.keypoints.shape[1]
         height, width = self.masks.shape[-2:]
         model = self.model
@@ -108,7 +143,29 @@ class JointProblem(ShortRepr):
         if self.human_points is not None and len(self.human_points) != len(self):
             faults.append(f"human_points must be {len(self)} tensors, got {len(self.human_points)}")
         if faults:
-            raise PhysicError("joint optimisation: " + "; ".join(faults))
+            raise PhysicError(f"{name}: " + "; ".join(faults))
+        for i, view in enumerate(self.views):
+            self.seen_by(view).check(f"{name}, view {i}")
+
+    def seen_by(self, view: View) -> JointProblem:
+        """Return a copy with the camera and the detections of another view.
+
+        Bodies stay in the problem's frame, and joints count as visible that are visible in any photo.
+        """
+        shown = {name: getattr(view, name) for name in ("K", "keypoints", "keypoint_confidence", "masks")}
+        observed = self.observed_anywhere
+        return replace(self, **shown, observed=observed, scene_depth=None, human_depth=None, views=())
+
+    @property
+    def observed_anywhere(self) -> Tensor:
+        """Joints (B, 55) bool that are visible in any photo."""
+        return torch.stack([self.observed.bool(), *(view.observed.bool() for view in self.views)]).any(0)
+
+    @property
+    def photos(self) -> Tensor:
+        """Number of photos (B,) that show each person; at least 1, for the photo of the problem."""
+        shown = [(view.keypoint_confidence > 0).any(1) for view in self.views]
+        return torch.stack([torch.ones(len(self), device=self.K.device, dtype=torch.bool), *shown]).sum(0)
 
     def to_model_dtype(self) -> JointProblem:
         """Return a copy with all tensors in the floating-point type and on the device of the body model."""
@@ -134,6 +191,8 @@ class JointProblem(ShortRepr):
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
         if self.known is not None:
             changed["known"] = self.known.select_people(rows)
+        of_people = ("keypoints", "keypoint_confidence", "masks", "observed")
+        changed["views"] = tuple(replace(v, **{name: getattr(v, name)[rows] for name in of_people}) for v in self.views)
         return replace(self, **changed)
 
 

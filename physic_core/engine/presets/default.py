@@ -30,6 +30,7 @@ from physic_core.engine.joint.terms.scene_scale import SceneScaleSettings, Scene
 from physic_core.engine.joint.terms.soles import SoleSettings, SoleTerm
 from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
+from physic_core.engine.joint.terms.views import ViewsTerm
 
 __all__ = ["DefaultOptimisation"]
 
@@ -126,6 +127,7 @@ class DefaultOptimisation(JointMethod):
             LimitTerm(self.limits),
             StatureTerm(self.stature, context),
             BalanceTerm(self.balance, context, contact),
+            ViewsTerm(keypoints, context),
         ]
 
     def late_terms(self, context: JointContext) -> tuple[Sequence[Term], OptimiserSettings]:

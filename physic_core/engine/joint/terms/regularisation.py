@@ -53,12 +53,17 @@ def vertex_weights(
 
 
 class RegularisationTerm:
-    """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
+    """Regularisation term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`.
+
+    The squared error of a start falls with the number n of photos that it follows from: all weights are n times those
+    of one photo.
+    """
 
     def __init__(
         self, settings: RegularisationSettings, context: JointContext, state: State, *, occlusion_aware: bool
     ) -> None:
         self._settings, self._context, self._occlusion_aware = settings, context, occlusion_aware
+        self._photos = context.problem.photos
         self._prior_weight = state.expand_to_parameters(
             {
                 "root": settings.root_weight,
@@ -77,8 +82,8 @@ class RegularisationTerm:
         weight = vertex_weights(
             snapshot, s.visible_weight, s.occluded_weight, self._context.area, occlusion_aware=self._occlusion_aware
         )
-        self.weights = {"regularisation": weight / s.sigma_m**2}
+        self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:
         """Return the energy (B,): the mesh energy ``mesh`` (B,) plus the energy of parameter deviations (B, P)."""
-        return mesh + parameter_energy(deviation, self._prior_weight)
+        return mesh + self._photos * parameter_energy(deviation, self._prior_weight)

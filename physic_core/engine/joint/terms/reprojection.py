@@ -89,7 +89,7 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
 
 
 def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> Keypoints:
-    """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs.
+    """Return the keypoints with weights from confidence, reduced for low confidence and for limbs that no photo shows.
 
     Args:
         problem: with finite people only.
@@ -98,7 +98,7 @@ def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: Repro
     """
     points, confidence = finite_keypoints(problem)
     height, width = problem.masks.shape[-2:]
-    seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed.bool())
+    seen = keypoints_of_observed_limbs(problem.skeleton, problem.observed_anywhere)
     weight = torch.where(confidence < settings.min_confidence, settings.low_confidence_weight * confidence, confidence)
     from_border = torch.minimum(points, points.new_tensor([width, height]) - points).amin(-1)
     off_border = from_border > _BORDER_SHARE * person_px[:, None]

@@ -1,0 +1,185 @@
+"""Other cameras show what the photo hides: their keypoints and visible joints are part of one problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import pytest
+import roma
+import torch
+import trimesh
+
+from physic_core import engine_preset
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.problem import View
+from physic_core.engine.joint.solve import optimize
+from physic_core.engine.joint.term import PosedBodies
+from physic_core.engine.joint.terms.views import ViewsTerm
+from physic_core.errors import PhysicError
+from physic_testing.worlds import BLAZEPOSE
+
+from .adjusted import adjusted, term_of
+from .conftest import cast
+
+SETTINGS = engine_preset("default").joint
+PLACE = (0.0, 0.0, 3.5)
+RAISED = {"left_shoulder": (0.0, -0.6, -0.6), "left_elbow": (0.0, -0.9, 0.0)}
+ARM = [JOINT_INDEX[f"left_{name}"] for name in ("elbow", "wrist")]
+
+
+def view_of(stage, turn_deg):
+    """A camera at the same distance and height, turned about the first person."""
+    problem, middle = stage.problem, torch.tensor([0.0, 0.0, PLACE[2]])
+    rotation = roma.rotvec_to_rotmat(torch.tensor([0.0, math.radians(turn_deg), 0.0]))
+    translation = middle - rotation @ middle
+    vertices = stage.vertices @ rotation.T + translation
+    body = problem.model(problem.rotations0, problem.betas0, problem.transl0)
+    landmarks = problem.model.landmarks(body, BLAZEPOSE) @ rotation.T + translation
+    depths = [cast(trimesh.Trimesh(v.numpy(), problem.model.faces.numpy(), process=False))[0] for v in vertices]
+    return View(
+        rotation=rotation,
+        translation=translation,
+        K=problem.K,
+        keypoints=landmarks[..., :2] / landmarks[..., 2:] * problem.K[0, 0] + problem.K[:2, 2],
+        keypoint_confidence=torch.ones(landmarks.shape[:2]),
+        masks=torch.stack([torch.from_numpy(depth < math.inf) for depth in depths]),
+        observed=torch.ones(len(problem), 55, dtype=torch.bool),
+    )
+
+
+def blank(view):
+    """The view of a camera that shows nobody."""
+    nothing = {name: torch.zeros_like(getattr(view, name)) for name in ("keypoint_confidence", "masks", "observed")}
+    return replace(view, **nothing)
+
+
+def hide_left_arm(problem):
+    """The problem of a photo that guesses the left arm down: one of three photos, whose mean the start is."""
+    observed, confidence = problem.observed.clone(), problem.keypoint_confidence.clone()
+    observed[:, ARM] = False
+    for j, name in enumerate(problem.skeleton.names):
+        if name.startswith("left_") and name.endswith(("elbow", "wrist", "pinky", "index", "thumb")):
+            confidence[:, j] = 0.0
+    rotations = problem.rotations0.clone()
+    for name, guess in (("left_shoulder", (0.0, 0.0, -1.2)), ("left_elbow", (0.0, 0.0, 0.0))):
+        mean = (2 * torch.tensor(RAISED[name]) + torch.tensor(guess)) / 3
+        rotations[:, JOINT_INDEX[name]] = roma.rotvec_to_rotmat(mean)
+    return replace(problem, observed=observed, keypoint_confidence=confidence, rotations0=rotations)
+
+
+@pytest.fixture(scope="module")
+def raised(make_stage):
+    return make_stage([(RAISED, PLACE)])
+
+
+@pytest.fixture(scope="module")
+def two(make_stage):
+    return make_stage([({}, (-0.5, 0.0, 3.3)), ({}, (0.5, 0.0, 3.8))])
+
+
+def posed(energy):
+    """The bodies of the energy's state, as its terms get them."""
+    problem, estimate = energy.problem, energy.state.unpack()
+    body = problem.model(estimate.rotations, estimate.betas, estimate.transl)
+    keypoints = problem.model.landmarks(body, problem.skeleton)
+    return PosedBodies(
+        body.vertices[:, energy.context.ids], body.joints, keypoints, estimate, *energy.state.deviation()
+    )
+
+
+def arm_error_m(result, stage):
+    return float((result.joints[0, ARM] - stage.joints[0, ARM]).norm(dim=-1).amax())
+
+
+def test_a_limb_that_the_photo_hides_is_found_by_other_cameras(raised):
+    problem = replace(hide_left_arm(raised.problem), scale_sigma=0.01)
+    settings = adjusted(SETTINGS, optimiser__steps=200, optimiser__tolerance=1e-6)
+    assert arm_error_m(optimize(problem, settings), raised) > 0.03
+    views = (view_of(raised, 40.0), view_of(raised, -50.0))
+    assert arm_error_m(optimize(replace(problem, views=views), settings), raised) < 0.01
+
+
+def test_a_camera_that_shows_nobody_changes_no_bit(two):
+    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.0, 0.0, 0.1]))
+    short = adjusted(SETTINGS, optimiser__steps=20)
+    alone, with_view = (optimize(replace(start, views=v), short) for v in ((), (blank(view_of(two, 40.0)),)))
+    assert torch.equal(alone.vertices, with_view.vertices)
+    assert alone.scene_scale == with_view.scene_scale
+
+
+def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
+    views = (view_of(two, 40.0), view_of(two, 120.0))
+    start = replace(two.problem, transl0=two.problem.transl0 + torch.tensor([0.05, 0.0, 0.1]), views=views)
+    energy = JointEnergy(start.to_model_dtype(), SETTINGS)
+    term = term_of(energy, ViewsTerm)
+    body = energy.problem.model(start.rotations0, start.betas0, start.transl0)
+    landmarks, stature = energy.problem.model.landmarks(body, BLAZEPOSE), energy.problem.model.stature(start.betas0)
+    weights = [BLAZEPOSE.weights.get(name, 1.0) for name in BLAZEPOSE.names]
+    height, width = start.masks.shape[-2:]
+    sums = [0.0, 0.0]
+    for view in views:
+        for person in range(2):
+            pelvis = view.rotation @ body.joints[person, 0] + view.translation
+            sigma_px = 0.01 * float(view.K[1, 1] * stature[person] / pelvis[2])
+            for j in range(len(BLAZEPOSE)):
+                x, y, z = (view.rotation @ landmarks[person, j] + view.translation).tolist()
+                u, v = view.keypoints[person, j].tolist()
+                if not (-0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
+                    continue
+                f, cx, cy = (float(view.K[at]) for at in ((0, 0), (0, 2), (1, 2)))
+                square = ((f * x / z + cx - u) ** 2 + (f * y / z + cy - v) ** 2) / sigma_px**2
+                sums[person] += weights[j] * 25 * math.log(1 + square / 25)
+    assert term(posed(energy))["views"].tolist() == pytest.approx(sums, rel=1e-4)
+
+
+def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
+    energy = JointEnergy(replace(two.problem, views=(view_of(two, 70.0),)).to_model_dtype(), SETTINGS)
+    term, bodies = term_of(energy, ViewsTerm), posed(energy)
+    larger = replace(bodies, keypoints=1.2 * (bodies.keypoints + 0.05))
+    scaled = replace(larger, estimate=replace(bodies.estimate, log_scale=torch.tensor(math.log(1.2))))
+    moved = replace(bodies, keypoints=bodies.keypoints + 0.05)
+    torch.testing.assert_close(term(scaled)["views"], term(moved)["views"], rtol=1e-4, atol=1e-4)
+    assert (term(larger)["views"] > 2 * term(moved)["views"]).all()
+
+
+def test_gradient_in_float64(two):
+    start = replace(two.problem, views=(view_of(two, 40.0), view_of(two, 120.0)))
+    double = {
+        f.name: value.double()
+        for f in fields(start)
+        if isinstance(value := getattr(start, f.name), torch.Tensor) and value.is_floating_point()
+    }
+    problem = replace(start, model=start.model.to(dtype=torch.float64), **double).to_model_dtype()
+    energy = JointEnergy(problem, SETTINGS)
+    term, bodies = term_of(energy, ViewsTerm), posed(energy)
+
+    def views(keypoints, log_scale):
+        estimate = replace(bodies.estimate, log_scale=log_scale)
+        return term(replace(bodies, keypoints=keypoints, estimate=estimate))["views"]
+
+    away = 0.05 * torch.randn(bodies.keypoints.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    keypoints = (bodies.keypoints + away).detach().requires_grad_()
+    assert torch.autograd.gradcheck(views, (keypoints, torch.tensor(0.02, dtype=torch.float64).requires_grad_()))
+
+
+def test_what_another_camera_shows_takes_part_in_contact(raised):
+    """A hand that the photo does not show counts as visible once a camera shows it."""
+    problem = hide_left_arm(raised.problem)
+    hand = problem.model.part_of_vertex == problem.model.part_names.index("left_hand")
+    shown = {}
+    for name, views in (("alone", ()), ("views", (view_of(raised, 40.0),)), ("blank", (blank(view_of(raised, 40.0)),))):
+        energy = JointEnergy(replace(problem, views=views).to_model_dtype(), SETTINGS)
+        shown[name] = float(energy.visibility.eligible[0, hand[energy.context.ids]].float().mean())
+    assert shown == {"alone": 0.0, "views": 1.0, "blank": 0.0}
+
+
+def test_shapes_of_a_view_are_checked(two):
+    view = view_of(two, 40.0)
+    broken = replace(two.problem, views=(view, replace(view, masks=view.masks[:1])))
+    with pytest.raises(PhysicError) as caught:
+        optimize(broken, SETTINGS)
+    height, width = view.masks.shape[-2:]
+    expected = f"(2, {height}, {width}), got (1, {height}, {width})"
+    assert str(caught.value) == f"joint optimisation, view 1: masks must be {expected}"
