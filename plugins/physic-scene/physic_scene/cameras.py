@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.bodies import FittedBodies, fit_bodies
+from physic_scene.bodies import MeanBodies, mean_bodies
 from physic_scene.bundle import Bundle, Observations, PoseUncertainty, adjust, uncertainties
 from physic_scene.rigid import Pose
 
@@ -62,7 +62,7 @@ class SolvedScene(ShortRepr):
     observations: Observations
     bundle: Bundle
     sigmas: tuple[PoseUncertainty, ...]
-    bodies: FittedBodies
+    bodies: MeanBodies
     errors: FloatArray
 
 
@@ -109,7 +109,7 @@ def solve_cameras(
     seen = found.observations
     sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
     bundle = found.bundle.scaled(_scale(seen, found.bundle))
-    bodies = fit_bodies(people, rows, seen, bundle, model, (settings.bundle, settings.bodies))
+    bodies = mean_bodies(people, rows, seen, bundle, model)
     return SolvedScene(chosen, found.reference, rows, moved, seen, bundle, sigmas, bodies, found.errors)
 
 

@@ -11,27 +11,32 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline
+from physic_core.adapters.observed import observed_joints
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import ResolvedPipeline, resolve
 from physic_core.discovery.plugins import discover
+from physic_core.engine.joint.problem import View
 from physic_core.types import (
     Bodies,
     BodyParameters,
     CameraTrust,
     DepthMap,
     Intrinsics,
+    Keypoints,
     PeoplePrompt,
 )
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.energy import OtherViews, with_other_views
+from physic_scene.energy import KeypointSettings, OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
     from physic_core import Config
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
-    from physic_core.types import FloatArray, IntArray, Reconstruction
+    from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.cameras import SolvedScene
+    from physic_scene.observations import PhotoPeople
 
 __all__ = ["ReferenceInput", "scene_scales", "solve_reference", "solved_camera"]
 
@@ -52,13 +57,15 @@ class ReferenceInput(ShortRepr):
         bodies: of all people of the photo.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
+        alone: what all photos alone say of their contact, and of the floor.
     """
 
     result: Reconstruction
     camera: Intrinsics
     bodies: Bodies
     depth: DepthMap
-    views: OtherViews
+    views: tuple[View, ...]
+    alone: OtherViews
 
     @classmethod
     def of(cls, solved: SolvedScene, model: BodyModel) -> ReferenceInput:
@@ -70,13 +77,16 @@ class ReferenceInput(ShortRepr):
         parameters = _joined_parameters(result, solved, rows, model)
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
+        number = {person: row for row, person in enumerate(people.rows)}
+        observed = _observed(_keypoints(people, number, len(result.people)), result.image.shape[:2])
         sigma = float(np.hypot(_STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
         return cls(
             result=result,
             camera=camera,
-            bodies=Bodies(parameters, model.name),
+            bodies=Bodies(parameters, model.name, observed),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(solved.chosen.photos)} photos",)),
-            views=_other_views(solved, rows, parameters, model),
+            views=_views(solved, rows),
+            alone=_alone(solved, rows, parameters, model),
         )
 
 
@@ -93,12 +103,13 @@ class _PlanWithViews(ResolvedPipeline):
         return self.solved
 
 
-def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
+def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSettings) -> Reconstruction:
     """Run the pipeline on the reference photo, with the bodies and the depth of all photos.
 
     Args:
         given: what all photos show.
         config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
+        errors: of keypoints.
     """
     plain = config.model_copy(update={"photo": type(config.photo)()})
     backends = {"body_estimator": SolvedBodies.of(given.bodies), "metric_depth": SolvedDepth.of(given.depth)}
@@ -109,13 +120,13 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
         body_model=plan.body_model,
         device=plan.device,
         config=plan.config,
-        solved=with_other_views(plan.engine, given.views),
+        solved=with_other_views(plan.engine, given.alone, errors),
     )
     prompt = None
     if config.photo.person or config.photo.box or config.photo.masks:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
-        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt)
+        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, views=given.views)
     return replace(found, photo=given.result.photo, lens=given.result.lens)
 
 
@@ -232,20 +243,47 @@ def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, fl
     return turned / length, float((tilt[2] - middle @ turned) / length)
 
 
-def _other_views(
-    solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel
-) -> OtherViews:
-    """Return what the other photos show of the N people of the reference photo."""
-    others = [v for v in range(len(solved.chosen.photos)) if v != solved.reference]
-    seen, n = solved.observations, len(parameters)
-    shape = (len(others), n, seen.points.shape[2])
-    keypoints, weight, size = np.zeros((*shape, 2)), np.zeros(shape), np.ones(shape[:2])
-    for i, p in rows.items():
-        for w, v in enumerate(others):
-            if seen.shown[v, p]:
-                keypoints[w, i], weight[w, i], size[w, i] = seen.points[v, p], seen.confidence[v, p], seen.size_px[v, p]
-    K = seen.K.copy()
-    K[:, [0, 1], [0, 1]] *= np.exp(solved.bundle.log_focal)[:, None]
+def _views(solved: SolvedScene, rows: Mapping[int, int]) -> tuple[View, ...]:
+    """Return what each other photo shows of the N people of the reference photo, of whom some are solved."""
+    photos, found = solved.chosen.photos, []
+    for v, photo in enumerate(photos):
+        if v != solved.reference:
+            own = {i: int(solved.rows[p, v]) for i, p in rows.items() if solved.rows[p, v] >= 0}
+            keypoints = _keypoints(photo.people, own, len(photos[solved.reference].result.people))
+            masks = np.zeros((len(keypoints.points), *photo.result.image.shape[:2]), bool)
+            for i, row in own.items():
+                masks[i] = photo.result.people[photo.people.rows[row]].mask
+            rotation, translation, K, points, confidence = (
+                torch.from_numpy(np.asarray(x, np.float64))
+                for x in (
+                    solved.bundle.rotation[v],
+                    solved.bundle.translation[v],
+                    solved_camera(solved, v).matrix,
+                    keypoints.points,
+                    keypoints.confidence,
+                )
+            )
+            observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
+            found.append(View(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed))
+    return tuple(found)
+
+
+def _keypoints(people: PhotoPeople, own: Mapping[int, int], count: int) -> Keypoints:
+    """Return the keypoints of ``count`` people, of whom a photo shows those with a row: person -> row."""
+    points, confidence = np.zeros((count, len(people.skeleton), 2)), np.zeros((count, len(people.skeleton)))
+    for i, row in own.items():
+        points[i], confidence[i] = people.points[row], people.confidence[row]
+    return Keypoints(points, confidence, people.skeleton)
+
+
+def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
+    """Return the joints (N, 55) that a photo of a size (H, W) shows; all where the skeleton does not say so."""
+    found = observed_joints(keypoints, *size)
+    return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
+
+
+def _alone(solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel) -> OtherViews:
+    """Return what all photos alone say of the N people of the reference photo, and of the floor."""
     contact, count = _contact(solved, rows, model)
     floors = _floors(solved, model)
     own = parameters[np.array(sorted(rows), np.int64)]
@@ -254,14 +292,7 @@ def _other_views(
         betas, transl = (torch.from_numpy(x).double() for x in (own.betas, own.transl))
         vertex = model(rotations, betas, transl, vertex_ids=torch.tensor([0])).vertices[:, 0].clone()
     return OtherViews(
-        transl=torch.from_numpy(parameters.transl).double(),
         vertex=vertex,
-        rotation=torch.from_numpy(solved.bundle.rotation[others]),
-        translation=torch.from_numpy(solved.bundle.translation[others]),
-        K=torch.from_numpy(K[others]),
-        keypoints=torch.from_numpy(keypoints),
-        weight=torch.from_numpy(weight),
-        size_px=torch.from_numpy(size),
         contact=torch.from_numpy(contact),
         photos=torch.from_numpy(count),
         floors=None if floors is None else torch.from_numpy(floors),

@@ -31,6 +31,8 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
         reconstruction: of the reference photo.
         model: body model, float64.
     """
+    factor = reconstruction.scene.scale  # of the joint solution, which cameras and scene share
+    solved = replace(solved, bundle=solved.bundle.scaled(factor), bodies=solved.bodies.scaled(factor))
     photos, v = solved.chosen.photos, solved.reference
     cameras = tuple(_cameras(solved))
     people = _people(solved, reconstruction, model)

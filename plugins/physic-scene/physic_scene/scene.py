@@ -12,9 +12,9 @@ from physic_core import Pipeline
 from physic_core.body import load_body
 from physic_core.errors import InputError, NoPersonError
 from physic_scene.background import BackgroundSettings
-from physic_scene.bodies import BodyFitSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import FitSettings, solve_cameras
+from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
 from physic_scene.observations import observe
 from physic_scene.reference import ReferenceInput, solve_reference
@@ -47,7 +47,7 @@ class SceneSettings:
     background: BackgroundSettings = field(default_factory=BackgroundSettings)
     bundle: BundleSettings = field(default_factory=BundleSettings)
     fit: FitSettings = field(default_factory=FitSettings)
-    bodies: BodyFitSettings = field(default_factory=BodyFitSettings)
+    keypoints: KeypointSettings = field(default_factory=KeypointSettings)
 
 
 class Scene:
@@ -169,7 +169,7 @@ class Scene:
         solved = solve_cameras(chosen, statures, model, self._settings)
         step("one solution", 2, 3)
         given = ReferenceInput.of(solved, model)
-        reconstruction = solve_reference(given, self._pipeline.config)
+        reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
         return assemble(solved, reconstruction, model)
 
 
