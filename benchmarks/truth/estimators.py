@@ -24,8 +24,9 @@ from physic_evaluate.joints import limb_joints
 from physic_evaluate.triangulation import Triangulated, match_views, robust_joints
 
 from .__main__ import samples_of, without_nan
+from .arguments import add_arguments_of_photos
 from .scores import LIMBS, SEEN
-from .sets import SETS, Sample, camera_of, picture_of
+from .sets import Sample, camera_of, picture_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,12 +48,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.truth.estimators", description=(__doc__ or "").partition("\n")[0]
     )
-    parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
-    parser.add_argument("--out", type=Path, default=Path("estimator-errors"), help="for evidence and the table")
-    parser.add_argument("--preset", default="embedded", help="preset of physic run, for photos")
-    parser.add_argument("--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="one setting")
-    parser.add_argument("--sets", default=",".join(SETS), help="data sets, with commas between them")
-    parser.add_argument("--photos", type=int, help="the first N of each data set")
+    add_arguments_of_photos(parser, Path("estimator-errors"))
     parser.add_argument("--no-run", action="store_true", help="only the photos whose evidence --out holds already")
     parser.add_argument("--worlds", type=int, default=0, metavar="N", help="measure the mocks on N worlds instead")
     parser.add_argument("--noise-version", default="4", help="of the mocks")
