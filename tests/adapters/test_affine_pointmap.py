@@ -80,7 +80,7 @@ class TestExact:
         """With pixels from -W/2 to W/2 the points would be off by half a pixel, and a small image shows it."""
         found = recover_camera(seen_by(20.0, depth_of_a_scene(12, 16)), np.ones((12, 16), bool))
         assert found.fx == pytest.approx(20, rel=1e-9)
-        camera = found.intrinsics(16, 12, "told")
+        camera = found.intrinsics(16, 12, "given")
         assert (camera.cx, camera.cy, camera.width, camera.height) == (7.5, 5.5, 16, 12)
 
     def test_focal_lengths_that_differ_by_axis(self):
@@ -177,7 +177,7 @@ class TestSettle:
         depth = depth_of_a_scene(60, 80)
         points = affine(seen_by(100.0, depth), 2.5, 0.3)
         found = recover_camera(points, np.ones((60, 80), bool))
-        camera = found.intrinsics(80, 60, "told")
+        camera = found.intrinsics(80, 60, "given")
         settled, valid = points_on_rays(points[..., 2], np.ones((60, 80), bool), found, camera, 2.5)
         assert valid.all()
         assert settled.dtype == np.float32

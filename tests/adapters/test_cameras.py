@@ -1,4 +1,4 @@
-"""The camera that depth is told for."""
+"""The camera for which a depth map is returned."""
 
 from __future__ import annotations
 

@@ -141,9 +141,9 @@ def test_a_pickle_runs_nothing(
     path = pickled(tmp_path / "SMPL.pkl", {**light, "bs_type": Harm(call)}, protocol)
     with pytest.raises(BodyModelError) as caught:
         read_smpl(path)
-    told = name.replace("builtins", "__builtin__") if protocol == 2 else name
+    shown_name = name.replace("builtins", "__builtin__") if protocol == 2 else name
     assert str(caught.value) == (
-        f"{path} is a pickle that asks for '{told}', which no SMPL file holds and which could run code: "
+        f"{path} is a pickle that asks for '{shown_name}', which no SMPL file holds and which could run code: "
         f"it is not opened; {ADVICE}"
     )
 

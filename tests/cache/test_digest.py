@@ -39,8 +39,8 @@ THINGS = [
 
 
 def test_no_two_of_many_things_have_one_digest():
-    told = [digest(thing) for thing in THINGS]
-    assert [(THINGS[a], THINGS[b]) for a, b in combinations(range(len(told)), 2) if told[a] == told[b]] == []
+    digests = [digest(thing) for thing in THINGS]
+    assert [(THINGS[a], THINGS[b]) for a, b in combinations(range(len(digests)), 2) if digests[a] == digests[b]] == []
 
 
 def test_one_changed_number_changes_it():

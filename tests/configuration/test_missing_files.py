@@ -1,4 +1,4 @@
-"""What chosen backends lack is told at once, before anything is computed, and by every command that looks at them."""
+"""Missing files of chosen backends are reported at once, before any computation, by every command that needs them."""
 
 from __future__ import annotations
 

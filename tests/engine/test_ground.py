@@ -45,8 +45,8 @@ def room(tables=300, wall=1200):
 
 
 def ground(people, *, points=None, normals=None):
-    told = room()
-    points, normals = told[0] if points is None else points, told[1] if normals is None else normals
+    made = room()
+    points, normals = made[0] if points is None else points, made[1] if normals is None else normals
     return floor_under_people(*people, points, normals)
 
 

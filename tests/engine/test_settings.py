@@ -1,4 +1,4 @@
-"""Engine settings: presets, and what is told of every field."""
+"""Engine settings: presets, and the description of every field."""
 
 from __future__ import annotations
 

@@ -155,8 +155,8 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     world: World, sound: Reconstruction, alone: Person, kind: type, interface: str
 ) -> None:
     result = run(world, kind, interface)
-    told = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
-    assert [(c.person, c.value) for c in told] == [(LOST, 1)]
+    failed = [c for c in result.checks if c.name == "missing_outputs" and c.failed]
+    assert [(c.person, c.value) for c in failed] == [(LOST, 1)]
     assert f"person 0: no valid values for this person from {interface}" in "\n".join(result.warnings)
     assert all(np.isfinite(person.vertices).all() for person in result.people)
     # The two share the scale of their scene: what one of them no longer says of it moves the other.

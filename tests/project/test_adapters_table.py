@@ -35,8 +35,8 @@ def rows() -> list[list[str]]:
 
 
 def test_every_backend_has_one_row_with_its_licence(records: list) -> None:
-    told = [(interface, name.strip("`"), licence) for interface, name, _, _, licence in rows()]
-    assert sorted(told) == sorted((r.interface, r.name, r.weights_license) for r in records)
+    listed = [(interface, name.strip("`"), licence) for interface, name, _, _, licence in rows()]
+    assert sorted(listed) == sorted((r.interface, r.name, r.weights_license) for r in records)
 
 
 def test_records_name_the_weights_that_their_defaults_read(

@@ -79,7 +79,7 @@ BY_THE_USER = {
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-testing": {"pytest"},  # for the tests of plugins only
 }
-"""Modules that are imported if they are there, or whose absence is told with how to get them."""
+"""Modules that are imported if they are there, or whose absence is reported with how to get them."""
 
 
 def imported(folder: Path) -> set[str]:

@@ -109,7 +109,7 @@ def test_conformance(stand_in_files, no_packages_needed):
 
 
 def test_white_is_the_hole(stand_in_files):
-    """Told the other way round, the wall would be painted over from the red thing, and the thing would stay."""
+    """Read the other way round, the wall would be painted over from the red thing, and the thing would stay."""
     photo = np.full((60, 90, 3), (180, 170, 160), np.uint8)
     photo[hole()] = 255, 0, 0
     backend = loaded(stand_in_files)

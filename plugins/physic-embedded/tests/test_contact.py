@@ -96,11 +96,11 @@ def test_sitting_is_recognised_by_the_hips() -> None:
 
 def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
     made = bodies("is_sitting")
-    told = prior().infer(IMAGE, people(1), made)
+    embedded = prior().infer(IMAGE, people(1), made)
     other = replace(replace_mesh_with_joints(made, load_body("embedded")), body_model="smplx")
     found = prior().infer(IMAGE, people(1), other)
-    np.testing.assert_array_equal(found.probability, told.probability)
-    assert (told.rest, found.topology) == (None, told.topology)
+    np.testing.assert_array_equal(found.probability, embedded.probability)
+    assert (embedded.rest, found.topology) == (None, embedded.topology)
     assert found.rest is not None
     assert (found.rest.topology, len(found.rest.vertices)) == (found.topology, found.probability.shape[1])
 

@@ -163,8 +163,8 @@ def test_a_standing_person_tells_how_high_the_camera_is() -> None:
     horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
     person = StandingPerson(nose=horizon + 30, ankle=horizon + 60)
     plain = disparity_at_infinity(disparity, floor, FOCAL)
-    told = disparity_at_infinity(disparity, floor, FOCAL, standing=(person,))
-    assert told.gap < 0.75 * plain.gap
+    with_person = disparity_at_infinity(disparity, floor, FOCAL, standing=(person,))
+    assert with_person.gap < 0.75 * plain.gap
 
 
 def keypoints(points: dict[str, tuple[float, float]]) -> Keypoints:

@@ -1,6 +1,6 @@
 """What perfect networks would know: which world a photo shows, and which part of it a crop shows.
 
-Crops are told by a picture of coordinates that stands in for the photo: red grows from left to right, green from top to
+A picture of coordinates stands in for the photo that crops are made of: red grows from left to right, green from top to
 bottom, blue is the same everywhere. So a crop says itself where it was taken, whether it is mirrored and in which order
 its channels come, whatever code made it.
 """

@@ -172,7 +172,7 @@ def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
 
 
 class PerfectUniDepth:
-    """Sees the world in the picture, as the camera that it is told sees it."""
+    """Sees the world in the picture, as the given camera sees it."""
 
     def infer(self, rgb: torch.Tensor, camera: torch.Tensor | None = None) -> dict[str, torch.Tensor]:
         image = rgb.numpy().transpose(1, 2, 0)

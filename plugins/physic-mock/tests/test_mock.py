@@ -268,10 +268,10 @@ def test_a_person_who_is_not_in_the_world_is_refused(two):
 def test_contact_for_another_body_brings_the_worlds_mesh(two):
     from dataclasses import replace
 
-    told = MockContactPrior().infer(two.image, everyone(two), pose(two))
+    embedded = MockContactPrior().infer(two.image, everyone(two), pose(two))
     found = MockContactPrior().infer(two.image, everyone(two), replace(pose(two), body_model="smplx"))
-    assert told.rest is None
-    np.testing.assert_array_equal(found.probability, told.probability)
+    assert embedded.rest is None
+    np.testing.assert_array_equal(found.probability, embedded.probability)
     assert found.rest.topology == found.topology == two.topology
     assert found.rest.vertices.shape == two.vertices[0].shape
 

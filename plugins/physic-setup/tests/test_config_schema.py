@@ -1,4 +1,4 @@
-"""``physic config schema``: what editors are told is what the checks say."""
+"""``physic config schema``: editors accept what the checks accept."""
 
 from __future__ import annotations
 

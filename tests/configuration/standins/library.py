@@ -74,13 +74,13 @@ def tell(monkeypatch: pytest.MonkeyPatch, world: World, own_focal: float = 1.0) 
         network = getattr(transformers, kind)
         forward = network.forward
 
-        def told(self: Any, **inputs: Any) -> Any:
+        def replaced(self: Any, **inputs: Any) -> Any:
             asked[kind] = asked.get(kind, 0) + 1
             out = forward(self, **inputs)
             answer(out, inputs)
             return out
 
-        monkeypatch.setattr(network, "forward", told)
+        monkeypatch.setattr(network, "forward", replaced)
 
     def grounding_dino(out: Any, inputs: dict[str, Any]) -> None:
         assert shows_people(world, _picture(inputs["pixel_values"], IMAGENET))

@@ -17,7 +17,7 @@ def work() -> None:
         pass
 
 
-@wrong("what is missing told by reading it", MISSING)
+@wrong("what is missing, found by reading it", MISSING)
 class Reading(RightMetricDepth):
     def missing(self):
         work()
