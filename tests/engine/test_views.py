@@ -183,3 +183,10 @@ def test_shapes_of_a_view_are_checked(two):
     height, width = view.masks.shape[-2:]
     expected = f"(2, {height}, {width}), got (1, {height}, {width})"
     assert str(caught.value) == f"joint optimisation, view 1: masks must be {expected}"
+
+
+def test_an_energy_without_other_cameras_refuses_them(two):
+    problem = replace(two.problem, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2)
+    with pytest.raises(PhysicError) as caught:
+        optimize(problem, engine_preset("release").joint)
+    assert str(caught.value) == "only preset 'default' of the engine uses other cameras: leave out its views"

@@ -15,7 +15,9 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
+from physic_core.engine.joint.terms.views import ViewsTerm
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 
 __all__ = ["JointEnergy"]
@@ -42,7 +44,7 @@ class JointEnergy:
         evaluations: number of calls.
 
     Raises:
-        PhysicError: data of a term is missing.
+        PhysicError: data of a term is missing, or the energy does not use the views of the problem.
     """
 
     def __init__(self, problem: JointProblem, settings: JointMethod) -> None:
@@ -54,6 +56,8 @@ class JointEnergy:
         # What the user knows holds in every energy.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
+        if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
+            raise PhysicError("only preset 'default' of the engine uses other cameras: leave out its views")
         self.visibility: Visibility
         self.contacts: ContactState
         self._gathered = self.context.start.vertices
