@@ -45,8 +45,9 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
         for one in people
         if one.moved
     ]
+    shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
-        f"cameras of {len(photos)} photos from {len(solved.rows)} people; the frame is that of {photos[v].name}",
+        f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
         *moved,
     )
     left_out = tuple(one.message for one in solved.chosen.left_out)
