@@ -52,8 +52,8 @@ class AgeSettings:
 
     Attributes:
         child_share: share of people under 16 years among the people of photos; 0 takes all people for adults.
-        least_probability: from which a person is taken for a child; adults are ten times as many, and a wrong child is
-            as wrong as a wrong adult.
+        least_probability: from which a person is taken for a child; photos with adults alone are the rule, and a wrong
+            child spoils one of them.
         camera_height_m: usual height of the camera over the floor of a relative point map, which lies too near.
         camera_height_sigma: standard deviation of its logarithm.
         floor_sigma: error of log size from the soles on the floor, besides that of the scale.
@@ -310,7 +310,7 @@ def estimate_ages(
     for i, (one, moment, variance) in enumerate(zip(each, means, variances, strict=True)):
         classes = np.exp(one - np.logaddexp.reduce(one, axis=-1)[..., None]) * posterior[..., None]
         share = classes.sum((0, 1))
-        child[i] = share[1:].sum()
+        child[i] = min(float(share[1:].sum()), 1.0)
         taken = np.log(evidence.stature[i])
         if child[i] > settings.least_probability:
             taken = (classes * moment)[..., 1:].sum() / child[i]

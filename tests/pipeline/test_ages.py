@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core import KnownSizes, load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
 from physic_core.pipeline.ages import AgeEvidence, AgeSettings, estimate_ages, resize_children
-from physic_core.types import AgeEstimates, Bodies, BodyParameters
+from physic_core.types import AgeEstimate, AgeEstimates, Bodies, BodyParameters
+from physic_testing.worlds import build_world
 
 NAN = np.nan
 CLASSES = len(load_ages().middle)
@@ -147,3 +149,20 @@ def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
     assert child == pytest.approx(1.0, abs=1e-3)
     assert p.transl[1] == pytest.approx(zero.transl[1] * child / adult, rel=1e-3)
     assert np.array_equal(found.stature_sigma, ages.stature_sigma)
+
+
+def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
+    world = build_world("child_by_the_hand", 1, (160, 120))
+    order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
+    child = int(np.isfinite(world.ages[order]).argmax())
+    given = [0.0, 0.0]
+    given[child] = 4.0
+    quick = load_config(preset="mock", overrides=("run.cache=false", "engine.joint.optimiser.steps=5"))
+    result = reconstruct(world.image, quick, known=KnownSizes(age=tuple(given)))
+    person = sorted(result.people, key=lambda one: one.box[0] + one.box[2])[child]
+    assert person.age == AgeEstimate(1.0, 4.0, 0.0, pytest.approx(0.04, abs=0.02))
+    stature = load_body("embedded").stature(torch.tensor(person.parameters.betas))
+    assert float(stature) == pytest.approx(np.exp(load_ages().at_age(4.0)[0]), rel=0.12)
+    assert any("is a child of 4 years" in note for note in result.notes)
+    result.save(str(tmp_path / "out"), preview=False)
+    assert [one.age for one in load_reconstruction(str(tmp_path / "out")).people] == [one.age for one in result.people]
