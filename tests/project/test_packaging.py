@@ -69,7 +69,6 @@ MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray",
 THROUGH_OTHERS = {
     "physic-core": {"pxr"},  # physic-export
     "physic-serve": {"python-multipart"},  # fastapi
-    "physic-embedded": {"onnxruntime"},  # physic_core.adapters.onnx_sessions
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
 }
 """Requirements that another library imports for us."""
