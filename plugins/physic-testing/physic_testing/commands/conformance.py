@@ -75,10 +75,9 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
     require_interface(interface)
     chosen = [(world.partition(":")[0], _seed(world)) for world in worlds] or DEFAULT_WORLDS
     for name, _ in chosen:
-        names = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS)
-        if name not in names:
-            known = ", ".join(names)
-            raise click.UsageError(f"no world named '{name}'; there are: {known}")
+        known = (*WORLDS, *CONTACT_WORLDS, *RAISED_FEET_WORLDS, *CHILD_WORLDS)
+        if name not in known:
+            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(known)}")
     found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
     click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)
 
