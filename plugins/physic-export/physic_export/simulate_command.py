@@ -52,6 +52,8 @@ def simulate(
     from physic_export.simulate_picture import draw_motions
 
     result = Reconstruction.load(str(out))
+    if result.scene.floor is None:
+        raise InputError("physic simulate needs the direction of gravity, and this result has no floor")
     posed = [index for index, one in enumerate(result.people) if np.isfinite(one.vertices).all()]
     if missing := [index for index in person if index not in posed]:
         raise InputError(f"there is no person {missing[0]} with a body: choose from {posed}")

@@ -122,3 +122,19 @@ def test_a_person_who_does_not_exist_is_an_error(saved_pair: Path):
     done = CliRunner().invoke(main, ["simulate", str(saved_pair), "--person", "7"])
     assert done.exit_code == 3
     assert "there is no person 7 with a body: choose from [0, 1]" in done.output
+
+
+def test_a_result_without_a_floor_is_an_error(standing: Reconstruction, tmp_path: Path):
+    replace(standing, scene=replace(standing.scene, floor=None)).save(str(tmp_path / "out"), preview=False)
+    done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out")])
+    assert done.exit_code == 3
+    assert done.output == "Error: physic simulate needs the direction of gravity, and this result has no floor\n"
+
+
+def test_the_table_has_a_row_for_each_control(standing: Reconstruction, tmp_path: Path):
+    standing.save(str(tmp_path / "out"), preview=False)
+    done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--controls"])
+    assert done.exit_code == 0, done.output
+    rows = json.loads((tmp_path / "out" / "simulation.json").read_text())["people"]
+    assert [(row["control"], row["stays"]) for row in rows] == [("", True), *((name, False) for name in CONTROLS)]
+    assert all(name in done.output for name in CONTROLS)
