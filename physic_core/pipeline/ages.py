@@ -29,6 +29,8 @@ from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from physic_core.body.model import BodyModel
     from physic_core.types import Bodies, BoolArray, FloatArray, Hints
     from physic_core.types.known_sizes import KnownPeople
@@ -259,9 +261,7 @@ def estimate_ages(
         known_stature: (N,) metres, that the user knows, NaN where unknown: these people keep their bodies.
         camera_height_m: over the floor, if the user knows it.
     """
-    ages, count = load_ages(), len(evidence.stature)
     weight, mean, sigma = _mixtures(evidence, settings, known_years, known_stature)
-    unknown = np.isnan(evidence.by_floor) & np.isnan(evidence.by_points)
     measured = np.concatenate([evidence.by_floor, evidence.by_points])
     middle = measured[np.isfinite(measured)] if np.isfinite(measured).any() else np.zeros(1)
     log_scale = np.arange(middle.min() - 1.8, middle.max() + 0.6, _SCALE_STEP)[:, None]
@@ -273,54 +273,100 @@ def estimate_ages(
         usual = math.log(camera_height_m or settings.camera_height_m)
         spread = 0.03 if camera_height_m else settings.camera_height_sigma
         prior = prior + _log_normal(log_scale + math.log(evidence.floor_height), usual, spread)
-    # Per person: (S, B, C + 1) log likelihood, and moments of log stature given the class.
-    each, means, variances = [], [], []
-    for i in range(count):
-        own = np.log(evidence.stature[i])
-        shape = (*prior.shape, len(weight[i]))
-        log_likelihood = np.broadcast_to(weight[i], shape)
-        moment, variance = np.broadcast_to(mean[i], shape), np.broadcast_to(sigma[i] ** 2, shape)
-        if not unknown[i]:
-            states = _size_states(
-                evidence.by_floor[i], evidence.by_points[i], log_scale - slope * nearness[i], bias, settings
-            )
-            parts = []
-            for log_share, factor, error in states:
-                # The factor by which the estimated body has to be enlarged is the ratio of the statures.
-                shown = (own + factor)[..., None]
-                total = sigma[i] ** 2 + error**2
-                likely = log_share[..., None] + _log_normal(shown, mean[i], np.sqrt(total))
-                gain = sigma[i] ** 2 / total
-                parts.append((likely, mean[i] + gain * (shown - mean[i]), np.broadcast_to(gain * error**2, shape)))
-            joint = np.logaddexp.reduce([part[0] for part in parts])
-            share = [np.exp(part[0] - joint) for part in parts]
-            moment = sum(s * part[1] for s, part in zip(share, parts, strict=True))
-            square = sum(s * (part[1] ** 2 + part[2]) for s, part in zip(share, parts, strict=True))
-            variance = square - moment**2
-            log_likelihood = log_likelihood + joint
-        each.append(log_likelihood)
-        means.append(moment)
-        variances.append(variance)
-    total = prior + sum(np.logaddexp.reduce(one, axis=-1) for one in each)
+    people = []
+    for i, stature in enumerate(evidence.stature):
+        by_floor, by_points = evidence.by_floor[i], evidence.by_points[i]
+        states: list[tuple[FloatArray, FloatArray, float]] = []
+        if not (math.isnan(by_floor) and math.isnan(by_points)):
+            states = _size_states(by_floor, by_points, log_scale - slope * nearness[i], bias, settings)
+        people.append(_given_scale(weight[i], mean[i], sigma[i], math.log(stature), states, prior.shape))
+    total = prior + sum(np.logaddexp.reduce(one.log_likelihood, axis=-1) for one in people)
     posterior = np.exp(total - total.max())
     posterior /= posterior.sum()
-    child, years, years_sigma = np.zeros(count), np.full(count, np.nan), np.full(count, np.nan)
-    stature, stature_sigma = np.full(count, np.nan), np.full(count, np.nan)
-    span = ages.years[:, 1] - ages.years[:, 0]
-    for i, (one, moment, variance) in enumerate(zip(each, means, variances, strict=True)):
-        classes = np.exp(one - np.logaddexp.reduce(one, axis=-1)[..., None]) * posterior[..., None]
-        share = classes.sum((0, 1))
-        child[i] = min(float(share[1:].sum()), 1.0)
-        taken = np.log(evidence.stature[i])
-        if child[i] > settings.least_probability:
-            taken = (classes * moment)[..., 1:].sum() / child[i]
-            stature[i] = math.exp(taken)
-            known = known_years[i]
-            years[i] = share[1:] @ ages.middle / child[i] if np.isnan(known) else known
-            spread = share[1:] @ ((ages.middle - years[i]) ** 2 + span**2 / 12) / child[i]
-            years_sigma[i] = math.sqrt(spread) if np.isnan(known) else 0.0
-        stature_sigma[i] = math.sqrt((classes * ((moment - taken) ** 2 + variance)).sum())
-    return AgeEstimates(child, years, years_sigma, stature, stature_sigma)
+    return AgeEstimates(
+        *np.transpose(
+            [
+                _age(one, posterior, math.log(stature), years, settings.least_probability)
+                for one, stature, years in zip(people, evidence.stature, known_years, strict=True)
+            ]
+        )
+    )
+
+
+@dataclass(frozen=True)
+class _GivenScale:
+    """A person for each scale and nuisance (S, B) and class (C + 1): log likelihood, and moments of log stature."""
+
+    log_likelihood: FloatArray
+    mean: FloatArray
+    variance: FloatArray
+
+
+def _given_scale(
+    weight: FloatArray,
+    mean: FloatArray,
+    sigma: FloatArray,
+    log_stature: float,
+    states: Sequence[tuple[FloatArray, FloatArray, float]],
+    grid: tuple[int, ...],
+) -> _GivenScale:
+    """Return what a person's measures say about the classes of age at each scale.
+
+    Args:
+        weight: log weight (C + 1) of each class.
+        mean: of log stature in each class, (C + 1).
+        sigma: standard deviation of it.
+        log_stature: of the estimated body.
+        states: of what was measured, as :func:`_size_states` returns them; empty without a measure.
+        grid: (S, B), numbers of scales and of nuisances.
+    """
+    shape = (*grid, len(weight))
+    if not states:
+        return _GivenScale(*(np.broadcast_to(each, shape) for each in (weight, mean, sigma**2)))
+    likely, means, variances = [], [], []
+    for log_share, factor, error in states:
+        # The factor by which the estimated body has to be enlarged is the ratio of the statures.
+        shown = (log_stature + factor)[..., None]
+        total = sigma**2 + error**2
+        gain = sigma**2 / total
+        likely.append(log_share[..., None] + _log_normal(shown, mean, np.sqrt(total)))
+        means.append(mean + gain * (shown - mean))
+        variances.append(np.broadcast_to(gain * error**2, shape))
+    joint = np.logaddexp.reduce(likely)
+    share = np.exp(np.stack(likely) - joint)
+    moment = (share * means).sum(0)
+    square = (share * (np.square(means) + variances)).sum(0)
+    return _GivenScale(weight + joint, moment, square - moment**2)
+
+
+def _age(
+    person: _GivenScale, posterior: FloatArray, log_stature: float, known_years: float, least_probability: float
+) -> tuple[float, float, float, float, float]:
+    """Return the fields of :class:`AgeEstimates` of one person, NaN for those of a child if it is none.
+
+    Args:
+        person: at each scale.
+        posterior: (S, B) of scale and nuisances.
+        log_stature: of the estimated body.
+        known_years: by the user, NaN where unknown.
+        least_probability: from which a person is a child.
+    """
+    ages, one = load_ages(), person.log_likelihood
+    classes = np.exp(one - np.logaddexp.reduce(one, axis=-1)[..., None]) * posterior[..., None]
+    share = classes.sum((0, 1))
+    child = min(float(share[1:].sum()), 1.0)
+    years = years_sigma = stature = math.nan
+    taken = log_stature
+    if child > least_probability:
+        taken = (classes * person.mean)[..., 1:].sum() / child
+        stature = math.exp(taken)
+        years, years_sigma = known_years, 0.0
+        if math.isnan(known_years):
+            span = ages.years[:, 1] - ages.years[:, 0]
+            years = float(share[1:] @ ages.middle / child)
+            years_sigma = math.sqrt(share[1:] @ ((ages.middle - years) ** 2 + span**2 / 12) / child)
+    sigma = math.sqrt((classes * ((person.mean - taken) ** 2 + person.variance)).sum())
+    return child, years, years_sigma, stature, sigma
 
 
 def _mixtures(

@@ -152,8 +152,7 @@ def run_backends(
     run = _BackendCalls(plan.backends, load_model, stages)
     chosen = chosen or ChosenByUser()
     people = run.people(image, chosen.people, required=plan.photo.require_people)
-    statures = _statures(chosen, people)
-    years = _ages(chosen, people)
+    known = _known_people(chosen, people)
     keypoints = run.keypoints(image, people)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
@@ -163,9 +162,8 @@ def run_backends(
     maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole), plan.engine)
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
-    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), statures)
-    hints = replace(hints, people=people, keypoints=keypoints)
-    bodies, ages = run.children(bodies, hints, plan.photo, KnownPeople(years, statures, chosen.known.camera_height))
+    bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known.stature)
+    bodies, ages = run.children(bodies, replace(hints, people=people, keypoints=keypoints), plan.photo, known)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -176,7 +174,6 @@ def run_backends(
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
     depth, scale_guess = run.metric_depth(MetricDepthRequest(inpainted, hints), scene, camera)
     stages.note(*depth.notes)
-    scale_guess = scale_guess or ("" if ages is None else ages.scale_guess())
 
     return Estimates(
         image=image,
@@ -195,28 +192,22 @@ def run_backends(
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
         ages=ages,
-        scale_guess=scale_guess,
+        scale_guess=scale_guess or ("" if ages is None else ages.scale_guess()),
         known=chosen.known,
-        statures=statures,
+        statures=known.stature,
     )
 
 
-def _statures(chosen: ChosenByUser, people: People) -> FloatArray | None:
-    """Return the known statures (N,) in metres, NaN where unknown; None if the user gives none."""
-    if not any(chosen.known.stature):
-        return None
-    from physic_core.pipeline.known_sizes import statures_of_people
+def _known_people(chosen: ChosenByUser, people: People) -> KnownPeople:
+    """Return what the user knows about the people."""
+    known, alone = chosen.known, chosen.people is not None
+    years = stature = None
+    if any(known.age) or any(known.stature):
+        from physic_core.pipeline.known_sizes import ages_of_people, statures_of_people
 
-    return statures_of_people(chosen.known, people, chosen=chosen.people is not None)
-
-
-def _ages(chosen: ChosenByUser, people: People) -> FloatArray | None:
-    """Return the known ages (N,) in years, NaN where unknown; None if the user gives none."""
-    if not any(chosen.known.age):
-        return None
-    from physic_core.pipeline.known_sizes import ages_of_people
-
-    return ages_of_people(chosen.known, people, chosen=chosen.people is not None)
+        stature = statures_of_people(known, people, chosen=alone) if any(known.stature) else None
+        years = ages_of_people(known, people, chosen=alone) if any(known.age) else None
+    return KnownPeople(years, stature, known.camera_height)
 
 
 @dataclass(frozen=True)
