@@ -17,10 +17,10 @@ from torch import Tensor
 from physic_core.geometry.floor_ransac import (
     FEWEST_SAMPLES,
     LOWER_SHARE,
-    BlockSamples,
+    BlockMeans,
+    average_blocks,
     fit_plane,
     plane_inlier_shares,
-    sample_blocks,
 )
 from physic_core.geometry.gravity import estimate_up
 
@@ -139,8 +139,8 @@ class _InverseDepthMap(NamedTuple):
     normals: Tensor | None  # (H, W, 3)
     up: Tensor | None  # (3,), None if not confident
 
-    def samples(self, mask: Tensor | None) -> BlockSamples:
-        return sample_blocks(self.rays, self.inverse, self.valid, mask, self.evidence.hole)
+    def samples(self, mask: Tensor | None) -> BlockMeans:
+        return average_blocks(self.rays, self.inverse, self.valid, mask, self.evidence.hole)
 
     def error(self, plane: Tensor) -> Tensor:
         """Return the absolute error (H, W) of a plane in inverse depth."""
@@ -282,7 +282,7 @@ def _search_level_surfaces(view: _InverseDepthMap) -> FloorSearch | None:
     return None
 
 
-def _fit_plane(samples: BlockSamples, view: _InverseDepthMap, tolerance: float) -> Tensor | FloorReason:
+def _fit_plane(samples: BlockMeans, view: _InverseDepthMap, tolerance: float) -> Tensor | FloorReason:
     if int(samples.candidate.sum()) < FEWEST_SAMPLES:
         return "no_pixels"
     plane = fit_plane(samples, tolerance, view.least_rise, view.up)

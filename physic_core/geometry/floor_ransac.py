@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["BlockSamples", "fit_plane", "plane_inlier_shares", "sample_blocks"]
+__all__ = ["BlockMeans", "average_blocks", "fit_plane", "plane_inlier_shares"]
 
 LOWER_SHARE = 0.6
 """Height of the lower part of the image, in which a floor is searched without a mask."""
@@ -35,7 +35,7 @@ _UP_SIGMA = math.radians(3.0)  # standard error of the up direction
 _UP_SHARE = 0.05  # weight of the up direction as a share of the pixels' weight
 
 
-class BlockSamples(NamedTuple):
+class BlockMeans(NamedTuple):
     """Means over M blocks of pixels.
 
     Attributes:
@@ -53,9 +53,9 @@ class BlockSamples(NamedTuple):
     lower: Tensor
 
 
-def sample_blocks(
+def average_blocks(
     rays: Tensor, inverse: Tensor, valid: Tensor, mask: Tensor | None, hole: Tensor | None
-) -> BlockSamples:
+) -> BlockMeans:
     """Average the rays and inverse depths of a point map over square blocks of pixels.
 
     Args:
@@ -84,7 +84,7 @@ def sample_blocks(
     if hole is not None:
         weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(hole.to(inverse), block)
     known = share > 0
-    return BlockSamples(
+    return BlockMeans(
         rays=mean_rays[known].double(),
         inverse=mean_inverse[known].double(),
         weight=weight[known].double(),
@@ -101,7 +101,7 @@ def _block_mean(x: Tensor, block: int) -> Tensor:
     return blocks
 
 
-def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Tensor | None) -> Tensor | None:
+def fit_plane(samples: BlockMeans, tolerance: float, least_rise: float, up: Tensor | None) -> Tensor | None:
     """Fit a plane to the candidate blocks by RANSAC and reweighted least squares.
 
     Args:
@@ -130,7 +130,7 @@ def fit_plane(samples: BlockSamples, tolerance: float, least_rise: float, up: Te
     return _refine(samples, planes[best], tolerance, slope, up)
 
 
-def _draw_planes(samples: BlockSamples, slope: float, up: Tensor | None, generator: torch.Generator) -> Tensor:
+def _draw_planes(samples: BlockMeans, slope: float, up: Tensor | None, generator: torch.Generator) -> Tensor:
     """Return valid planes (G, 3) through three random candidates each."""
     index = samples.candidate.nonzero()[:, 0]
     odds = samples.weight[index].float().cpu()
@@ -152,7 +152,7 @@ def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
     return level & (planes[..., 1] > slope)
 
 
-def _refine(samples: BlockSamples, plane: Tensor, tolerance: float, slope: float, up: Tensor | None) -> Tensor:
+def _refine(samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, up: Tensor | None) -> Tensor:
     for _ in range(_REFITS):
         error = (samples.inverse - samples.rays @ plane) / tolerance
         weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
@@ -170,7 +170,7 @@ def _refine(samples: BlockSamples, plane: Tensor, tolerance: float, slope: float
     return plane
 
 
-def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
+def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
     """Return the weight (G,) of the inliers minus that of blocks below; weights double towards the bottom."""
     rays, inverse = samples.rays[some].float(), samples.inverse[some].float()
     low, high = rays[:, 1].min(), rays[:, 1].max()
@@ -181,7 +181,7 @@ def _score(samples: BlockSamples, planes: Tensor, tolerance: float, some: Tensor
     return on - below
 
 
-def plane_inlier_shares(samples: BlockSamples, plane: Tensor, tolerance: float) -> tuple[float, float]:
+def plane_inlier_shares(samples: BlockMeans, plane: Tensor, tolerance: float) -> tuple[float, float]:
     """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances below it.
 
     Args:

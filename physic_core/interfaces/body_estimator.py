@@ -15,7 +15,7 @@ from physic_core.types import Bodies, BodyParameters, Hints, Mesh
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["BodyEstimator", "BodyEstimatorRequest", "valid_bodies"]
+__all__ = ["BodyEstimator", "BodyEstimatorRequest", "valid_body_rows"]
 
 _JOINTS = 55  # of SMPL-X
 
@@ -93,7 +93,7 @@ class BodyEstimator(Backend):
             yield from wrong_type or _check_mesh(result.mesh, n)
 
 
-def valid_bodies(bodies: Bodies) -> BoolArray:
+def valid_body_rows(bodies: Bodies) -> BoolArray:
     """Return (N,) bool: True for people whose parameters, joints and mesh vertices are within limits.
 
     ``joints`` may be NaN where the backend does not know them.

@@ -25,7 +25,7 @@ from physic_core.types import ContactProbability, RestMesh
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, People, UInt8Array
 
-__all__ = ["ContactPrior", "ContactPriorRequest", "valid_contact"]
+__all__ = ["ContactPrior", "ContactPriorRequest", "valid_contact_rows"]
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,12 @@ class ContactPrior(Backend):
                 return
             vertices = len(result.rest.vertices)
         wrong = list(check_array("probability", result.probability, (len(request.people), vertices), "float"))
-        yield from wrong or check_unit_range("probability", result.probability[rows_to_check(valid_contact(result))])
+        yield from wrong or check_unit_range(
+            "probability", result.probability[rows_to_check(valid_contact_rows(result))]
+        )
 
 
-def valid_contact(contact: ContactProbability) -> BoolArray:
+def valid_contact_rows(contact: ContactProbability) -> BoolArray:
     """Return (N,) bool: True for people with finite probabilities."""
     return valid_rows([(contact.probability, math.inf)], len(contact.probability))
 

@@ -23,7 +23,7 @@ from physic_core.types import Hands
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Keypoints, People, UInt8Array
 
-__all__ = ["HandEstimator", "HandEstimatorRequest", "valid_hands"]
+__all__ = ["HandEstimator", "HandEstimatorRequest", "valid_hand_rows"]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class HandEstimator(Backend):
         yield from wrong
         if wrong:
             return
-        rows = rows_to_check(valid_hands(result))
+        rows = rows_to_check(valid_hand_rows(result))
         confidence = result.confidence[rows]
         yield from check_unit_range("confidence", confidence)
         yield from check_limit("rotvecs", result.rotvecs[rows][confidence > 0], RADIANS, "rad")
@@ -74,7 +74,7 @@ class HandEstimator(Backend):
             yield from check_limit("wrists", result.wrists[rows][confidence > 0], RADIANS, "rad")
 
 
-def valid_hands(hands: Hands) -> BoolArray:
+def valid_hand_rows(hands: Hands) -> BoolArray:
     """Return (N,) bool: True for people with finite confidence, and rotations of all detected hands within limits."""
     undetected = hands.confidence <= 0
     valid = valid_rows([(hands.confidence, math.inf)], len(hands.confidence))

@@ -23,7 +23,7 @@ from physic_core.types import Keypoints, Skeleton, skeleton_named
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-__all__ = ["KeypointDetector", "KeypointDetectorRequest", "check_keypoints", "valid_keypoints"]
+__all__ = ["KeypointDetector", "KeypointDetectorRequest", "keypoint_violations", "valid_keypoint_rows"]
 
 
 @dataclass(frozen=True)
@@ -55,11 +55,11 @@ class KeypointDetector(Backend):
     @classmethod
     def check(cls, result: Keypoints, request: KeypointDetectorRequest) -> Iterator[str]:
         """Check the keypoints of N people; points with a confidence above 0 must be within limits."""
-        yield from check_keypoints(result, len(request.people))
+        yield from keypoint_violations(result, len(request.people))
 
 
-def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
-    """Check the keypoints of ``people`` people, of a KeypointDetector or a Segmenter."""
+def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
+    """Yield one sentence for each fault of the keypoints of ``people`` people, of a KeypointDetector or a Segmenter."""
     joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else None
     wrong = [
         *_check_skeleton(keypoints.skeleton, joints),
@@ -71,7 +71,7 @@ def check_keypoints(keypoints: Keypoints, people: int) -> Iterator[str]:
     yield from wrong
     if wrong:
         return
-    rows = rows_to_check(valid_keypoints(keypoints))
+    rows = rows_to_check(valid_keypoint_rows(keypoints))
     confidence = keypoints.confidence[rows]
     yield from check_unit_range("confidence", confidence)
     yield from check_limit("points", keypoints.points[rows][confidence > 0], PIXELS, "px")
@@ -92,7 +92,7 @@ def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
         yield f"points must be those of the skeleton, {len(names)} a person, got {joints}"
 
 
-def valid_keypoints(keypoints: Keypoints) -> BoolArray:
+def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
     """Return (N,) bool: True for people with finite confidence, and points within limits where confidence > 0."""
     undetected = keypoints.confidence <= 0
     valid = valid_rows([(keypoints.confidence, math.inf)], len(keypoints.points))

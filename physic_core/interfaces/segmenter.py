@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from physic_core.interfaces.backend import Backend, Request
 from physic_core.interfaces.checks import check_array, check_finite, check_type, check_unit_range, length
-from physic_core.interfaces.keypoint_detector import check_keypoints
+from physic_core.interfaces.keypoint_detector import keypoint_violations
 from physic_core.types import SURFACE_NAMES, Keypoints, People, SurfaceLabels, UnposedPerson
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Segmenter(Backend):
             yield f"one person per prompt is needed, {len(request.prompt)} in all, got {n}"
         if result.keypoints is not None:
             wrong_type = list(check_type(result.keypoints, Keypoints, "keypoints"))
-            yield from wrong_type or check_keypoints(result.keypoints, n)
+            yield from wrong_type or keypoint_violations(result.keypoints, n)
         if result.surfaces is not None:
             wrong_type = list(check_type(result.surfaces, SurfaceLabels, "surfaces"))
             yield from wrong_type or _check_surfaces(result.surfaces, height, width)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
-from physic_core.interfaces.body_estimator import valid_bodies
+from physic_core.interfaces.body_estimator import valid_body_rows
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -54,7 +54,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunn
         found = convert_with_residuals(bodies, model, cached_correspondence)
     except BodyModelError as error:
         raise BodyModelError(f"{who}: {error}") from error
-    if not valid_bodies(found.bodies).any():
+    if not valid_body_rows(found.bodies).any():
         raise BodyModelError(
             f"{who} gives bodies for the body model '{bodies.body_model}' with too few joints to carry them over to "
             f"'{model.name}': both hips, and both shoulders or the neck, are needed of at least one person"

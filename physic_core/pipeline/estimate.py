@@ -24,7 +24,7 @@ from physic_core.interfaces import (
     RelativePointmapRequest,
     SegmenterRequest,
 )
-from physic_core.interfaces.body_estimator import valid_bodies
+from physic_core.interfaces.body_estimator import valid_body_rows
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
 from physic_core.pipeline.held_objects import select_held_objects
@@ -331,7 +331,7 @@ class _BackendCalls:
         bodies, missing = discard_invalid_bodies(found)
         if bodies.body_model != self.model.name:
             bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
-            missing |= ~valid_bodies(bodies)
+            missing |= ~valid_body_rows(bodies)
         self.missing["body_estimator"] = missing
         return bodies
 

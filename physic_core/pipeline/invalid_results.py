@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.interfaces.body_estimator import valid_bodies
-from physic_core.interfaces.contact_prior import valid_contact
-from physic_core.interfaces.hand_estimator import valid_hands
-from physic_core.interfaces.keypoint_detector import valid_keypoints
+from physic_core.interfaces.body_estimator import valid_body_rows
+from physic_core.interfaces.contact_prior import valid_contact_rows
+from physic_core.interfaces.hand_estimator import valid_hand_rows
+from physic_core.interfaces.keypoint_detector import valid_keypoint_rows
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
     Returns:
         Keypoints of N people, and (N,) bool, people with invalid ones.
     """
-    valid = valid_keypoints(keypoints)
+    valid = valid_keypoint_rows(keypoints)
     if valid.all():
         return keypoints, ~valid
     one = int(valid.argmax())
@@ -52,7 +52,7 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
 
 def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
     """Set all values of invalid bodies to NaN; also return the mask (N,) bool of these bodies."""
-    invalid = ~valid_bodies(bodies)
+    invalid = ~valid_body_rows(bodies)
     if not invalid.any():
         return bodies, invalid
     names = [field.name for field in fields(BodyParameters)]
@@ -63,7 +63,7 @@ def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
 
 def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
     """Set the confidence of invalid hands to 0; also return the mask (N,) bool of people with such hands."""
-    invalid = ~valid_hands(hands)
+    invalid = ~valid_hand_rows(hands)
     return (_fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0) if invalid.any() else hands), invalid
 
 
@@ -78,7 +78,7 @@ def expand_contact(contact: ContactProbability, called: BoolArray) -> tuple[Cont
         Contact of N people, and (N,) bool, people with invalid rows.
     """
     probability = contact.probability
-    valid = valid_contact(contact)
+    valid = valid_contact_rows(contact)
     invalid = np.zeros(len(called), bool)
     invalid[called] = ~valid
     expanded = np.zeros((len(called), probability.shape[1]), probability.dtype)

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from physic_core.engine.joint.acceptance import (
+    keep_lowest_energy,
     revert_if_worse,
-    select_lowest_energy,
 )
 from physic_core.engine.joint.optimiser import LbfgsSettings
 from physic_core.engine.joint.state import State
@@ -95,7 +95,7 @@ def test_the_one_scale_is_the_one_with_the_lowest_total():
         energy.state.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
         energy.state.load_people(start, torch.ones(2, dtype=torch.bool))
     end = energy.state.pack()
-    select_lowest_energy(energy, (start, end))
+    keep_lowest_energy(energy, (start, end))
     torch.testing.assert_close(energy.state.pack(), end)
 
 

@@ -55,7 +55,7 @@ def own(rest_gap: float, part: int) -> torch.Tensor:
     return own_distances(vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest, RADIUS_M).distance[0]
 
 
-def test_other_parts_of_the_body_have_a_distance_for_outer_vertices():
+def test_outer_vertices_have_a_distance_to_other_parts_of_the_own_body():
     found = own(0.3, 1)
     assert torch.isinf(found[0])
     assert found[400].isfinite()

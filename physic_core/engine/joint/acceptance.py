@@ -20,8 +20,8 @@ __all__ = [
     "Energy",
     "energy_per_person",
     "finite_energy_per_person",
+    "keep_lowest_energy",
     "revert_if_worse",
-    "select_lowest_energy",
     "term_totals",
     "total_energy",
 ]
@@ -91,7 +91,7 @@ def revert_if_worse(
     after = energy()
     better = finite_energy_per_person(after, groups) <= finite_energy_per_person(before, groups)
     if not bool(better.all()) or not _finite_total(after) <= _finite_total(before):
-        select_lowest_energy(energy, (end, start), groups=groups)
+        keep_lowest_energy(energy, (end, start), groups=groups)
         after = energy()
         if not _finite_total(after) <= _finite_total(before):
             # Terms between people depend on the other people's states.
@@ -103,7 +103,7 @@ def revert_if_worse(
 
 
 @torch.no_grad()
-def select_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None) -> None:
+def keep_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None) -> None:
     """Set each person to the state of lowest energy, and the scene to the scale with the lowest total energy.
 
     Args:

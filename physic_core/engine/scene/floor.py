@@ -10,10 +10,10 @@ from torch import Tensor
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 
-__all__ = ["floor_diagnostics", "foot_points_on_floor"]
+__all__ = ["floor_diagnostics", "intersect_feet"]
 
 
-def foot_points_on_floor(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
+def intersect_feet(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
     """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None without feet."""
     if feet_px is None or not len(feet_px):
         return None

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene.camera import Cameras, scene_camera
-from physic_core.engine.scene.floor import floor_diagnostics, foot_points_on_floor
+from physic_core.engine.scene.floor import floor_diagnostics, intersect_feet
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
@@ -122,7 +122,7 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
     if floor is None:
         floor_points = placed.new_zeros((0, 3))
     else:
-        feet = foot_points_on_floor(floor, evidence.feet_px, camera, method.far_m)
+        feet = intersect_feet(floor, evidence.feet_px, camera, method.far_m)
         floor_points = method.sample_floor(floor, placed[known], placed[clean], feet)
     return SceneState(
         points=placed,

@@ -28,5 +28,5 @@ def test_points_lie_by_their_shares_beside_the_points_of_the_body() -> None:
         assert torch.equal(marks[f"{side}_knee"], knee)
 
 
-def test_hips_lie_on_the_skin_and_count_half() -> None:
+def test_hips_count_half() -> None:
     assert BLAZEPOSE_SKELETON.weights == {"left_hip": 0.5, "right_hip": 0.5}

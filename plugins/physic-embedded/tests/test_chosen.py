@@ -16,7 +16,7 @@ from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
 from physic_embedded.networks.pose import Pose
 from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
-from physic_embedded.segmentation.people import UnposedBox, square_of_upper_half
+from physic_embedded.segmentation.people import UnposedBox, square_from_upper_half
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
@@ -86,7 +86,7 @@ def test_the_mask_of_a_pose_is_covered_in_grey() -> None:
 
 
 def test_the_square_of_an_upper_half_reaches_as_far_below_the_box_as_above_its_lower_edge() -> None:
-    square = square_of_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
+    square = square_from_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
     assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
 
 

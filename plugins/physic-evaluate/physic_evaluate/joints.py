@@ -1,4 +1,4 @@
-"""The joints that the bodies here and the truth of every set have in common, by name."""
+"""The 12 limb joints that bodies and all data sets share: names, root, bone lengths, and who is upright."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["read_depth", "read_points", "resize_nearest"]
+__all__ = ["read_depth", "read_pointmap", "resize_nearest"]
 
 _OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
 _EXR = b"\x76\x2f\x31\x01"
@@ -74,7 +74,7 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative
 
 
-def read_points(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
+def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     """Read a point map: points (H, W, 3) times ``scale``, and which pixels are valid (H, W).
 
     A point is invalid if a coordinate is NaN or infinite, or z is not positive.

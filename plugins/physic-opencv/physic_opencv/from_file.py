@@ -11,7 +11,7 @@ from pydantic import Field
 from physic_core import interfaces
 from physic_core.errors import InputError
 from physic_core.types import DepthMap, Pointmap
-from physic_opencv.depth_files import read_depth, read_points, resize_nearest
+from physic_opencv.depth_files import read_depth, read_pointmap, resize_nearest
 
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
@@ -115,7 +115,7 @@ class PointmapFile(interfaces.RelativePointmap):
         """
         options = self.options
         path = _given(options.path, "relative_pointmap")
-        points, valid = read_points(path, options.scale)
+        points, valid = read_pointmap(path, options.scale)
         points_here, notes = resize_nearest(points, image.shape[0], image.shape[1], path)
         valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
         known = np.asarray(valid_here, np.bool_)

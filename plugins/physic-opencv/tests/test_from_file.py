@@ -14,7 +14,7 @@ import pytest
 from physic_core import InputError, Pipeline, WeightsMissingError, load_config, reconstruct
 from physic_core.errors import PackageMissingError
 from physic_core.types import Hints
-from physic_opencv.depth_files import read_depth, read_points, resize_nearest
+from physic_opencv.depth_files import read_depth, read_pointmap, resize_nearest
 from physic_opencv.from_file import DepthFile, DepthFileOptions, PointmapFile, PointmapFileOptions
 from physic_testing import check_backend
 from physic_testing.worlds import World, build_world
@@ -313,7 +313,7 @@ def test_an_archive_that_inflates_to_more_than_the_limit_is_refused(
     monkeypatch.setattr("physic_opencv.depth_files._MAX_BYTES", 1_000_000)
     np.savez_compressed(tmp_path / "p.npz", points=np.ones((300, 400, 3)))
     with pytest.raises(InputError) as caught:
-        read_points(tmp_path / "p.npz", 1.0)
+        read_pointmap(tmp_path / "p.npz", 1.0)
     assert str(caught.value) == (
         f"cannot read {tmp_path / 'p.npz'}: it is not an archive of NumPy arrays (its arrays claim 3 MB, more than 1)"
     )

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from physic_scene.scene import SceneSettings
     from physic_scene.selection import ChosenPhotos
 
-__all__ = ["FitSettings", "SolvedScene", "solve_cameras"]
+__all__ = ["FitLimits", "SolvedScene", "solve_cameras"]
 
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
 
 
 @dataclass(frozen=True)
-class FitSettings:
+class FitLimits:
     """Limits of what fits one moment.
 
     Attributes:

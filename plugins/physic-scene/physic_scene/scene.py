@@ -13,7 +13,7 @@ from physic_core.body import load_body
 from physic_core.errors import InputError, NoPersonError
 from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
-from physic_scene.cameras import FitSettings, solve_cameras
+from physic_scene.cameras import FitLimits, solve_cameras
 from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
 from physic_scene.observations import observe
@@ -46,7 +46,7 @@ class SceneSettings:
     matching: MatchingSettings = field(default_factory=MatchingSettings)
     background: BackgroundSettings = field(default_factory=BackgroundSettings)
     bundle: BundleSettings = field(default_factory=BundleSettings)
-    fit: FitSettings = field(default_factory=FitSettings)
+    fit: FitLimits = field(default_factory=FitLimits)
     keypoints: KeypointSettings = field(default_factory=KeypointSettings)
 
 

@@ -1,4 +1,4 @@
-"""Numbers of results and people as Markdown."""
+"""Text of the panels of the viewer: results and people as Markdown, and the contact legend as HTML."""
 
 from __future__ import annotations
 

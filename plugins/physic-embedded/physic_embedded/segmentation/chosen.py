@@ -19,7 +19,7 @@ from physic_embedded.segmentation.people import (
     box_fit,
     mask_box,
     square_around,
-    square_of_upper_half,
+    square_from_upper_half,
 )
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def _poses(scenery: Scenery, box: FloatArray, others: Sequence[Pose]) -> list[Po
     return [
         predict_pose(scenery.landmarker, clear, square_around(box)),
         predict_pose(scenery.landmarker, grey, square_around(box), passes=1),
-        predict_pose(scenery.landmarker, grey, square_of_upper_half(box), passes=1),
+        predict_pose(scenery.landmarker, grey, square_from_upper_half(box), passes=1),
     ]
 
 

@@ -44,7 +44,7 @@ __all__ = [
     "mask_overlap",
     "merge_candidates",
     "square_around",
-    "square_of_upper_half",
+    "square_from_upper_half",
 ]
 
 DETECTOR_SIZE = 224
@@ -207,7 +207,7 @@ def _poses_of_hidden_person(
     whole = predict_pose(landmarker, picture, square_around(box), passes=1)
     if whole.score > 0.5 and box_fit(whole, box) > min_fit:
         yield whole
-    upper = predict_pose(landmarker, picture, square_of_upper_half(box), passes=1)
+    upper = predict_pose(landmarker, picture, square_from_upper_half(box), passes=1)
     if upper.score > 0.95 and upper.mirror_gap < MAX_MIRROR_GAP and _iou(mask_box(upper), box) > MIN_MASK_FIT:
         yield upper
 
@@ -265,7 +265,7 @@ def square_around(box: Float) -> RotatedSquare:
     return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
 
 
-def square_of_upper_half(box: Float) -> RotatedSquare:
+def square_from_upper_half(box: Float) -> RotatedSquare:
     """Return the upright square that the landmark network needs if a box (4,) is around the upper half of a person."""
     center = np.array([(box[0] + box[2] - 1) / 2, box[3]])
     return RotatedSquare(center, 2.5 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)

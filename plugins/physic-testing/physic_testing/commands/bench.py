@@ -1,4 +1,4 @@
-"""Command ``physic bench``: accuracy and speed of the engine."""
+"""Command ``physic bench``: accuracy and speed of the engine, and the processor time of a photo."""
 
 from __future__ import annotations
 
