@@ -111,7 +111,8 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
         errors: of keypoints.
     """
-    plain = config.model_copy(update={"photo": type(config.photo)()})
+    # The photos alone have said who is a child.
+    plain = config.model_copy(update={"photo": type(config.photo)(child_share=0)})
     backends = {"body_estimator": SolvedBodies.of(given.bodies), "metric_depth": SolvedDepth.of(given.depth)}
     plan = resolve(plain, discover(), backends)
     own = _PlanWithViews(

@@ -61,6 +61,7 @@ _START = Template("""<h1>Reconstruct a photo</h1>
 <p class="warning" role="alert" hidden>This file is larger than $megabytes MB, and the server will refuse it.</p>
 <details><summary>Known sizes</summary>
 <label>Stature of the people, m <input name="stature" inputmode="decimal" placeholder="1.75"></label>
+<label>Age of the people, years <input name="age" inputmode="decimal"></label>
 <label>Focal length, px <input name="focal_px" inputmode="decimal"></label>
 <label>Camera over the floor, m <input name="camera_height" inputmode="decimal"></label>
 </details>

@@ -21,6 +21,7 @@ __all__ = ["KINDS", "SETTINGS", "read_upload"]
 SETTINGS = {
     "focal_px": ("Focal length in px of the photo file", 1e6),
     "stature": ("Standing height of every person, metres", 2.7),
+    "age": ("Age of every person, years", 120.0),
     "camera_height": ("Height of the camera over the floor, metres", 1000.0),
 }
 """Settings of ``[photo]`` that a client can give: meaning and largest value."""

@@ -136,12 +136,14 @@ def test_settings_come_from_the_form_or_the_query(serve: Serve):
     served = serve()
     served.release.set()
     by_form = served.client.post(
-        "/reconstructions", files={"photo": ("p.jpg", PHOTO)}, data={"stature": "1.8", "focal_px": "", "other": "3"}
+        "/reconstructions",
+        files={"photo": ("p.jpg", PHOTO)},
+        data={"stature": "1.8", "age": "4.5", "focal_px": "", "other": "3"},
     )
     by_query = served.post(params={"focal_px": "900"})
     for posted in (by_form, by_query):
         served.wait(posted.json()["id"])
-    assert [task.settings for task in served.workers[0].tasks] == [{"stature": 1.8}, {"focal_px": 900.0}]
+    assert [task.settings for task in served.workers[0].tasks] == [{"stature": 1.8, "age": 4.5}, {"focal_px": 900.0}]
 
 
 @pytest.mark.parametrize("text", ["tall", "-1", "0", "nan", "inf", "3"])
