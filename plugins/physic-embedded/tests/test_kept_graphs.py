@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physic_core.cache.folders import CACHE_VARIABLE
-from physic_embedded.networks.sessions import open_session
+from physic_embedded.networks.sessions import open_packaged_session
 
 NETWORK = "palm_detection_full"
 
@@ -21,7 +21,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def outputs() -> list[np.ndarray]:
-    session = open_session(NETWORK, threads=1)
+    session = open_packaged_session(NETWORK, threads=1)
     one = session.session.get_inputs()[0]
     return session.run(None, {one.name: np.random.default_rng(0).random(one.shape, np.float32)})
 

@@ -134,6 +134,7 @@ class _Meter:
         self.networks: defaultdict[str, float] = defaultdict(float)
         self.paths: list[Path] = []
         self.imports = 0.0
+        self.imports_beside = 0.0
         self._part, self._since = "start", 0.0
         self._importing: set[int] = set()
         self._beside: dict[int, tuple[int, float]] = {}
@@ -154,7 +155,7 @@ class _Meter:
     def _now(self) -> float:
         """Return the seconds of the process without imports in other threads, which are a part of their own."""
         running = sum(time.clock_gettime(clock) - start for clock, start in self._beside.values())
-        return time.process_time() - self.parts[_IMPORTS_BESIDE] - running
+        return time.process_time() - self.imports_beside - running
 
     def count_imports(self) -> None:
         """Count all imports from now on; those inside an import once."""
@@ -177,7 +178,7 @@ class _Meter:
                 self._importing.remove(thread)
                 self.imports += seconds
                 if is_beside:
-                    self.parts[_IMPORTS_BESIDE] += seconds
+                    self.imports_beside += seconds
                     del self._beside[thread]
 
         builtins.__import__ = counted
@@ -227,7 +228,7 @@ def _measure(photo: str, preset: str, report: bool, folder: str, answer: str) ->
     wall_end, total = time.monotonic(), time.process_time()
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     found = {
-        "parts": dict(meter.parts),
+        "parts": {**meter.parts, _IMPORTS_BESIDE: meter.imports_beside},
         "networks": dict(meter.networks),
         "imports": meter.imports,
         "total": total,
