@@ -7,13 +7,26 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from scipy.stats import binom
 
 from physic_scene.bundle import PixelMatches
+from physic_scene.measured import measured_errors
+from physic_scene.rigid import angle_deg
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Reconstruction, UInt8Array
 
-__all__ = ["Background", "BackgroundSettings", "is_mirrored", "match_background", "same_photo", "sees"]
+__all__ = [
+    "Background",
+    "BackgroundSettings",
+    "BackgroundTurn",
+    "background_turn",
+    "match_background",
+    "same_photo",
+    "sees",
+]
+
+_MINIMAL, _SOLUTIONS = 5, 10  # matches that give a motion between two cameras, and how many they give at most
 
 
 @dataclass(frozen=True)
@@ -26,7 +39,8 @@ class BackgroundSettings:
         ratio: largest distance of the best match, as a share of that of the second best.
         inlier_px: largest distance from the epipolar line, px of the reduced photo.
         fewest: least number of inliers; random photos have fewer.
-        mirrored: a photo is mirrored if its mirror image has this many times the inliers of the photo itself.
+        trials: samples of five matches that a motion between two cameras is sought with. 1000 find it, with a chance of
+            .9, where three of ten matches are right, in 0.1 s.
     """
 
     longest_px: int = 1000
@@ -34,7 +48,7 @@ class BackgroundSettings:
     ratio: float = 0.75
     inlier_px: float = 1.5
     fewest: int = 20
-    mirrored: float = 2.0
+    trials: int = 1000
 
 
 @dataclass(frozen=True)
@@ -54,6 +68,36 @@ class Background:
     mirrored_points: FloatArray
     mirrored: FloatArray
     thumbnail: FloatArray
+
+    def in_a_mirror(self) -> Background:
+        """Return the features of the mirror image; the thumbnail stays."""
+        return Background(self.mirrored_points, self.mirrored, self.points, self.descriptors, self.thumbnail)
+
+
+@dataclass(frozen=True)
+class BackgroundTurn:
+    """Rotation between two cameras, by matched pixels of the background.
+
+    Attributes:
+        rotation: (3, 3) from the frame of the first camera to that of the second.
+        llr: logarithm of the ratio of likelihoods "these photos show one background" over "the matches agree by
+            chance"; negative where chance is likelier.
+    """
+
+    rotation: FloatArray
+    llr: float
+
+    def supports(self, rotation: FloatArray) -> float:
+        """Return the LLR of a rotation (3, 3) between the cameras by people, over one that has nothing to do with it.
+
+        Either the matches agree by chance, or the rotation has the errors of the turns of a body in both photos.
+        """
+        about, across = np.radians(measured_errors().turn_deg)
+        variance = 2 * (about**2 + 2 * across**2) / 3
+        square = np.radians(angle_deg(self.rotation, rotation)) ** 2 / variance
+        # A normal density of three angles, over the uniform one of all rotations.
+        near = np.log(8 * np.pi**2) - 1.5 * np.log(2 * np.pi * variance) - square / 2
+        return float(np.logaddexp(0.0, self.llr + near))
 
 
 def sees(result: Reconstruction, settings: BackgroundSettings) -> Background:
@@ -91,15 +135,52 @@ def match_background(
     one: Background, two: Background, views: tuple[int, int], settings: BackgroundSettings
 ) -> PixelMatches | None:
     """Return the pixels of two photos that show the same points of the background; None with too few."""
-    return _matches(one.points, one.descriptors, two.points, two.descriptors, views, settings)
+    first, second = _ratio_matches(one, two, settings)
+    if len(first) < settings.fewest:
+        return None
+    # OpenCV's MAGSAC fails an assertion for some degenerate pixels, such as those on one line.
+    cv2.setRNGSeed(0)
+    _, inlier = cv2.findFundamentalMat(first, second, cv2.FM_RANSAC, settings.inlier_px, 0.999, 5000)
+    kept: BoolArray = np.zeros(len(first), bool) if inlier is None else inlier.ravel() > 0
+    return PixelMatches(views, first[kept], second[kept]) if kept.sum() >= settings.fewest else None
 
 
-def is_mirrored(one: Background, two: Background, upright: PixelMatches | None, settings: BackgroundSettings) -> bool:
-    """Return whether the background of the second photo is that of the first in a mirror."""
-    turned = _matches(one.points, one.descriptors, two.mirrored_points, two.mirrored, (0, 1), settings)
-    if turned is None:
-        return False
-    return len(turned.first) >= settings.mirrored * (0 if upright is None else len(upright.first))
+def background_turn(
+    one: Background, two: Background, cameras: tuple[FloatArray, FloatArray], settings: BackgroundSettings
+) -> BackgroundTurn | None:
+    """Return the rotation between two cameras that most matches agree with, in front of both; None with too few.
+
+    Its LLR is the negative logarithm of the number of false alarms: the number of motions that were tried, times the
+    binomial probability that as many of the matches would agree if each did with the share of pixels that are no match.
+
+    Args:
+        one: background of the first photo.
+        two: background of the second photo.
+        cameras: (3, 3) px of both.
+        settings: of the matcher.
+    """
+    # Features of several directions at one pixel are one piece of evidence.
+    matches = np.unique(np.hstack(_ratio_matches(one, two, settings)).round(), axis=0)
+    if len(matches) <= _MINIMAL:
+        return None
+    pixels = matches[:, :2], matches[:, 2:]
+    one_rays, two_rays = ((points - K[:2, 2]) / np.diag(K)[:2] for points, K in zip(pixels, cameras, strict=True))
+    longest = 2 * max(K[:2, 2].max() for K in cameras)
+    limit = settings.inlier_px * max(1.0, longest / settings.longest_px) / np.mean([K[0, 0] for K in cameras])
+    cv2.setRNGSeed(0)
+    essential, agrees = cv2.findEssentialMat(one_rays, two_rays, np.eye(3), cv2.RANSAC, 0.999, limit, settings.trials)
+    if essential is None or essential.shape != (3, 3):
+        return None
+    count, rotation, _, _ = cv2.recoverPose(essential, one_rays, two_rays, np.eye(3), mask=agrees)
+    first, second = (np.column_stack([ray, np.ones(len(ray))]) for ray in (one_rays, two_rays))
+    line_two, line_one = first @ essential.T, second @ essential
+    slope = np.hypot(*line_two[:, :2].T)[:, None] ** 2 + np.hypot(*line_one[:, :2].T) ** 2
+    near = np.abs(line_two @ second.T) < limit * np.sqrt(slope)
+    chance = (1 + near.sum() - np.trace(near)) / (1 + near.size - len(near))
+    false_alarms = np.log(_SOLUTIONS * settings.trials) + binom.logsf(
+        count - _MINIMAL - 1, len(matches) - _MINIMAL, chance
+    )
+    return BackgroundTurn(rotation, -float(false_alarms))
 
 
 def _features(grey: UInt8Array, mask: UInt8Array, settings: BackgroundSettings) -> tuple[FloatArray, FloatArray]:
@@ -111,24 +192,11 @@ def _features(grey: UInt8Array, mask: UInt8Array, settings: BackgroundSettings) 
     return np.array([point.pt for point in found], np.float64), descriptors
 
 
-def _matches(
-    points: FloatArray,
-    descriptors: FloatArray,
-    other_points: FloatArray,
-    others: FloatArray,
-    views: tuple[int, int],
-    settings: BackgroundSettings,
-) -> PixelMatches | None:
-    if min(len(points), len(other_points)) < settings.fewest:
-        return None
-    pairs = cv2.BFMatcher().knnMatch(descriptors, others, k=2)
+def _ratio_matches(one: Background, two: Background, settings: BackgroundSettings) -> tuple[FloatArray, FloatArray]:
+    """Return the pixels (n, 2) of both photos whose features match by Lowe's ratio."""
+    if not len(one.points) or len(two.points) < 2:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    pairs = cv2.BFMatcher().knnMatch(one.descriptors, two.descriptors, k=2)
     good = [best for best, second in pairs if best.distance < settings.ratio * second.distance]
     good = list({match.trainIdx: match for match in sorted(good, key=lambda m: -m.distance)}.values())
-    if len(good) < settings.fewest:
-        return None
-    first, second = points[[m.queryIdx for m in good]], other_points[[m.trainIdx for m in good]]
-    # OpenCV's MAGSAC fails an assertion for some degenerate pixels, such as those on one line.
-    cv2.setRNGSeed(0)
-    _, inlier = cv2.findFundamentalMat(first, second, cv2.FM_RANSAC, settings.inlier_px, 0.999, 5000)
-    kept: BoolArray = np.zeros(len(first), bool) if inlier is None else inlier.ravel() > 0
-    return PixelMatches(views, first[kept], second[kept]) if kept.sum() >= settings.fewest else None
+    return one.points[[m.queryIdx for m in good]], two.points[[m.trainIdx for m in good]]

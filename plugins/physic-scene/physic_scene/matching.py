@@ -2,7 +2,8 @@
 
 Each cue gives the logarithm of a likelihood ratio (LLR), "the same person" over "different people", from the table that
 was measured for it; their sum decides. For each pair of photos, each pair of people gives a hypothesis of the relative
-camera. The assignment of all people under the best hypothesis is that of the pair of photos. People over all photos
+camera. The assignment of all people under the best hypothesis is that of the pair of photos; matched pixels of the
+background add the LLR of the camera. People over all photos
 then follow by joining the surest pairs first, as long as the photos of both sides agree.
 """
 
@@ -21,6 +22,7 @@ from physic_scene.rigid import Pose, angle_deg, fit_rotation
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray
+    from physic_scene.background import BackgroundTurn
     from physic_scene.observations import PhotoPeople
 
 __all__ = [
@@ -68,15 +70,17 @@ class PairMatch:
 
     Attributes:
         pairs: (person of the first, person of the second, LLR) of each matched pair.
-        score: sum over the pairs of their LLR over that of acceptance; 0 without a match.
+        score: sum over the pairs of their LLR over that of acceptance, and what the background adds; 0 without a match.
         motion: from the frame of the first camera to that of the second, up to the errors of depth.
         llr: (N, M) of all pairs of people, under this motion if any pair matches.
+        background: rotation between the cameras by the background, None with too few matched pixels.
     """
 
     pairs: tuple[tuple[int, int, float], ...]
     score: float
     motion: Pose
     llr: FloatArray
+    background: BackgroundTurn | None = None
 
 
 @dataclass(frozen=True)
@@ -90,11 +94,13 @@ class Tracks:
     rows: IntArray
 
 
-def match_pair(one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings) -> PairMatch:
-    """Match the people of two photos."""
+def match_pair(
+    one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings, background: BackgroundTurn | None = None
+) -> PairMatch:
+    """Match the people of two photos, whose backgrounds may give a rotation between the cameras."""
     cues, turns = look_cues(one, two)
     looks = _llr(cues, np.zeros((len(one), len(two))))
-    best = PairMatch((), 0.0, Pose.identity(), looks)
+    best = PairMatch((), 0.0, Pose.identity(), looks, background)
     accept = settings.accept(len(one), len(two))
     order = np.argsort(-looks, axis=None)[: settings.hypotheses]
     for i, j in zip(*np.unravel_index(order, looks.shape), strict=True):
@@ -105,9 +111,9 @@ def match_pair(one: PhotoPeople, two: PhotoPeople, settings: MatchingSettings) -
             pairs = _assign(llr, accept)
             if not pairs:
                 break
-        score = sum(own - accept for *_, own in pairs)
+        score = _score(pairs, accept, motion, background)
         if score > best.score:
-            best = PairMatch(tuple(pairs), float(score), motion, llr)
+            best = PairMatch(tuple(pairs), score, motion, llr, background)
     return best
 
 
@@ -162,8 +168,8 @@ def joined_matches(
         both = rows[(rows[:, [a, b]] >= 0).all(1)]
         pairs = tuple((int(row[a]), int(row[b]), float(match.llr[row[a], row[b]])) for row in both)
         accept = settings.accept(len(people[a]), len(people[b]))
-        score = max(sum(own - accept for *_, own in pairs), 0.0)
         motion = relative_motion(people[a], people[b], pairs) if pairs else match.motion
+        score = max(_score(pairs, accept, motion, match.background), 0.0)
         found[a, b] = replace(match, pairs=pairs, score=score, motion=motion)
     return found
 
@@ -229,6 +235,16 @@ def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Sequence[tuple[in
     weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
     rotation = fit_rotation(source, target, weight)
     return Pose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))
+
+
+def _score(
+    pairs: Sequence[tuple[int, int, float]], accept: float, motion: Pose, background: BackgroundTurn | None
+) -> float:
+    """Return the score of matched people under a motion."""
+    if not pairs:
+        return 0.0
+    by_background = 0.0 if background is None else background.supports(motion.rotation)
+    return float(sum(own - accept for *_, own in pairs)) + by_background
 
 
 def _llr(cues: dict[str, FloatArray], start: FloatArray) -> FloatArray:

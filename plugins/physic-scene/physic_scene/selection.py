@@ -12,7 +12,7 @@ import numpy as np
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.background import Background, BackgroundSettings, is_mirrored, match_background, same_photo, sees
+from physic_scene.background import Background, BackgroundSettings, background_turn, match_background, same_photo, sees
 from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.types import LeftOut
 
@@ -111,8 +111,9 @@ def select_photos(
         raise _no_common_person([photo.name for photo in kept], left)
     pairs = list(itertools.combinations(range(len(kept)), 2))
     pixels = {(a, b): match_background(seen[a], seen[b], (a, b), settings) for a, b in pairs}
-    mirrors = {(a, b): is_mirrored(seen[a], seen[b], pixels[a, b], settings) for a, b in pairs}
-    matches = {(a, b): match_pair(kept[a].people, kept[b].people, matching) for a, b in pairs}
+    matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}
+    turned = [(_mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
+    mirrors = {(a, b): _match(kept[a], turned[b][0], (seen[a], turned[b][1]), matching, settings) for a, b in pairs}
     people = [photo.people for photo in kept]
     rows = join_tracks(people, matches, matching).rows
     found = ChosenPhotos(
@@ -122,34 +123,63 @@ def select_photos(
         tuple(m for m in pixels.values() if m is not None),
         tuple(left),
     )
-    for view in reversed(_mirrored_views(kept, matches, mirrors, matching)):
+    for view in reversed(_mirrored_views(len(kept), matches, mirrors, matching)):
         found = found.without(
             view, "mirrored", "it is mirrored: left and right are swapped in its people or background"
         )
     return _connected(found)
 
 
+def _match(
+    one: Photo,
+    two: Photo,
+    backgrounds: tuple[Background, Background],
+    matching: MatchingSettings,
+    settings: BackgroundSettings,
+) -> PairMatch:
+    """Match the people of two photos, with the evidence of their backgrounds."""
+    turn = background_turn(*backgrounds, (one.people.K, two.people.K), settings)
+    return match_pair(one.people, two.people, matching, turn)
+
+
 def _mirrored_views(
-    photos: Sequence[Photo],
+    views: int,
     matches: dict[tuple[int, int], PairMatch],
-    mirrors: dict[tuple[int, int], bool],
+    mirrors: dict[tuple[int, int], PairMatch],
     settings: MatchingSettings,
-) -> list[int]:
-    """Return the photos that fit the others better in a mirror, by their people or by their background."""
-    views = range(len(photos))
-    by_background = [sum(mirrors[min(a, b), max(a, b)] for b in views if b != a) for a in views]
-    found = []
-    for a in views:
-        others = [b for b in views if b != a]
-        upright = sum(matches[min(a, b), max(a, b)].score for b in others)
-        turned = mirrored(photos[a].people)
-        in_mirror = sum(match_pair(turned, photos[b].people, settings).score for b in others)
-        by_people = in_mirror > upright + settings.mirrored
-        # Of two photos that mirror each other, the later one is left out.
-        majority = by_background[a] > len(others) / 2 or (len(views) == 2 and by_background[a] and a == 1)
-        if (by_people and (len(views) > 2 or a == 1)) or majority:
-            found.append(a)
-    return found if len(found) < len(views) else []
+) -> tuple[int, ...]:
+    """Return the photos, less than half or the later of two, that are likeliest mirrored against the others.
+
+    Args:
+        views: number of photos.
+        matches: of each pair of photos a < b.
+        mirrors: the same with the mirror image of the second.
+        settings: of the matching.
+    """
+
+    def gain(chosen: tuple[int, ...]) -> float:
+        apart = [pair for pair in matches if (pair[0] in chosen) != (pair[1] in chosen)]
+        return sum(_evidence(mirrors[pair]) - _evidence(matches[pair]) for pair in apart)
+
+    subsets = (
+        tuple(sorted(chosen))
+        for count in range(views // 2 + 1)
+        for chosen in itertools.combinations(reversed(range(views)), count)
+    )
+    return max(subsets, key=lambda chosen: gain(chosen) - settings.mirrored * len(chosen))
+
+
+def _evidence(match: PairMatch) -> float:
+    """Return the score of two photos' people and background, or that of their background alone."""
+    by_background = 0.0 if match.background is None else max(match.background.llr, 0.0)
+    return match.score if match.pairs else by_background
+
+
+def _mirrored_photo(photo: Photo) -> Photo:
+    """Return the mirror image of a photo, as far as matching uses it."""
+    K = photo.people.K.copy()
+    K[0, 2] = photo.result.intrinsics.width - 1 - K[0, 2]
+    return replace(photo, people=replace(mirrored(photo.people), K=K))
 
 
 def mirrored(people: PhotoPeople) -> PhotoPeople:

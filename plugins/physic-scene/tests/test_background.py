@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_scene.background import Background, BackgroundSettings, is_mirrored, match_background, same_photo
+from physic_scene.background import (
+    Background,
+    BackgroundSettings,
+    BackgroundTurn,
+    background_turn,
+    match_background,
+    same_photo,
+)
+from physic_scene.rigid import angle_deg
 
 SETTINGS = BackgroundSettings()
+K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+HALF_TURN = np.diag([-1.0, 1.0, -1.0])
 
 
 def background(points, descriptors, rng):
@@ -41,11 +51,36 @@ def test_few_or_degenerate_pixels_are_no_error(views):
     match_background(line, line, (0, 1), SETTINGS)
 
 
-def test_a_picture_in_a_mirror_is_found(views):
+def test_the_background_gives_the_turn_of_the_cameras_despite_wrong_matches(views):
     one, two = views
-    turned = Background(two.mirrored_points, two.mirrored, two.points, two.descriptors, two.thumbnail)
-    assert is_mirrored(one, turned, match_background(one, turned, (0, 1), SETTINGS), SETTINGS)
-    assert not is_mirrored(one, two, match_background(one, two, (0, 1), SETTINGS), SETTINGS)
+    wrong = np.arange(80) % 2 == 0
+    mixed = np.where(wrong[:, None], np.random.default_rng(4).permutation(two.points), two.points)
+    found = background_turn(one, background(mixed, two.descriptors, np.random.default_rng(1)), (K, K), SETTINGS)
+    assert found is not None
+    assert found.llr > 30
+    assert angle_deg(found.rotation, np.eye(3)) < 5
+    assert found.supports(np.eye(3)) > found.supports(HALF_TURN) + 30
+
+
+def test_matches_by_chance_say_nothing_about_the_cameras(views):
+    one, two = views
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        chance = background_turn(one, background(rng.permutation(two.points), two.descriptors, rng), (K, K), SETTINGS)
+        assert chance is not None
+        assert chance.llr < 0
+    assert BackgroundTurn(np.eye(3), -9.2).supports(np.eye(3)) < 0.1
+    few = background(one.points[:5], one.descriptors[:5], np.random.default_rng(1))
+    assert background_turn(few, two, (K, K), SETTINGS) is None
+
+
+def test_a_picture_in_a_mirror_matches_its_mirror_image(views):
+    one, two = views
+    turned = two.in_a_mirror()
+    upright, mirrored = (background_turn(one, other, (K, K), SETTINGS) for other in (turned, turned.in_a_mirror()))
+    assert mirrored is not None
+    assert mirrored.llr > 100
+    assert upright is None or upright.llr < 0
 
 
 def test_a_brighter_copy_is_the_same_photo():
