@@ -47,7 +47,9 @@ class SolvedScene(ShortRepr):
         chosen: photos in the solution, and those left out.
         reference: index into ``chosen.photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
-        moved: (M, V) the same for people who moved between the photos, who are not solved.
+        elsewhere: (P, V) row of each solved person in the photos that show them elsewhere, or in another pose, than the
+            photos of ``rows``; -1 otherwise.
+        moved: (M, V) the same as ``rows`` for people who moved between the photos, who are not solved.
         observations: of the solved people.
         bundle: cameras and points.
         sigmas: uncertainty of each camera.
@@ -58,6 +60,7 @@ class SolvedScene(ShortRepr):
     chosen: ChosenPhotos
     reference: int
     rows: IntArray
+    elsewhere: IntArray
     moved: IntArray
     observations: Observations
     bundle: Bundle
@@ -81,6 +84,7 @@ def solve_cameras(
         InputError: no two photos fit each other.
     """
     rows, moved = chosen.rows, chosen.rows[:0]
+    elsewhere = np.full_like(rows, -1)
     found = _adjusted(chosen, rows, statures, settings)
     while (bad := found.errors > settings.fit.keypoint).any():
         view = _view_that_does_not_fit(bad, found.errors)
@@ -93,15 +97,17 @@ def solve_cameras(
             why = "its people are in other places or poses than in the other photos"
             chosen = chosen.without(view, "does not fit", why)
             rows, moved = chosen.rows, chosen.rows[:0]
+            elsewhere = np.full_like(rows, -1)
         elif len(rows) > 1:
             worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
             shown = rows[worst] >= 0
             if bad[:, worst].sum() == 1 and shown.sum() > 2:
                 # The other photos agree: this one shows somebody else, or the person after a move.
-                rows = rows.copy()
-                rows[worst, bad[:, worst]] = -1
+                rows, view = rows.copy(), int(np.argmax(bad[:, worst]))
+                elsewhere[worst, view], rows[worst, view] = rows[worst, view], -1
             else:
                 rows, moved = np.delete(rows, worst, axis=0), np.concatenate([moved, rows[worst : worst + 1]])
+                elsewhere = np.delete(elsewhere, worst, axis=0)
         else:
             break
         found = _adjusted(chosen, rows, statures, settings)
@@ -110,7 +116,7 @@ def solve_cameras(
     sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
     bundle = found.bundle.scaled(_scale(seen, found.bundle))
     bodies = mean_bodies(people, rows, seen, bundle, model)
-    return SolvedScene(chosen, found.reference, rows, moved, seen, bundle, sigmas, bodies, found.errors)
+    return SolvedScene(chosen, found.reference, rows, elsewhere, moved, seen, bundle, sigmas, bodies, found.errors)
 
 
 @dataclass(frozen=True)

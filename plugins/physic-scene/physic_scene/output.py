@@ -55,6 +55,7 @@ def moment_document(scene: SceneResult) -> dict[str, Any]:
             "views": list(person.views),
             "row": person.row,
             "moved": person.moved,
+            "elsewhere": list(person.elsewhere),
             **({} if person.row is not None else _body(person)),
         }
         for person in scene.people

@@ -39,12 +39,7 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
     reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, people, photos[v].index))
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
-    moved = [
-        f"{'another person' if one.row is None else f'person {one.row}'} moved between the photos "
-        f"({', '.join(names[view] for view in one.views)}), and is as one of them shows"
-        for one in people
-        if one.moved
-    ]
+    moved = [_move(one, names) for one in people if one.moved]
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
         f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
@@ -74,6 +69,16 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
             },
         },
     )
+
+
+def _move(person: ScenePerson, names: dict[int, str]) -> str:
+    """Return a sentence about a person who moved; names are those of the photos."""
+    who = "another person" if person.row is None else f"person {person.row}"
+    views = ", ".join(names[view] for view in person.views)
+    if person.elsewhere:
+        others = ", ".join(names[view] for view in person.elsewhere)
+        return f"{who} moved: {others} shows them in another place or pose, and they are as in {views}"
+    return f"{who} moved between the photos ({views}), and is as one of them shows"
 
 
 def _cameras(solved: SolvedScene) -> list[CameraPose]:
@@ -114,7 +119,7 @@ def _views(
             continue
         shown = {}
         for p, person in zip(camera.people, camera.result.people, strict=True):
-            row = None if p is None or people[p].moved else people[p].row
+            row = None if p is None or not people[p].solved else people[p].row
             if row is not None:
                 shown[row] = Detection.of(person)
         found.append(
@@ -141,14 +146,16 @@ def _people(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMode
     vertices = body.vertices.float().numpy()
     for p, row in enumerate(np.concatenate([solved.rows, solved.moved])):
         shown = tuple(photos[w].index for w in np.flatnonzero(row >= 0))
-        moved = p >= len(solved.rows)
+        unsolved = p >= len(solved.rows)
+        other = () if unsolved else tuple(photos[w].index for w in np.flatnonzero(solved.elsewhere[p] >= 0))
+        moved = unsolved or bool(other)
         if row[v] >= 0:
             own = photos[v].people.rows[row[v]]
             person = reconstruction.people[own]
-            found.append(ScenePerson(shown, own, moved, person.parameters, person.vertices, person.joints))
-        elif not moved:
-            joints = solved.bodies.joints[p].astype(np.float32)
-            found.append(ScenePerson(shown, None, False, solved.bodies.parameters([p], model), vertices[p], joints))
+            found.append(ScenePerson(shown, own, moved, person.parameters, person.vertices, person.joints, other))
+        elif not unsolved:
+            joints, parameters = solved.bodies.joints[p].astype(np.float32), solved.bodies.parameters([p], model)
+            found.append(ScenePerson(shown, None, moved, parameters, vertices[p], joints, other))
         else:
             w = int(np.flatnonzero(row >= 0)[0])
             person = photos[w].result.people[photos[w].people.rows[row[w]]]

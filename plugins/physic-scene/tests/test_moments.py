@@ -16,6 +16,7 @@ from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
 from physic_scene.command import scene as command
+from physic_scene.output import moment_document
 from physic_scene.rigid import angle_deg
 from physic_testing.worlds import build_world, view_names
 
@@ -102,14 +103,28 @@ def moved(result, index, right_m):
 
 def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver, config):
     with Pipeline(config) as pipeline:
-        a, b, c = (pipeline(build_world(name, 3, SIZE).image) for name in view_names("group", 3))
-    found = solver.join([a, moved(b, 1, 0.7), c], ["a.png", "b.png", "c.png"])
+        a, _, c = (pipeline(build_world(name, 3, SIZE).image) for name in view_names("group", 3))
+    found = solver.join([a, moved(c, 3, 0.7)], ["a.png", "c.png"])
     (person,) = (person for person in found.people if person.moved)
     reference, *others = found.reconstruction.cameras
     assert person.row in reference.people
     assert not any(person.row in camera.people for camera in others)
-    note = f"person {person.row} moved between the photos (a.png, b.png, c.png), and is as one of them shows"
+    note = f"person {person.row} moved between the photos (a.png, c.png), and is as one of them shows"
     assert note in found.reconstruction.notes
+
+
+def test_the_photo_that_shows_a_person_elsewhere_is_named(solver, config):
+    with Pipeline(config) as pipeline:
+        a, b, c = (pipeline(build_world(name, 3, SIZE).image) for name in view_names("group", 3))
+    found = solver.join([a, moved(b, 1, 0.5), c], ["a.png", "b.png", "c.png"])
+    (number,) = (i for i, person in enumerate(found.people) if person.moved)
+    person = found.people[number]
+    assert person.views == (0, 2)
+    assert person.elsewhere == (1,)
+    note = f"person {person.row} moved: b.png shows them in another place or pose, and they are as in a.png, c.png"
+    assert note in found.reconstruction.notes
+    assert [number in camera.people for camera in found.cameras] == [True, False, True]
+    assert moment_document(found)["people"][number]["elsewhere"] == [1]
 
 
 def test_a_photo_of_other_people_is_left_out(solver, config, alone):
