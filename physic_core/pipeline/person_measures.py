@@ -94,13 +94,14 @@ def reversed_depths(depths: Sequence[float], ratios: Sequence[float | None]) -> 
         ratios: depth of the photo over that of each body, None where it cannot be measured.
 
     Returns:
-        Per person the smaller one of both differences of log depth, largest over the other people; None without others.
+        Per person the smaller one of both differences of log depth, largest over the other people; None if
+        no other depth is known, and 0 for a person alone.
     """
     found = []
     known = [(z, z * ratio) if ratio and z > 0 else None for z, ratio in zip(depths, ratios, strict=True)]
     for i, own in enumerate(known):
         others = [other for j, other in enumerate(known) if other is not None and j != i]
-        worst: float | None = None
+        worst = 0.0 if len(known) == 1 else None
         for other in others if own is not None else []:
             by_body, by_map = (math.log(b / a) for a, b in zip(own or (), other, strict=True))
             worst = max(worst or 0.0, min(abs(by_body), abs(by_map)) if by_body * by_map < 0 else 0.0)

@@ -558,4 +558,4 @@ def test_people_whose_order_the_depth_map_reverses_are_measured() -> None:
         pytest.approx(math.log(4 / 3)),
         None,
     ]
-    assert reversed_depths([2.0], [1.0]) == [None]
+    assert reversed_depths([2.0], [1.0]) == [0]
