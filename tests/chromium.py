@@ -141,12 +141,20 @@ class Page:
         return answer["result"].get("value")
 
     def wait(self, expression: str, seconds: float = _SECONDS) -> None:
-        """Wait until an expression is true."""
+        """Wait until an expression is true, on this page or on one that it goes to meanwhile."""
         end = time.monotonic() + seconds
-        while not self.evaluate(expression):
+        while not self._holds(expression):
             if time.monotonic() > end:
                 raise RuntimeError(f"not true within {seconds:.0f} s: {expression}")
             time.sleep(0.05)
+
+    def _holds(self, expression: str) -> bool:
+        try:
+            return bool(self.evaluate(expression))
+        except RuntimeError as error:
+            if "Inspected target navigated" in str(error):
+                return False
+            raise
 
     def picture(self, selector: str = "body") -> np.ndarray:
         """Return the pixels of an element (H, W, 3), as they are on the screen."""
