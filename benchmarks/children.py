@@ -73,7 +73,7 @@ def run_worlds(out: Path, seed: int, count: int) -> None:
                 file.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     people = compared(world, pipeline(world.image, settings=photo or _ages_of(world)))
-                except InputError:  # a person was not found, so that the ages fit nobody
+                except InputError:  # a person was not found, so that no order of ages fits
                     people = []
                 file.write_text(json.dumps({"name": name, "seed": own, "people": people}))
             print(f"[{number + 1}/{count}] {name} {own}", file=sys.stderr, flush=True)

@@ -41,8 +41,6 @@ _FEET, _ANKLES = joint_pair("foot"), joint_pair("ankle")
 _FACE_POINTS = ("eye", "ear", "mouth")
 _BODY_POINTS = ("shoulder", "hip", "knee", "ankle")
 _FEWEST_POINTS = 3
-_RAISED = (0.3, 0.3)  # mean and standard deviation of log size, of people whose feet are over the floor
-_WRONG_SIGMA = 0.7  # of log size, where the points are those of something else
 _SEEN = 0.5  # confidence of a keypoint that counts as seen
 _SCALE_STEP = 0.03  # of the grid of log scale
 _BIAS, _SLOPE = (grid.ravel() for grid in np.meshgrid(*2 * [np.linspace(-2.1, 2.1, 7)]))  # standard deviations
@@ -50,7 +48,7 @@ _BIAS, _SLOPE = (grid.ravel() for grid in np.meshgrid(*2 * [np.linspace(-2.1, 2.
 
 @dataclass(frozen=True)
 class AgeSettings:
-    """What photos of people are like.
+    """What photos of people are like; chosen on worlds of seeds 7001 (children) and 7002 (adults), not fitted.
 
     Attributes:
         child_share: share of people under 16 years among the people of photos; 0 takes all people for adults.
@@ -61,6 +59,8 @@ class AgeSettings:
         floor_sigma: error of log size from the soles on the floor, besides that of the scale.
         off_floor: share of people whose seen feet are not on the floor that was found.
         wrong_points: share of people whose points are those of something else.
+        raised: how much larger people come out whose feet are over the floor, log; mean and standard deviation.
+        wrong_sigma: error of log size where the points are those of something else.
         points_sigma: error of log size from the depth of a person's points, besides that of the scale.
         points_bias: how much farther than the scene the points of all people of a photo come out, log; mean and
             standard deviation.
@@ -76,6 +76,8 @@ class AgeSettings:
     floor_sigma: float = 0.08
     off_floor: float = 0.15
     wrong_points: float = 0.1
+    raised: tuple[float, float] = (0.3, 0.3)
+    wrong_sigma: float = 0.7
     points_sigma: float = 0.12
     points_bias: tuple[float, float] = (0.05, 0.08)
     depth_slope: float = 0.2
@@ -402,16 +404,17 @@ def _size_states(
     on, right = 1 - settings.off_floor, 1 - settings.wrong_points
     floor = log_scale - by_floor + 0 * bias
     points = log_scale - by_points - bias
-    raised = floor - _RAISED[0]  # feet over the floor seem to be those of a larger person
+    larger, spread = settings.raised
+    raised = floor - larger  # feet over the floor seem to be those of a larger person
     if math.isnan(by_points):
         return [
             (math.log(on) + 0 * floor, floor, settings.floor_sigma),
-            (math.log(1 - on) + 0 * floor, raised, _RAISED[1]),
+            (math.log(1 - on) + 0 * floor, raised, spread),
         ]
     if math.isnan(by_floor):
         return [
             (math.log(right) + 0 * points, points, settings.points_sigma),
-            (math.log(1 - right) + 0 * points, points, _WRONG_SIGMA),
+            (math.log(1 - right) + 0 * points, points, settings.wrong_sigma),
         ]
     apart = math.hypot(settings.floor_sigma, settings.points_sigma)
     trust = settings.points_sigma**2 / apart**2
@@ -419,9 +422,13 @@ def _size_states(
     error = settings.floor_sigma * settings.points_sigma / apart
     return [
         (math.log(on * right) + _log_normal(floor, points, apart), both, error),
-        (math.log((1 - on) * right) + _log_normal(raised, points, _RAISED[1]), points, settings.points_sigma),
-        (math.log(on * (1 - right)) + _log_normal(points, floor, _WRONG_SIGMA), floor, settings.floor_sigma),
-        (math.log((1 - on) * (1 - right)) + _log_normal(points, raised, _WRONG_SIGMA), raised, _RAISED[1]),
+        (math.log((1 - on) * right) + _log_normal(raised, points, spread), points, settings.points_sigma),
+        (math.log(on * (1 - right)) + _log_normal(points, floor, settings.wrong_sigma), floor, settings.floor_sigma),
+        (
+            math.log((1 - on) * (1 - right)) + _log_normal(points, raised, settings.wrong_sigma),
+            raised,
+            spread,
+        ),
     ]
 
 

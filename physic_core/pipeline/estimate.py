@@ -352,7 +352,7 @@ class _BackendCalls:
     def children(
         self, bodies: Bodies, hints: Hints, settings: PhotoSettings, known: KnownPeople
     ) -> tuple[Bodies, AgeEstimates | None]:
-        """Give children their size, and return their ages; None if nobody can be a child."""
+        """Give children their size, and return their ages; None if no person can be a child."""
         if not len(bodies.parameters) or not (settings.child_share or known.years is not None):
             return bodies, None
         from physic_core.pipeline.ages import AgeSettings, find_children, resize_children

@@ -50,7 +50,7 @@ def view_of(stage, turn_deg):
 
 
 def blank(view):
-    """The view of a camera that shows nobody."""
+    """The view of a camera that shows no person."""
     nothing = {name: torch.zeros_like(getattr(view, name)) for name in ("keypoint_confidence", "masks", "observed")}
     return replace(view, **nothing)
 

@@ -34,8 +34,8 @@ def test_each_camera_of_a_usd_file_projects_a_vertex_onto_its_pixel(export, seve
     vertices = several.people[1].vertices[::50].astype(np.float64)
     for name, camera in zip(("camera", "camera_1", "camera_2"), several.cameras, strict=True):
         frustum = UsdGeom.Camera.Get(stage, f"/physic/{name}").GetCamera().frustum
-        whole = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
-        seen = np.array([whole.Transform(Gf.Vec3d(*spot)) for spot in transform_points(matrix, vertices).tolist()])
+        projection = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
+        seen = np.array([projection.Transform(Gf.Vec3d(*spot)) for spot in transform_points(matrix, vertices).tolist()])
         size = np.array([camera.intrinsics.width, camera.intrinsics.height])
         pixels = (seen[:, :2] * [1, -1] + 1) / 2 * size - 0.5
         np.testing.assert_allclose(pixels, expected_pixels(camera, vertices), atol=1e-2)

@@ -84,9 +84,9 @@ def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result: Reconstructi
     camera, intrinsics = UsdGeom.Camera.Get(stage, "/physic/camera").GetCamera(), result.intrinsics
     frustum = camera.frustum
     matrix = export_frame(result.scene.floor, "z").from_camera
-    whole = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
+    projection = frustum.ComputeViewMatrix() * frustum.ComputeProjectionMatrix()
     for vertex in result.people[0].vertices[::1000].astype(np.float64):
-        x, y, _ = whole.Transform(Gf.Vec3d(*transform_points(matrix, vertex).tolist()))
+        x, y, _ = projection.Transform(Gf.Vec3d(*transform_points(matrix, vertex).tolist()))
         u, v, depth = intrinsics.matrix @ vertex
         np.testing.assert_allclose((x + 1) / 2 * intrinsics.width - 0.5, u / depth, atol=1e-2)
         np.testing.assert_allclose((1 - y) / 2 * intrinsics.height - 0.5, v / depth, atol=1e-2)

@@ -30,7 +30,7 @@ class RtmoOptions(OnnxBackendOptions):
     """Settings of RTMO."""
 
     weights: str = Field("rtmo-l", description=WEIGHTS_HELP)
-    least_score: Share = Field(0.1, description="score of a pose below which it is nobody's")
+    least_score: Share = Field(0.1, description="score of a pose below which it belongs to no person")
     least_iou: Share = Field(0.3, description="overlap with a person's box below which a pose is not that person's")
 
 
