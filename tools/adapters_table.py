@@ -67,13 +67,13 @@ def table(runs: list[CheckRun]) -> dict[tuple[str, str], str]:
 
 
 def with_runs(text: str, rows: dict[tuple[str, str], str]) -> str:
-    """The document with another fourth column."""
+    """The document with another last column."""
     lines = []
     for line in text.splitlines():
         cells = line.split(" | ")
-        key = (cells[0].removeprefix("| "), cells[1].strip("`")) if len(cells) == 5 else None
+        key = (cells[0].removeprefix("| "), cells[1].strip("`")) if len(cells) == 4 else None
         if key in rows:
-            cells[3] = rows[key] or NONE
+            cells[3] = f"{rows[key] or NONE} |"
         lines.append(" | ".join(cells))
     return "\n".join(lines) + "\n"
 
