@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 sys.path.insert(0, str(Path(__file__).parent))
 
 from contents import FOLDERS, ROOT, TITLES, sections, subpages
-from pygments.lexers.special import TextLexer
 from reference import write_reference
 
 import physic_core
@@ -93,7 +92,6 @@ def write_index(app: Sphinx, error: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register what happens at each build."""
     write_reference(ROOT / "docs" / "_reference")
-    app.add_lexer("mermaid", TextLexer)  # code hosts draw it; no script that could is loaded here
     app.connect("env-get-outdated", pages_with_toctrees)
     app.connect("source-read", add_toctrees)
     app.connect("build-finished", write_index)
