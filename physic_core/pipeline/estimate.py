@@ -156,9 +156,7 @@ def run_backends(
     keypoints = run.keypoints(image, people)
 
     hole, objects = _removed(people, keypoints, plan, image.shape)
-    inpainted = image
-    if hole.any():
-        inpainted = stages.call_backend("inpainting", plan.backends["inpainter"], InpainterRequest(image, hole))
+    inpainted = run.inpainted(image, hole)
     maps = _pointmaps(run, image, inpainted, Hints(given, people, keypoints, hole), plan.engine)
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
@@ -303,6 +301,12 @@ class _BackendCalls:
         found = self.stages.call_backend("keypoints", detector, request)
         keypoints, self.missing["keypoint_detector"] = discard_invalid_keypoints(found)
         return keypoints
+
+    def inpainted(self, image: UInt8Array, hole: BoolArray) -> UInt8Array:
+        """Return an image without the pixels (H, W) of a hole."""
+        if not hole.any():
+            return image
+        return self.stages.call_backend("inpainting", self.backends["inpainter"], InpainterRequest(image, hole))
 
     def pointmap(self, stage: str, image: UInt8Array, hints: Hints, *, last: bool = True) -> Pointmap:
         """Estimate a relative point map of the inpainted or the original photo."""
