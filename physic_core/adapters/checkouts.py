@@ -16,6 +16,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -44,10 +45,11 @@ PIP_NAMES: Mapping[str, str] = {
 _lock = threading.RLock()
 
 
+@dataclass(eq=False)
 class Checkout:
     """A cloned repository whose modules are imported in isolation.
 
-    Args:
+    Attributes:
         folder: its root; "" if its package is installed in the environment, and then nothing is isolated.
         name: of the project, for messages.
         package: main module, such as "core.camerahmr_model"; its file must exist.
@@ -57,23 +59,22 @@ class Checkout:
         needs: modules of the environment that its code imports.
     """
 
-    def __init__(
-        self,
-        folder: str,
-        *,
-        name: str,
-        package: str,
-        homepage: str,
-        commit: str = "",
-        option: str = "checkout",
-        needs: tuple[str, ...] = (),
-    ) -> None:
-        self.folder = Path(os.path.expanduser(folder)) if folder else None
-        self.name, self.package, self.homepage, self.commit = name, package, homepage, commit
-        self.option, self.needs = option, needs
-        self._modules: dict[str, ModuleType] = {}
-        self._own: dict[str, Path | None] | None = None
-        self._is_active = False
+    folder: str
+    _: KW_ONLY
+    name: str
+    package: str
+    homepage: str
+    commit: str = ""
+    option: str = "checkout"
+    needs: tuple[str, ...] = ()
+    _modules: dict[str, ModuleType] = field(default_factory=dict, init=False, repr=False)
+    _own: dict[str, Path | None] | None = field(default=None, init=False, repr=False)
+    _is_active: bool = field(default=False, init=False, repr=False)
+
+    @property
+    def root(self) -> Path | None:
+        """The folder; None if the package is installed in the environment."""
+        return Path(os.path.expanduser(self.folder)) if self.folder else None
 
     def missing(self) -> tuple[str, ...]:
         """Return a message for each missing folder or package, without importing the code."""
@@ -88,8 +89,8 @@ class Checkout:
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository and the packages, for a backend's ``requirements``."""
-        folder = "" if self.folder is None else str(self.folder)
-        found = checkout_commit(self.folder) if self.folder is not None else ""
+        root = self.root
+        folder, found = ("", "") if root is None else (str(root), checkout_commit(root))
         here = not self._problem()
         repository = Repository(self.option, self.name, self.homepage, self.commit, folder, found, here)
         return (repository, Packages(self.needs)) if self.needs else (repository,)
@@ -137,10 +138,10 @@ class Checkout:
 
         Only one checkout is active at a time, in all threads.
         """
-        if self.folder is None:
+        if self.root is None:
             yield
             return
-        root = self.folder.resolve()
+        root = self.root.resolve()
         with _lock:
             if self._is_active:
                 yield
@@ -172,43 +173,43 @@ class Checkout:
         """Return a hash of the names and sizes of the package's Python files; "" if the folder is missing."""
         import hashlib
 
-        if self.folder is None or not self.folder.is_dir():
+        root = self.root
+        if root is None or not root.is_dir():
             return ""
         top = self.package.partition(".")[0]
-        base = self.folder / top
+        base = root / top
         files = sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
-        parts = [
-            f"{path.relative_to(self.folder).as_posix()} {path.stat().st_size}" for path in files if path.is_file()
-        ]
+        parts = [f"{path.relative_to(root).as_posix()} {path.stat().st_size}" for path in files if path.is_file()]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def _problem(self) -> str:
         """Return a message if the folder or the package is missing, else ""."""
-        if self.folder is None:
+        root = self.root
+        if root is None:
             if _exists(self.package.partition(".")[0]):
                 return ""
             return (
                 f"{self.name} is neither installed nor given: set {self.option} to a checkout of {self.homepage} "
                 f"(git clone {self.homepage})"
             )
-        if not self.folder.is_dir():
+        if not root.is_dir():
             return (
-                f"there is no folder {self.folder}: set {self.option} to a checkout of {self.homepage} "
+                f"there is no folder {root}: set {self.option} to a checkout of {self.homepage} "
                 f"(git clone {self.homepage})"
             )
-        place = self.folder.joinpath(*self.package.split("."))
+        place = root.joinpath(*self.package.split("."))
         if place.with_suffix(".py").is_file() or place.is_dir():
             return ""
         wanted = "/".join(self.package.split(".")) + ".py"
         return (
-            f"{self.folder} is no checkout of {self.name}, for it has no {wanted}: "
+            f"{root} is no checkout of {self.name}, for it has no {wanted}: "
             f"set {self.option} to the root of a checkout of {self.homepage}"
         )
 
     def _import_message(self, error: ModuleNotFoundError) -> str:
         """Return a message for a module that could not be found during an import."""
         absent = (error.name or "").partition(".")[0]
-        if self.folder is not None and absent in _top_names(self.folder.resolve()):
+        if self.root is not None and absent in _top_names(self.root.resolve()):
             return (
                 f"{self.name}{self._place()} lacks its own module {error.name}: get a whole checkout of {self.homepage}"
             )
@@ -219,7 +220,7 @@ class Checkout:
 
     def _place(self) -> str:
         """Return " in FOLDER" for messages, or ""."""
-        return "" if self.folder is None else f" in {self.folder}"
+        return "" if self.root is None else f" in {self.root}"
 
 
 def checkout_commit(folder: Path) -> str:
