@@ -59,17 +59,9 @@ _LEVELS = ("full", "compact", "numbers", "people", "summary")
 def batch(
     photos: tuple[str, ...],
     out: Path,
-    workers: int | None,
-    table: str | None,
-    timeout: float,
-    retry: str | None,
-    verify: bool,
     limit: int | None,
     dry_run: bool,
     shard: str | None,
-    executor: str,
-    address: str | None,
-    executor_set: tuple[str, ...],
     **options: Any,
 ) -> None:
     """Reconstruct PHOTOS: files, folders, glob patterns, or a CSV or Parquet table.
@@ -81,13 +73,13 @@ def batch(
     from physic_core.batch.run import plan_batch, run_batch
     from physic_core.batch.table import check_table_kind, default_table_kind, write_table
 
-    table = table or default_table_kind()
+    table = options["table"] or default_table_kind()
     check_table_kind(table)
     name, logs = "journal.jsonl", out.absolute() / "logs"
     if shard is not None:
         part, count = parse_shard(shard)
         name, logs = f"journal-{part}-of-{count}.jsonl", logs / f"{part}-of-{count}"
-    run = _executor(executor, workers, timeout or None, logs, address, executor_set)
+    run = _executor(logs, options)
     listed = list_photos(photos, out)
     items = listed.photos
     if shard is not None:
@@ -95,7 +87,7 @@ def batch(
     if any(item.others for item in items):
         require_moments()
     job = _job(out, options, write=not dry_run)
-    plan = plan_batch(items, job, retry_failed=retry is not None, verify=verify)
+    plan = plan_batch(items, job, retry_failed=options["retry"] is not None, verify=options["verify"])
     todo = plan.todo[:limit]
     now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     echo("\n".join(filter(None, (listed.describe_skipped(), _describe(plan, len(items)) + now))), err=True)
@@ -140,14 +132,7 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     return prepare_job(config, out, saving, cache=options["cache"], registry=registry, write=write)
 
 
-def _executor(
-    name: str,
-    workers: int | None,
-    timeout: float | None,
-    logs: Path,
-    address: str | None,
-    assignments: tuple[str, ...],
-) -> Executor:
+def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     """Return the executor that the options name; nothing is started.
 
     Raises:
@@ -155,13 +140,14 @@ def _executor(
     """
     from physic_core.batch.executors import ExecutorSettings, open_executor
 
-    options = {}
-    for text in assignments:
+    given = {}
+    for text in options["executor_set"]:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
             raise click.UsageError(f"--executor-set is written KEY=VALUE (got '{text}')")
-        options[key.strip()] = value.strip()
-    return open_executor(name, ExecutorSettings(workers, timeout, logs, address, options))
+        given[key.strip()] = value.strip()
+    settings = ExecutorSettings(options["workers"], options["timeout"] or None, logs, options["address"], given)
+    return open_executor(options["executor"], settings)
 
 
 def _describe(plan: BatchPlan, photos: int) -> str:

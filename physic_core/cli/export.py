@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -59,12 +60,8 @@ def export(
     out: Path,
     name: str | None,
     path: Path | None,
-    person: tuple[int, ...],
-    up: str | None,
     no_scene: bool,
-    body_model: Path | None,
-    overwrite: bool,
-    **options: str | bool | None,
+    **options: Any,
 ) -> None:
     """Export the result in folder OUT to a format of another program."""
     from physic_core.discovery.exporters import find_exporter
@@ -81,11 +78,7 @@ def export(
         load_reconstruction(out),
         out if path is None else path,
         name,
-        person=person or None,
-        up=up,
         scene=not no_scene,
-        body_model=body_model,
-        overwrite=overwrite,
         **{option: value for option, value in options.items() if value},
     )
     for note in done.notes:

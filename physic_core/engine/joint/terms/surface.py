@@ -91,15 +91,8 @@ class _SurfaceEnergies(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(
-        ctx: Any,
-        data: SurfaceInputs,
-        vertices: Tensor,
-        pelvis: Tensor,
-        root: Tensor,
-        log_scale: Tensor,
-        offset: Tensor,
-    ) -> tuple[Tensor, Tensor]:
+    def forward(ctx: Any, data: SurfaceInputs, *variables: Tensor) -> tuple[Tensor, Tensor]:
+        vertices, pelvis, root, log_scale, offset = variables
         points = vertices.transpose(1, 2).contiguous()
         none = torch.zeros_like(offset)
         energies = dict.fromkeys(SURFACE_ENERGIES, none)
