@@ -9,7 +9,7 @@ import os
 import re
 import tracemalloc
 import zipfile
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,27 +23,6 @@ from physic_core.io.results import check_writable, load_reconstruction, save_rec
 from physic_core.types import CheckResult
 
 
-def assert_same(left, right, where="reconstruction"):
-    """Equal to the last bit, dtypes and types included."""
-    assert type(left) is type(right), where
-    if is_dataclass(left):
-        for field in fields(left):
-            assert_same(getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}")
-    elif isinstance(left, np.ndarray):
-        assert left.dtype == right.dtype, where
-        np.testing.assert_array_equal(left, right, err_msg=where)
-    elif isinstance(left, tuple | list):
-        assert len(left) == len(right), where
-        for index, (one, other) in enumerate(zip(left, right, strict=True)):
-            assert_same(one, other, f"{where}[{index}]")
-    elif isinstance(left, dict):
-        assert list(left) == list(right), where
-        for key in left:
-            assert_same(left[key], right[key], f"{where}[{key!r}]")
-    else:
-        assert left == right or (left != left and right != right), where
-
-
 def strict(text: bytes):
     def refuse(word):
         raise AssertionError(f"{word} is no JSON")
@@ -54,7 +33,7 @@ def strict(text: bytes):
 # --- there and back ---------------------------------------------------------------------------------------------------
 
 
-def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, reconstruction):
+def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, reconstruction, assert_same):
     people = tuple(
         replace(
             person,
@@ -71,7 +50,7 @@ def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, 
 
 
 @pytest.mark.parametrize("people", [0, 1, 2])
-def test_load_gives_back_what_save_took(tmp_path, make, people):
+def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
     before = make(people=people)
     save_reconstruction(before, tmp_path, preview=False)
     assert_same(before, load_reconstruction(tmp_path))
@@ -97,7 +76,7 @@ def test_a_result_of_before_trust_was_written_states_it_by_its_source(tmp_path, 
     assert load_reconstruction(tmp_path).intrinsics.trust == trust
 
 
-def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
+def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction, assert_same):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
     save_reconstruction(before, tmp_path, glb=False)
@@ -201,7 +180,7 @@ def test_files_beside_no_result_are_left_alone(tmp_path, make):
     assert (tmp_path / "person_7.glb").read_text() == "mine"
 
 
-def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch):
+def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, assert_same):
     before = make(people=1)
     save_reconstruction(before, tmp_path)
 
@@ -385,7 +364,7 @@ def test_a_document_that_was_edited_is_refused_until_it_is_marked(tmp_path, reco
 
 
 @pytest.mark.parametrize("mark", [False, True], ids=["unmarked", "marked"])
-def test_an_edited_document_is_replaced_with_overwrite_only(tmp_path, reconstruction, mark):
+def test_an_edited_document_is_replaced_with_overwrite_only(tmp_path, reconstruction, mark, assert_same):
     save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b"read from a file", b"my own words"))
@@ -397,7 +376,7 @@ def test_an_edited_document_is_replaced_with_overwrite_only(tmp_path, reconstruc
     assert_same(reconstruction, load_reconstruction(tmp_path))
 
 
-def test_a_result_without_checksum_is_as_version_2_wrote_it(tmp_path, reconstruction):
+def test_a_result_without_checksum_is_as_version_2_wrote_it(tmp_path, reconstruction, assert_same):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 
 import jsonschema
 import numpy as np
@@ -13,27 +13,6 @@ from physic_core import load_people, load_reconstruction, save_reconstruction
 from physic_core.errors import InputError
 from physic_core.io.results import save_people
 from physic_core.io.schema_file import result_schema_file
-
-
-def assert_same(left, right, where="cameras"):
-    """Equal to the last bit, dtypes and types included."""
-    assert type(left) is type(right), where
-    if is_dataclass(left):
-        for field in fields(left):
-            assert_same(getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}")
-    elif isinstance(left, np.ndarray):
-        assert left.dtype == right.dtype, where
-        np.testing.assert_array_equal(left, right, err_msg=where)
-    elif isinstance(left, tuple):
-        assert len(left) == len(right), where
-        for index, (one, other) in enumerate(zip(left, right, strict=True)):
-            assert_same(one, other, f"{where}[{index}]")
-    elif isinstance(left, dict):
-        assert list(left) == list(right), where
-        for key in left:
-            assert_same(left[key], right[key], f"{where}[{key!r}]")
-    else:
-        assert left == right, where
 
 
 def edited(folder, change):
@@ -46,7 +25,7 @@ def edited(folder, change):
 
 
 @pytest.mark.parametrize("compact", [False, True], ids=["exact", "compact"])
-def test_load_gives_back_all_photos(tmp_path, several_photos, compact):
+def test_load_gives_back_all_photos(tmp_path, several_photos, compact, assert_same):
     save_reconstruction(several_photos, tmp_path, preview=False, glb=False, compact=compact)
     assert_same(several_photos.cameras, load_reconstruction(tmp_path).cameras)
 
