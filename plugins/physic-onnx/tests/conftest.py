@@ -14,6 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from physic_core.types import Intrinsics
 from physic_onnx.sessions import Port
+from physic_testing import check_backend
 from physic_testing.worlds import World, world_of
 
 _ELEMENTS = {
@@ -222,3 +223,46 @@ def stand_in() -> Callable[[type, Callable[[Any], Iterable[StandInNetwork]]], ty
         return StandIn
 
     return make
+
+
+@pytest.fixture(scope="session")
+def loaded() -> Callable[..., Any]:
+    """``loaded(Adapter, path, **options)``: the adapter with this file."""
+
+    def load(kind: Any, path: str, **options: Any) -> Any:
+        backend = kind(kind.Options(weights=path, **options))
+        backend.load()
+        return backend
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def bound() -> Callable[..., Any]:
+    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in that ignores the photo."""
+
+    def bind(kind: Any, inputs: Ports, outputs: Ports, answer: Callable[..., Any], **options: Any) -> Any:
+        network = StandInNetwork(inputs, outputs, answer)
+        network.show(Shown(np.zeros((1, 1, 3), np.uint8), None, False))
+        backend = kind(kind.Options(**options))
+        backend.bind(network)
+        return backend
+
+    return bind
+
+
+@pytest.fixture(scope="session")
+def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, float]]:
+    """``accuracy_of(Adapter, inputs, outputs, answer)``: its errors in the kit, all of whose checks have to pass."""
+
+    def measure(kind: type, inputs: Ports, outputs: Ports, answer: Callable[..., Any]) -> Mapping[str, float]:
+        def attach(backend: Any) -> list[StandInNetwork]:
+            network = StandInNetwork(inputs, outputs, answer)
+            backend.bind(network)
+            return [network]
+
+        report = check_backend(stand_in(kind, attach))
+        report.raise_if_failed()
+        return report.accuracy
+
+    return measure

@@ -24,9 +24,8 @@ from physic_onnx.depth_anything import (
     preprocess,
 )
 from physic_onnx.depth_anything_files import has_sigmoid
-from physic_testing import check_backend
 
-from .depth_maps_of_worlds import at, ramp
+from .depth_maps_of_worlds import at, expect_picture, ramp
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")
@@ -109,23 +108,21 @@ class TestExports:
         np.testing.assert_allclose(answer.points[..., 2] * disparity, np.median(disparity), rtol=0.01)
         assert np.median(answer.points[..., 2]) == pytest.approx(1, rel=0.01)
 
-    def test_sky_has_no_point(self, contract_graph, stand_in_network):
+    def test_sky_has_no_point(self, bound):
         values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
         values[:100] = 0
-        network = stand_in_network(
+        backend = bound(
+            DepthAnythingRelative,
             {"pixel_values": ("float32", (1, 3, 518, 518))},
             {"predicted_depth": ("float32", (1, 518, 518))},
             lambda shown, fed: {"predicted_depth": values[None]},
         )
-        network.show("anything")
-        backend = DepthAnythingRelative()
-        backend.bind(network)
         answer = backend.infer(np.zeros((259, 259, 3), np.uint8), Hints())
         assert not answer.valid[:48].any()
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
 
-    def test_free_sizes_keep_the_aspect_in_multiples_of_14(self, contract_graph, stand_in_network):
+    def test_free_sizes_keep_the_aspect_in_multiples_of_14(self, stand_in_network):
         seen = []
         network = stand_in_network(
             {"pixel_values": ("float32", FREE)},
@@ -280,18 +277,16 @@ class TestVersion3:
             z = relative(path, answers=answers).infer(image, Hints()).points[..., 2]
             assert (spearmanr(z.ravel(), normalised(image).ravel()).statistic > 0) == wanted
 
-    def test_long_side_becomes_504(self, stand_in_network):
+    def test_long_side_becomes_504(self, bound):
         seen = []
-        network = stand_in_network(
+        backend = bound(
+            DepthAnythingRelative,
             {"pixel_values": ("float32", ("b", "n", 3, "h", "w"))},
             {"predicted_depth": ("float32", ("b", "n", "h", "w"))},
             lambda shown, fed: (
                 seen.append(fed["pixel_values"].shape) or {"predicted_depth": fed["pixel_values"][:, :, 0] + 3}
             ),
         )
-        network.show("anything")
-        backend = DepthAnythingRelative()
-        backend.bind(network)
         backend.infer(ramp(720, 1280), Hints())
         assert seen == [(1, 1, 3, 280, 504)]
 
@@ -341,27 +336,22 @@ class TestCamera:
         assert answer.notes == ("focal length is a default (field of view 60 degrees along the long side)",)
 
 
-def expect_picture(shown, fed: np.ndarray) -> None:
-    """The network is shown the photo, and not a mirrored or recoloured one."""
+def expect_normalised(shown, fed: np.ndarray) -> None:
     planes = fed.reshape(3, *fed.shape[-2:])
     seen = (planes * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
-    wanted = np.stack([at(shown.photo[..., c].astype(float), *fed.shape[-2:]) for c in range(3)])
-    # Smoothed, for the two resample in different ways.
-    blocks = [p[:, : p.shape[1] // 14 * 14, : p.shape[2] // 14 * 14] for p in (seen, wanted)]
-    seen, wanted = (p.reshape(3, p.shape[1] // 14, 14, p.shape[2] // 14, 14).mean((2, 4)) for p in blocks)
-    assert np.abs(seen - wanted).mean() < 4
+    expect_picture(shown.photo, seen, 4, smoothed=14)
 
 
 def true_metric(shown, fed):
     """Metres, at most 20."""
-    expect_picture(shown, fed["image"])
+    expect_normalised(shown, fed["image"])
     inverse = at(1 / shown.depth, *fed["image"].shape[-2:])
     return {"depth": np.minimum(1 / np.maximum(inverse, 1e-6), 20.0)[None]}
 
 
 def true_disparity(shown, fed):
     """Disparity of an unknown scale and shift, 0 in the sky."""
-    expect_picture(shown, fed["pixel_values"])
+    expect_normalised(shown, fed["pixel_values"])
     inverse = at(1 / shown.depth, *fed["pixel_values"].shape[-2:])
     return {"predicted_depth": np.where(inverse > 1e-6, 7 * inverse + 0.4, 0.0)[None]}
 
@@ -369,7 +359,7 @@ def true_disparity(shown, fed):
 def true_depth(shown, fed):
     """Depth up to a scale, with its camera at the network's picture."""
     rows, columns = fed["pixel_values"].shape[-2:]
-    expect_picture(shown, fed["pixel_values"])
+    expect_normalised(shown, fed["pixel_values"])
     inverse, camera = at(1 / shown.depth, rows, columns), shown.camera
     height, width = shown.photo.shape[:2]
     matrix = np.eye(3)
@@ -408,18 +398,9 @@ NETWORKS = {
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-def test_conformance(stand_in, stand_in_network, name):
-    kind, inputs, outputs, answer = NETWORKS[name]
-
-    def attach(backend):
-        network = stand_in_network(inputs, outputs, answer)
-        backend.bind(network)
-        return [network]
-
-    report = check_backend(stand_in(kind, attach))
-    report.raise_if_failed()
-    error = report.accuracy["abs-rel" if kind is DepthAnythingMetric else "abs-rel, aligned"]
-    assert error < 0.003, report.accuracy
+def test_conformance(name, accuracy_of):
+    accuracy = accuracy_of(*NETWORKS[name])
+    assert accuracy["abs-rel" if name == "metric" else "abs-rel, aligned"] < 0.003
 
 
 def _packaged() -> Path | None:

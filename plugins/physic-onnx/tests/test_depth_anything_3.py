@@ -7,10 +7,9 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
-from physic_onnx.depth_anything_3 import DepthAnything3, DepthAnything3Options, preprocess
-from physic_testing import check_backend
+from physic_onnx.depth_anything_3 import DepthAnything3, preprocess
 
-from .depth_maps_of_worlds import at, ramp
+from .depth_maps_of_worlds import at, expect_picture, ramp
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FORMS = {
@@ -49,12 +48,6 @@ def contract_graph(graph, node, tmp_path):
     return build
 
 
-def loaded(path: str, **options) -> DepthAnything3:
-    backend = DepthAnything3(DepthAnything3Options(weights=path, **options))
-    backend.load()
-    return backend
-
-
 def raw_depth(image: np.ndarray, channel: int = 0) -> np.ndarray:
     return (image[..., channel] / 255 - IMAGENET_MEAN[channel]) / IMAGENET_STD[channel] + 4
 
@@ -66,21 +59,22 @@ def hints(focal: float, width: int, height: int) -> Hints:
 class TestContract:
     @pytest.mark.parametrize("form", FORMS)
     @pytest.mark.parametrize("channel", [0, 1])
-    def test_metres_are_depth_times_the_seen_focal_length_over_300(self, contract_graph, form, channel):
+    def test_metres_are_depth_times_the_seen_focal_length_over_300(self, contract_graph, form, channel, loaded):
         """Trap: the focal length of the picture that the network sees, the mean of both axes, and not the photo's."""
         image = ramp(252, 252, 0)
-        answer = loaded(contract_graph(form, channel=channel)).infer(image, hints(210.0, 252, 252))
+        answer = loaded(DepthAnything3, contract_graph(form, channel=channel)).infer(image, hints(210.0, 252, 252))
         rows, columns = FORMS[form][0][-2:] if form != "free" else (504, 504)
         focal = 210.0 * (rows / 252 + columns / 252) / 2
         np.testing.assert_allclose(answer.depth, raw_depth(image, channel) * focal / 300, rtol=0.02)
         assert answer.intrinsics.fx == 210.0
 
-    def test_other_names_of_the_ports_are_accepted(self, contract_graph):
-        loaded(contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
+    def test_other_names_of_the_ports_are_accepted(self, contract_graph, loaded):
+        loaded(DepthAnything3, contract_graph(takes="pixel_values", gives=("predicted_depth", "sky")))
 
-    def test_free_size_has_its_long_side_at_504(self, stand_in_network):
+    def test_free_size_has_its_long_side_at_504(self, bound):
         seen = []
-        network = stand_in_network(
+        backend = bound(
+            DepthAnything3,
             {"image": ("float32", FORMS["free"][0])},
             {"depth": ("float32", FORMS["free"][1]), "sky": ("float32", FORMS["free"][1])},
             lambda shown, fed: (
@@ -88,46 +82,43 @@ class TestContract:
                 or {"depth": fed["image"][:, 0] + 4, "sky": np.zeros_like(fed["image"][:, 0])}
             ),
         )
-        network.show("anything")
-        backend = DepthAnything3()
-        backend.bind(network)
         backend.infer(ramp(1080, 1920, 0), hints(1500.0, 1920, 1080))
         backend.infer(ramp(640, 480, 0), hints(500.0, 480, 640))
         assert seen == [(1, 3, 280, 504), (1, 3, 504, 378)]
 
-    def test_sky_is_where_the_score_is_high_and_has_no_depth(self, contract_graph):
+    def test_sky_is_where_the_score_is_high_and_has_no_depth(self, contract_graph, loaded):
         """Trap: from 0.3 on it is sky, though a reader of these files holds the opposite."""
         image = ramp(252, 252, 0)
         # Blue in ImageNet's normalisation: 0.29 and 0.31.
         low, high = ((s * IMAGENET_STD[2] + IMAGENET_MEAN[2]) * 255 for s in (0.25, 0.35))
         image[:120, :, 2], image[120:, :, 2] = round(high), round(low)
-        depth = loaded(contract_graph()).infer(image, hints(210.0, 252, 252)).depth
+        depth = loaded(DepthAnything3, contract_graph()).infer(image, hints(210.0, 252, 252)).depth
         assert np.isnan(depth[:118]).all()
         assert np.isfinite(depth[122:]).all()
 
-    def test_far_away_is_not_known(self, contract_graph):
+    def test_far_away_is_not_known(self, contract_graph, loaded):
         image = ramp(252, 252, 0)
-        depth = loaded(contract_graph(), farthest=6.0).infer(image, hints(210.0, 252, 252)).depth
+        depth = loaded(DepthAnything3, contract_graph(), farthest=6.0).infer(image, hints(210.0, 252, 252)).depth
         assert np.isfinite(depth).any()
         assert np.nanmax(depth) <= 6.0
         assert np.isnan(depth[:, -20:]).all()
 
-    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph):
+    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph, loaded):
         with pytest.raises(BackendError) as refusal:
-            loaded(contract_graph()).infer(ramp(252, 252, 0), Hints())
+            loaded(DepthAnything3, contract_graph()).infer(ramp(252, 252, 0), Hints())
         assert str(refusal.value) == (
             "Depth Anything 3 metric gives metres only for a known focal length, and none is known: "
             "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
         )
 
-    def test_a_note_says_that_the_photo_was_squashed(self, contract_graph):
-        answer = loaded(contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
+    def test_a_note_says_that_the_photo_was_squashed(self, contract_graph, loaded):
+        answer = loaded(DepthAnything3, contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
         assert answer.notes == (
             "model.onnx sees 504 x 280 px only, so that the photo is squashed by a factor 2.4; "
             "a file of free size would see it as it is",
         )
 
-    def test_file_without_a_sky_is_refused(self, graph, node, tmp_path):
+    def test_file_without_a_sky_is_refused(self, graph, node, tmp_path, loaded):
         """Trap: the relative files have the same names, and no sky."""
         path = graph(
             tmp_path / "da3-base.onnx",
@@ -136,13 +127,13 @@ class TestContract:
             [node("ReduceMax", ["image"], ["depth"], axes=[1], keepdims=0)],
         )
         with pytest.raises(BackendError) as refusal:
-            loaded(str(path))
+            loaded(DepthAnything3, str(path))
         assert "but there is no output 'sky'" in str(refusal.value)
         assert "found:\n  inputs:  image float32 (b, 3, 504, 504)" in str(refusal.value)
 
-    def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph):
+    def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph, loaded):
         with pytest.raises(BackendError, match="returns relative depth: use it as relative_pointmap"):
-            loaded(contract_graph(name="da3mono_l_504x378.onnx"))
+            loaded(DepthAnything3, contract_graph(name="da3mono_l_504x378.onnx"))
 
 
 @pytest.mark.parametrize(("size", "how"), [((1000, 800), "area"), ((200, 160), "bicubic")])
@@ -160,9 +151,7 @@ def perfect(shown, fed):
     picture = fed["image"]
     rows, columns = picture.shape[-2:]
     seen = (picture.reshape(3, rows, columns) * IMAGENET_STD[:, None, None] + IMAGENET_MEAN[:, None, None]) * 255
-    photo = np.stack([at(shown.photo[..., c].astype(float), rows, columns) for c in range(3)])
-    blocks = [p.reshape(3, rows // 14, 14, columns // 14, 14).mean((2, 4)) for p in (seen, photo)]
-    assert np.abs(blocks[0] - blocks[1]).mean() < 4, "not the photo"
+    expect_picture(shown.photo, seen, 4, smoothed=14)
     height, width = shown.photo.shape[:2]
     focal = shown.camera.fx * 0.5 * (columns / width + rows / height)
     inverse = at(1 / shown.depth, rows, columns)
@@ -172,15 +161,8 @@ def perfect(shown, fed):
 
 
 @pytest.mark.parametrize("form", ["504 x 504", "504 x 280", "free"])
-def test_conformance(stand_in, stand_in_network, form):
+def test_conformance(form, accuracy_of):
     shape = FORMS[form][0]
     returned = ("float32", (1, 1, *shape[-2:]))
-
-    def attach(backend):
-        network = stand_in_network({"image": ("float32", shape)}, {"depth": returned, "sky": returned}, perfect)
-        backend.bind(network)
-        return [network]
-
-    report = check_backend(stand_in(DepthAnything3, attach))
-    report.raise_if_failed()
-    assert report.accuracy["abs-rel"] < 0.003, report.accuracy
+    outputs = {"depth": returned, "sky": returned}
+    assert accuracy_of(DepthAnything3, {"image": ("float32", shape)}, outputs, perfect)["abs-rel"] < 0.003

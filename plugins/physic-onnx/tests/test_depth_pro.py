@@ -9,10 +9,9 @@ import pytest
 
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import CameraTrust, Hints, Intrinsics
-from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, DepthProOptions, preprocess
-from physic_testing import check_backend
+from physic_onnx.depth_pro import INVERSE, METRES, DepthPro, preprocess
 
-from .depth_maps_of_worlds import at, ramp
+from .depth_maps_of_worlds import at, expect_picture, ramp
 
 SIDE = 1536
 PICTURE_IN = {"pixel_values": ("float32", ("batch_size", 3, SIDE, SIDE))}
@@ -42,22 +41,16 @@ def contract_graph(graph, node, tmp_path):
     return build
 
 
-def loaded(path: str, **options) -> DepthPro:
-    backend = DepthPro(DepthProOptions(weights=path, **options))
-    backend.load()
-    return backend
-
-
 def graph_value(image: np.ndarray, channel: int = 0) -> np.ndarray:
     """What the contract graph makes of a channel, at the photo's size."""
     return (image[..., channel] / 127.5 - 1) * 2 + 3
 
 
 class TestContract:
-    def test_export_of_the_torch_class_answers_canonical_inverse_depth(self, contract_graph):
+    def test_export_of_the_torch_class_answers_canonical_inverse_depth(self, contract_graph, loaded):
         """Trap: metres are focal / (width * raw), focal from the horizontal angle in degrees over the photo's width."""
         image = ramp(96, 128)
-        backend = loaded(contract_graph("field_of_view", 60.0, ("batch_size",)))
+        backend = loaded(DepthPro, contract_graph("field_of_view", 60.0, ("batch_size",)))
         assert backend.loaded().signature == INVERSE
         answer = backend.infer(image, Hints())
         focal = 0.5 * 128 / math.tan(math.radians(30))
@@ -65,20 +58,20 @@ class TestContract:
         np.testing.assert_allclose(answer.depth, focal / (128 * graph_value(image)), rtol=0.01)
 
     @pytest.mark.parametrize("shape", [("batch_size",), ("batch_size", 1)])
-    def test_focal_length_is_in_px_of_the_wide_square(self, contract_graph, shape):
+    def test_focal_length_is_in_px_of_the_wide_square(self, contract_graph, shape, loaded):
         """Trap: 1200 px of 1536 are 100 px of a photo 128 px wide; the output has one axis or two."""
-        backend = loaded(contract_graph(shape=shape))
+        backend = loaded(DepthPro, contract_graph(shape=shape))
         assert backend.loaded().signature == METRES
         camera = backend.infer(ramp(96, 128), Hints()).intrinsics
         assert (camera.fx, camera.fy) == (pytest.approx(100.0), pytest.approx(100.0))
         assert (camera.cx, camera.cy, camera.width, camera.height) == (63.5, 47.5, 128, 96)
 
     @pytest.mark.parametrize("second", ["focallength_px", "field_of_view"])
-    def test_known_focal_length_scales_the_depth(self, contract_graph, second):
+    def test_known_focal_length_scales_the_depth(self, contract_graph, second, loaded):
         """Trap: it cannot be fed. Depth is proportional to it, in both forms."""
         image = ramp(96, 128)
         number = 1200.0 if second == "focallength_px" else math.degrees(2 * math.atan(0.64))
-        backend = loaded(contract_graph(second, number))
+        backend = loaded(DepthPro, contract_graph(second, number))
         own = backend.infer(image, Hints())
         assert own.intrinsics.fx == pytest.approx(100.0)
         known = Intrinsics.from_focal(150.0, 128, 96, "EXIF")
@@ -88,28 +81,26 @@ class TestContract:
         assert scaled.notes == ("DepthPro took the focal length for 100 px; its depth is scaled to 150 px",)
         assert own.notes == ("focal length 100 px from DepthPro",)
 
-    def test_the_networks_camera_replaces_a_default_one(self, contract_graph):
+    def test_the_networks_camera_replaces_a_default_one(self, contract_graph, loaded):
         guess = Intrinsics.from_focal(300.0, 128, 96, "0.95 x the long side", CameraTrust.GUESSED)
-        assert loaded(contract_graph()).infer(ramp(96, 128), Hints(intrinsics=guess)).intrinsics.source == "DepthPro"
+        assert (
+            loaded(DepthPro, contract_graph()).infer(ramp(96, 128), Hints(intrinsics=guess)).intrinsics.source
+            == "DepthPro"
+        )
 
-    def test_known_camera_may_be_of_another_size(self, contract_graph):
-        backend = loaded(contract_graph())
+    def test_known_camera_may_be_of_another_size(self, contract_graph, loaded):
+        backend = loaded(DepthPro, contract_graph())
         small, large = (Intrinsics.from_focal(f, w, h) for f, w, h in ((150.0, 128, 96), (300.0, 256, 192)))
         first, second = (backend.infer(ramp(96, 128), Hints(intrinsics=camera)).depth for camera in (small, large))
         np.testing.assert_allclose(first, second)
 
-    def test_sky_is_not_known(self, stand_in_network):
+    def test_sky_is_not_known(self, bound):
         """Trap: both forms clip inverse depth at 1e-4, so that the sky lies at 10 km."""
         depth = np.full((1, SIDE, SIDE), 5.0)
         depth[:, : SIDE // 2] = 1e4
-        network = stand_in_network(
-            PICTURE_IN,
-            {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))},
-            lambda shown, fed: {"predicted_depth": depth, "focallength_px": [[1500.0]]},
-        )
-        network.show("anything")
-        backend = DepthPro()
-        backend.bind(network)
+        outputs = {"predicted_depth": DEPTH_OUT, "focallength_px": ("float32", (1, 1))}
+        answer = {"predicted_depth": depth, "focallength_px": [[1500.0]]}
+        backend = bound(DepthPro, PICTURE_IN, outputs, lambda shown, fed: answer)
         answer = backend.infer(ramp(96, 128), Hints())
         assert np.isnan(answer.depth[:46]).all()
         np.testing.assert_allclose(answer.depth[50:], 5.0, rtol=1e-5)
@@ -121,11 +112,11 @@ class TestContract:
             ("field_of_view", 200.0, "a field of view of 200 degrees: less than 180 was expected"),
         ],
     )
-    def test_impossible_camera_is_refused(self, contract_graph, second, number, words):
+    def test_impossible_camera_is_refused(self, contract_graph, second, number, words, loaded):
         with pytest.raises(BackendError, match=words):
-            loaded(contract_graph(second, number)).infer(ramp(96, 128), Hints())
+            loaded(DepthPro, contract_graph(second, number)).infer(ramp(96, 128), Hints())
 
-    def test_file_without_a_focal_length_is_refused(self, graph, node, tmp_path):
+    def test_file_without_a_focal_length_is_refused(self, graph, node, tmp_path, loaded):
         """Trap: without the second output nobody could tell depth from inverse depth."""
         path = graph(
             tmp_path / "old.onnx",
@@ -134,7 +125,7 @@ class TestContract:
             [node("ReduceMax", ["pixel_values"], ["predicted_depth"], axes=[1], keepdims=0)],
         )
         with pytest.raises(BackendError) as refusal:
-            loaded(str(path))
+            loaded(DepthPro, str(path))
         assert str(refusal.value) == (
             "old.onnx is not a network that this backend can run:\n"
             "expected of metres and focal length in px:\n"
@@ -180,16 +171,9 @@ class TestPreparing:
         np.testing.assert_allclose(fed, wanted.numpy(), atol=1e-6)
 
 
-def expect_picture(shown, fed: np.ndarray) -> None:
-    """The network is shown the photo, and not a mirrored or recoloured one."""
-    seen = (fed[0].transpose(1, 2, 0) + 1) * 127.5
-    wanted = np.stack([at(shown.photo[..., c].astype(float), SIDE, SIDE) for c in range(3)], -1)
-    assert np.abs(seen - wanted).mean() < 1.5
-
-
 def perfect(shown, feed):
     """Truth, for a focal length that it takes 20 % too short."""
-    expect_picture(shown, feed["pixel_values"])
+    expect_picture(shown.photo, (feed["pixel_values"][0] + 1) * 127.5, 1.5)
     focal = 0.8 * shown.camera.fx
     inverse = at(1 / shown.depth, SIDE, SIDE)
     return focal, 0.8 / np.clip(inverse, 1e-4, 1e4)
@@ -208,15 +192,7 @@ def answer_inverse(shown, feed):
 
 
 @pytest.mark.parametrize("form", ["metres", "inverse"])
-def test_conformance(stand_in, stand_in_network, form):
+def test_conformance(form, accuracy_of):
     second = {"metres": {"focallength_px": ("float32", (1, 1))}, "inverse": {"field_of_view": ("float32", (1,))}}[form]
     answer = {"metres": answer_metres, "inverse": answer_inverse}[form]
-
-    def attach(backend):
-        network = stand_in_network(PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)
-        backend.bind(network)
-        return [network]
-
-    report = check_backend(stand_in(DepthPro, attach))
-    report.raise_if_failed()
-    assert report.accuracy["abs-rel"] < 0.003, report.accuracy
+    assert accuracy_of(DepthPro, PICTURE_IN, {"predicted_depth": DEPTH_OUT, **second}, answer)["abs-rel"] < 0.003

@@ -8,9 +8,8 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.metric3d import PADDING, Metric3d, Metric3dOptions, preprocess
-from physic_testing import check_backend
 
-from .depth_maps_of_worlds import at, ramp
+from .depth_maps_of_worlds import at, expect_picture, ramp
 
 ROWS, COLUMNS = 616, 1064
 FORMS = {
@@ -43,12 +42,6 @@ def contract_graph(graph, node, tmp_path):
     return build
 
 
-def loaded(path: str, **options) -> Metric3d:
-    backend = Metric3d(Metric3dOptions(weights=path, **options))
-    backend.load()
-    return backend
-
-
 def hints(focal: float, width: int, height: int) -> Hints:
     return Hints(intrinsics=Intrinsics.from_focal(focal, width, height))
 
@@ -56,39 +49,39 @@ def hints(focal: float, width: int, height: int) -> Hints:
 class TestContract:
     @pytest.mark.parametrize("form", FORMS)
     @pytest.mark.parametrize("channel", [0, 1])
-    def test_is_fed_0_to_255_and_answers_for_a_focal_length_of_1000(self, contract_graph, form, channel):
+    def test_is_fed_0_to_255_and_answers_for_a_focal_length_of_1000(self, contract_graph, form, channel, loaded):
         """Traps: not normalised; metres are depth * focal of the canvas / 1000; the file's names and its batch vary."""
         image = ramp(308, 532)
-        answer = loaded(contract_graph(form, channel)).infer(image, hints(500.0, 532, 308))
+        answer = loaded(Metric3d, contract_graph(form, channel)).infer(image, hints(500.0, 532, 308))
         np.testing.assert_allclose(answer.depth, image[..., channel] / 10 * (500 * 2 / 1000), rtol=0.03)
         assert answer.intrinsics.fx == 500.0
 
-    def test_normals_are_left_alone(self, contract_graph):
-        loaded(contract_graph(normals=True)).infer(ramp(308, 532), hints(500.0, 532, 308))
+    def test_normals_are_left_alone(self, contract_graph, loaded):
+        loaded(Metric3d, contract_graph(normals=True)).infer(ramp(308, 532), hints(500.0, 532, 308))
 
-    def test_canvas_of_a_free_file_can_be_chosen(self, contract_graph, stand_in_network):
+    def test_canvas_of_a_free_file_can_be_chosen(self, bound):
         seen = []
-        network = stand_in_network(
+        backend = bound(
+            Metric3d,
             {"pixel_values": ("float32", FORMS["published"][2])},
             {"pred_depth": ("float32", FORMS["published"][3])},
             lambda shown, fed: seen.append(fed["pixel_values"].shape) or {"pred_depth": fed["pixel_values"][:, 0]},
+            height=1064,
+            width=616,
         )
-        network.show("anything")
-        backend = Metric3d(Metric3dOptions(height=1064, width=616))
-        backend.bind(network)
         backend.infer(ramp(400, 300), hints(500.0, 300, 400))
         assert seen == [(1, 3, 1064, 616)]
         with pytest.raises(ValueError, match="multiple of 28"):
             Metric3dOptions(height=600)
 
-    def test_far_away_is_not_known(self, contract_graph):
-        depth = loaded(contract_graph(), farthest=15.0).infer(ramp(308, 532), hints(500.0, 532, 308)).depth
+    def test_far_away_is_not_known(self, contract_graph, loaded):
+        depth = loaded(Metric3d, contract_graph(), farthest=15.0).infer(ramp(308, 532), hints(500.0, 532, 308)).depth
         assert np.isnan(depth[:, -50:]).all()
         assert np.nanmax(depth) <= 15.0
 
-    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph):
+    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph, loaded):
         with pytest.raises(BackendError) as refusal:
-            loaded(contract_graph()).infer(ramp(308, 532), Hints())
+            loaded(Metric3d, contract_graph()).infer(ramp(308, 532), Hints())
         assert str(refusal.value) == (
             "Metric3D gives metres only for a known focal length, and none is known: "
             "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
@@ -120,9 +113,7 @@ def perfect(shown, fed):
     scale = min(picture.shape[1] / height, picture.shape[2] / width)
     rows, columns = round(height * scale), round(width * scale)
     top, left = (picture.shape[1] - rows) // 2, (picture.shape[2] - columns) // 2
-    inner = picture[:, top : top + rows, left : left + columns]
-    photo = np.stack([at(shown.photo[..., c].astype(float), rows, columns) for c in range(3)])
-    assert np.abs(inner - photo).mean() < 2, "not the photo, or not where it should lie"
+    expect_picture(shown.photo, picture[:, top : top + rows, left : left + columns], 2)
     depth = np.full(picture.shape[1:], 0.1)
     inverse = np.maximum(at(1 / shown.depth, rows, columns), 1 / 250)
     depth[top : top + rows, left : left + columns] = 1 / inverse * 1000 / (shown.camera.fx * scale)
@@ -130,18 +121,12 @@ def perfect(shown, fed):
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_conformance(stand_in, stand_in_network, form):
+def test_conformance(form, accuracy_of):
     takes, gives, shape, map_shape = FORMS[form]
 
     def answer(shown, fed):
         depth = perfect(shown, fed)
         return {gives: depth.reshape((1,) * (len(map_shape) - 2) + depth.shape)}
 
-    def attach(backend):
-        network = stand_in_network({takes: ("float32", shape)}, {gives: ("float32", map_shape)}, answer)
-        backend.bind(network)
-        return [network]
-
-    report = check_backend(stand_in(Metric3d, attach))
-    report.raise_if_failed()
-    assert report.accuracy["abs-rel"] < 0.003, report.accuracy
+    accuracy = accuracy_of(Metric3d, {takes: ("float32", shape)}, {gives: ("float32", map_shape)}, answer)
+    assert accuracy["abs-rel"] < 0.003
