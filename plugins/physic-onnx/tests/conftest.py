@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -266,3 +267,44 @@ def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, flo
         return report.accuracy
 
     return measure
+
+
+@pytest.fixture(scope="session")
+def tiny_classes(module_at: Callable[[str], Any]) -> Any:
+    """The module whose functions make the classes of transformers, small and random."""
+    pytest.importorskip("transformers")
+    return module_at("plugins/physic-transformers/tests/conftest.py")
+
+
+@pytest.fixture
+def exported(tmp_path: Path) -> Callable[..., str]:
+    """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model, *inputs)``.
+
+    ``inputs`` are name -> example and names of its free axes, ``outputs`` name -> names of its free axes.
+    """
+    torch = pytest.importorskip("torch")
+
+    def export(model: Any, answer: Callable[..., Any], inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> str:
+        class Graph(torch.nn.Module):  # type: ignore[name-defined, misc]
+            def __init__(self) -> None:
+                super().__init__()
+                self.model = model
+
+            def forward(self, *values: Any) -> Any:
+                return answer(self.model, *values)
+
+        with torch.no_grad(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            torch.onnx.export(
+                Graph().eval(),
+                tuple(example for example, _ in inputs.values()),
+                str(tmp_path / "model.onnx"),
+                input_names=list(inputs),
+                output_names=list(outputs),
+                dynamic_axes={name: free for name, (_, free) in inputs.items()} | dict(outputs),
+                opset_version=17,
+                dynamo=False,
+            )
+        return str(tmp_path / "model.onnx")
+
+    return export

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from importlib import resources
 from pathlib import Path
 
@@ -449,75 +448,25 @@ class TestRealNetwork:
             metric(str(_packaged()))
 
 
-class TestRealClass:
-    """The class of transformers with small random weights, exported as the published files were."""
+def test_metres_are_those_of_the_class_of_transformers(tiny_classes, exported):
+    import torch
 
-    SIDES = (70, 98)
-
-    @pytest.fixture
-    def exported(self, tmp_path):
-        torch, transformers = pytest.importorskip("torch"), pytest.importorskip("transformers")
-
-        class Plain(torch.nn.Module):
-            def __init__(self, model) -> None:
-                super().__init__()
-                self.model = model
-
-            def forward(self, pixel_values):
-                return self.model(pixel_values=pixel_values).predicted_depth
-
-        def build(kind: str):
-            torch.manual_seed(0)
-            backbone = transformers.Dinov2Config(
-                hidden_size=32,
-                num_hidden_layers=4,
-                num_attention_heads=2,
-                intermediate_size=64,
-                image_size=70,
-                patch_size=14,
-                out_features=["stage1", "stage2", "stage3", "stage4"],
-                reshape_hidden_states=False,
-            )
-            config = transformers.DepthAnythingConfig(
-                backbone_config=backbone,
-                patch_size=14,
-                reassemble_hidden_size=32,
-                neck_hidden_sizes=[8, 16, 24, 32],
-                fusion_hidden_size=16,
-                head_hidden_size=8,
-                depth_estimation_type=kind,
-                max_depth=20 if kind == "metric" else 1,
-            )
-            model = Plain(transformers.DepthAnythingForDepthEstimation(config)).eval()
-            with torch.no_grad():
-                for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
-                    parameter.normal_(0.0, 0.15)
-            path = tmp_path / f"{kind}.onnx"
-            free = {0: "batch_size", 2: "height", 3: "width"}
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                torch.onnx.export(
-                    model,
-                    (torch.zeros(1, 3, *self.SIDES),),
-                    str(path),
-                    input_names=["pixel_values"],
-                    output_names=["predicted_depth"],
-                    dynamic_axes={"pixel_values": free, "predicted_depth": {0: "batch_size", 1: "height", 2: "width"}},
-                    opset_version=17,
-                    dynamo=False,
-                )
-            return path, model
-
-        return build
-
-    def test_metres_are_those_of_the_library(self, exported):
-        import torch
-
-        path, model = exported("metric")
-        image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
-        with torch.no_grad():
-            own = model(torch.from_numpy(preprocess(image, *self.SIDES)))
-            own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
-        assert np.ptp(own) > 0.1
-        answer = metric(str(path), side=70).infer(image, Hints())
-        np.testing.assert_allclose(answer.depth, own, rtol=1e-3)
+    sides = (70, 98)
+    torch.manual_seed(0)
+    model = tiny_classes.depth_anything("metric").eval()
+    for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
+        torch.nn.init.normal_(parameter, 0.0, 0.15)
+    free, map_free = {0: "batch_size", 2: "height", 3: "width"}, {0: "batch_size", 1: "height", 2: "width"}
+    path = exported(
+        model,
+        lambda model, pixels: model(pixel_values=pixels).predicted_depth,
+        {"pixel_values": (torch.zeros(1, 3, *sides), free)},
+        {"predicted_depth": map_free},
+    )
+    image = np.random.default_rng(0).integers(0, 256, (140, 196, 3), dtype=np.uint8)
+    with torch.no_grad():
+        own = model(torch.from_numpy(preprocess(image, *sides))).predicted_depth
+        own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[0, 0].numpy()
+    assert np.ptp(own) > 0.1
+    answer = metric(path, side=70).infer(image, Hints())
+    np.testing.assert_allclose(answer.depth, own, rtol=1e-3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,48 +18,20 @@ transformers = pytest.importorskip("transformers")
 
 
 @pytest.fixture(params=[False, True], ids=["plain", "plus"])
-def network(request: Any, tmp_path: Path) -> tuple[Any, Path, bool]:
+def network(request: Any, tiny_classes: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool]:
     import torch
-    from transformers import VitPoseBackboneConfig, VitPoseConfig, VitPoseForPoseEstimation
 
-    plus = request.param
     torch.manual_seed(0)
-    backbone = VitPoseBackboneConfig(
-        image_size=[256, 192],
-        hidden_size=32,
-        num_hidden_layers=2,
-        num_attention_heads=2,
-        num_experts=3 if plus else 1,
-        part_features=8 if plus else 0,
-        out_indices=[2],
-    )
-    config = VitPoseConfig(backbone_config=backbone, num_labels=17)
-    model = VitPoseForPoseEstimation(config).eval()
-    names = ["pixel_values", "dataset_index"] if plus else ["pixel_values"]
-    example = (torch.rand(2, 3, 256, 192), torch.zeros(2, dtype=torch.int64))[: len(names)]
+    model = tiny_classes.vitpose(experts=3 if request.param else 1).eval()
+    free = {0: "batch"}
+    inputs = {"pixel_values": (torch.rand(2, 3, 256, 192), free)}
+    if request.param:
+        inputs["dataset_index"] = (torch.zeros(2, dtype=torch.int64), free)
 
-    class Graph(torch.nn.Module):
-        def __init__(self) -> None:
-            super().__init__()
-            self.model = model
+    def heat_maps(model: Any, *values: Any) -> Any:
+        return model(**dict(zip(inputs, values, strict=True))).heatmaps
 
-        def forward(self, *inputs: Any) -> Any:
-            return self.model(**dict(zip(names, inputs, strict=True))).heatmaps
-
-    path = tmp_path / "model.onnx"
-    with torch.no_grad(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            Graph().eval(),
-            example,
-            str(path),
-            input_names=names,
-            output_names=["heatmaps"],
-            dynamic_axes={name: {0: "batch"} for name in (*names, "heatmaps")},
-            opset_version=17,
-            dynamo=False,
-        )
-    return model, path, plus
+    return model, Path(exported(model, heat_maps, inputs, {"heatmaps": free})), request.param
 
 
 def test_the_exported_class_answers_as_transformers_own_pipeline(network: tuple[Any, Path, bool]) -> None:
