@@ -96,7 +96,6 @@ def mannequin(x: float, z: float, turn_deg: float = 180.0) -> tuple[np.ndarray, 
     def limb(start, end, radius):
         shape = trimesh.creation.capsule(height=1.0, radius=radius, count=[8, 8])
         length = np.linalg.norm(np.subtract(end, start))
-        length = np.linalg.norm(np.subtract(end, start))
         shape.vertices[:, 2] += length / 2 + np.sign(shape.vertices[:, 2]) * (length - 1) / 2
         turn = trimesh.geometry.align_vectors([0, 0, 1], np.subtract(end, start))
         turn[:3, 3] = start

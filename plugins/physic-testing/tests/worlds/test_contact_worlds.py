@@ -6,17 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import roma
-import torch
 import trimesh
 from scipy.spatial import KDTree
 
-from physic_core.engine.distances import hinge_angles
 from physic_testing.worlds import CONTACT_DISTANCE, World, build_world
-from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
 from physic_testing.worlds.contact_fit import largest_penetration
-from physic_testing.worlds.skin_patches import contact_skin
-from physic_testing.worlds.solo_actions import draw_person
 
 from .float64_model import float64_model
 
@@ -51,20 +45,6 @@ def _apart(surface: trimesh.Trimesh, points: FloatArray) -> FloatArray:
     closest = trimesh.triangles.closest_point(triangles, np.repeat(points, count, axis=0))
     distance: FloatArray = np.linalg.norm(closest.reshape(-1, count, 3) - points[:, None], axis=2).min(axis=1)
     return distance
-
-
-@pytest.mark.parametrize("name", list(CONTACT_ACTIONS))
-def test_plans_bend_joints_only_as_joints_bend(name: str) -> None:
-    for seed in range(4):
-        rng = np.random.default_rng(seed)
-        plan = CONTACT_ACTIONS[name](draw_person(float64_model(), rng), rng)
-        assert plan.action == name
-        hinges = hinge_angles(roma.rotvec_to_rotmat(torch.as_tensor(plan.pose)[None]))
-        assert hinges.min() > -0.05, seed
-        assert hinges.max() < 2.75, seed
-        patches = contact_skin(float64_model()).patches
-        assert all(touch.patch in patches and (not touch.target or touch.target in patches) for touch in plan.touches)
-        assert all(i < len(plan.blocks) for touch in plan.touches for i in touch.blocks or ())
 
 
 def test_people_penetrate_neither_scene_nor_each_other(world: World) -> None:

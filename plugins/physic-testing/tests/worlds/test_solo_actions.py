@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ import torch
 
 from physic_core.engine.distances import hinge_angles
 from physic_testing.worlds.action_scenes import ActionScene, draw_action
+from physic_testing.worlds.contact_actions import CONTACT_ACTIONS
 from physic_testing.worlds.contact_fit import pose_body
 from physic_testing.worlds.furniture import move_blocks
 from physic_testing.worlds.pose_builder import PoseBuilder
@@ -20,9 +20,6 @@ from physic_testing.worlds.solids import LEVEL_GROUND, signed_distance
 from physic_testing.worlds.solo_actions import SOLO_ACTIONS, draw_person, move_plan
 
 from .float64_model import float64_model
-
-if TYPE_CHECKING:
-    pass
 
 pytestmark = pytest.mark.kernels
 
@@ -48,18 +45,20 @@ def test_people_touch_and_enter_nothing(name: str) -> None:
         assert hinges.max() < 2.8
 
 
-@pytest.mark.parametrize("name", list(SOLO_ACTIONS))
+@pytest.mark.parametrize("name", [*SOLO_ACTIONS, *CONTACT_ACTIONS])
 def test_plans_bend_joints_only_as_joints_bend(name: str) -> None:
+    draw, widest = (SOLO_ACTIONS[name], 2.7) if name in SOLO_ACTIONS else (CONTACT_ACTIONS[name], 2.75)
+    patches = contact_skin(float64_model()).patches
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        plan = SOLO_ACTIONS[name](draw_person(float64_model(), rng), rng)
+        plan = draw(draw_person(float64_model(), rng), rng)
         assert plan.action == name
         assert np.isfinite(plan.pose).all()
         hinges = hinge_angles(roma.rotvec_to_rotmat(torch.as_tensor(plan.pose)[None]))
         assert hinges.min() > -0.05, seed
-        assert hinges.max() < 2.7, seed
+        assert hinges.max() < widest, seed
         assert 0.05 < plan.pelvis[1] < 1.6
-        assert all(touch.patch in contact_skin(float64_model()).patches for touch in plan.touches)
+        assert all(touch.patch in patches and (not touch.target or touch.target in patches) for touch in plan.touches)
         assert all(i < len(plan.blocks) for touch in plan.touches for i in touch.blocks or ())
 
 
