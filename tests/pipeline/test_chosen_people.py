@@ -15,7 +15,7 @@ from physic_core.interfaces import SegmenterRequest
 from physic_core.pipeline.chosen_people import person_at_point, select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -89,11 +89,6 @@ def test_two_prompts_on_one_person_are_refused(people: People) -> None:
         "point 1 (70, 20) and point 2 (72, 40) hit the same person: give one prompt for each person, or a box or mask "
         "where people overlap"
     )
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 class Prompted(backends.MockSegmenter):

@@ -21,17 +21,12 @@ from physic_core.types import (
     Reconstruction,
 )
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 WRONG = "{} 'wrong' (registered by hand), stage '{}'"
 FILE = "tests/pipeline/test_failures_of_backends.py"
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 def run(world: World, interface: str, base: type, change: Callable[[Any], Any]) -> Reconstruction:

@@ -27,7 +27,7 @@ from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_source
 from physic_core.types import CheckResult, DepthMap, People
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -52,11 +52,6 @@ class CountedDepth(backends.MockMetricDepth):
 def events(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     monkeypatch.setattr(CountedDepth, "events", Counter())
     return CountedDepth.events
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 @pytest.fixture(scope="module")

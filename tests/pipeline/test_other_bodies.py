@@ -33,7 +33,7 @@ from physic_core.types import (
 )
 from physic_mock import backends
 from physic_testing import violations
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 FACES = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
 CLASSES = (Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh)
@@ -107,11 +107,6 @@ def test_cache_entries_without_the_new_fields_are_read() -> None:
 
 
 # ---- in the pipeline -------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruction:

@@ -14,7 +14,7 @@ from physic_mock.recognition import match_people, recognise_world
 from physic_testing.bench.consistency import consistency
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import world_keypoints
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 SIDES = ("left", "right")
 BLENDS = {
@@ -42,11 +42,6 @@ class MarkerDetector(MockKeypointDetector):
         points, visible = world_keypoints(found.world, MARKERS)
         rows = match_people(found, people)
         return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 def test_truth_follows_the_skeletons_own_places(world: World) -> None:

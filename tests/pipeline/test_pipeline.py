@@ -23,14 +23,9 @@ from physic_core.pipeline.estimate import feet_pixels
 from physic_core.pipeline.run import _with_camera
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 def with_backend(kind: type, interface: str) -> Registry:

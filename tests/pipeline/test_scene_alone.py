@@ -14,16 +14,11 @@ from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import UnposedPerson
 from physic_mock import backends
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 MOCK = ["run.cache=false", "metric_depth.options.noise=0", "relative_pointmap.options.noise=0"]
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 def registry_with(interface: str, kind: type) -> Registry:

@@ -12,14 +12,9 @@ from physic_core.pipeline.estimate import feet_pixels
 from physic_core.types import SKELETONS, Keypoints, skeleton_named
 from physic_testing.bench.consistency import consistency
 from physic_testing.conformance.true_keypoints import world_keypoints
-from physic_testing.worlds import World, build_world
+from physic_testing.worlds import World
 
 SETS = [name for name in SKELETONS if "hand21" not in name]
-
-
-@pytest.fixture(scope="module")
-def world() -> World:
-    return build_world("stand", 0, (160, 120))
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])
