@@ -222,7 +222,7 @@ def score_moment(
     own = cameras[used[found.reference]]
     joint, single, scales = [], [], []
     for person in found.people:
-        if person.row is None or not person.solved:
+        if not person.solved:
             continue
         fact = nearest_truth(person.joints, own, truth)
         if fact is None:

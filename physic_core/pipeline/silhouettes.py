@@ -101,7 +101,7 @@ def _compare(i: int, depth: Tensor, photo: PhotoEvidence) -> dict[str, float | N
         seen = seen & ~(photo.scene_depth < depth - _IN_FRONT_M)
     return {
         "mask_covered_share": _share(mask & _grown(body, _CLOTHES * size), mask),
-        "body_in_mask_share": _share(seen & _grown(mask, _RIM * size), seen),
+        "body_in_mask_share": _share(seen & _grown(mask, _RIM * size), seen & mask.any()),
         "low_depth_ratio": None if photo.photo_depth is None else _low_depth_ratio(depth, mask, photo.photo_depth),
     }
 

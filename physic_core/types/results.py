@@ -64,7 +64,7 @@ class Person(ShortRepr):
     Attributes:
         box: (4,) px, x0 y0 x1 y1.
         score: in [0, 1].
-        mask: (H, W) bool.
+        mask: (H, W) bool; empty, with a box of zeros, if only other photos of ``Reconstruction.cameras`` show them.
         keypoints: (J, 2) px.
         keypoint_confidence: (J,).
         parameters: a batch of one.

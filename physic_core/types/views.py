@@ -75,7 +75,7 @@ class CameraView(ShortRepr):
         """
         import numpy as np
 
-        people = {index: Detection.of(person) for index, person in enumerate(result.people)}
+        people = {index: Detection.of(person) for index, person in enumerate(result.people) if person.mask.any()}
         return cls(photo, result.image, result.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, people)
 
     @property

@@ -234,8 +234,8 @@ class JointResult(ShortRepr):
 
 
 def people_with_valid_start(problem: JointProblem) -> Tensor:
-    """Return which people (B,) bool have finite start parameters and start in front of the camera."""
-    fine = problem.transl0[:, 2] > 0
+    """Return which people (B,) bool have finite start parameters, and start in front of the camera that shows them."""
+    fine = (problem.transl0[:, 2] > 0) | ~problem.masks.flatten(1).any(1)
     for name in ("rotations0", "betas0", "transl0"):
         fine = fine & torch.isfinite(getattr(problem, name)).flatten(1).all(1)
     return fine

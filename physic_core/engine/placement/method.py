@@ -194,6 +194,10 @@ class PlacementMethod(PlacementSettings):
         """Return the final x (4,)."""
         return fit.x
 
+    def is_placed(self, person: PlacementProblem) -> bool:
+        """Return whether the place of the body is known without the photo."""
+        return False
+
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
         """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") place."""
         terms: dict[str, Term] = {}

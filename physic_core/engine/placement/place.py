@@ -191,6 +191,8 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
     fit, by_keypoints = Fit(start, torch.zeros(len(person.vertices), dtype=torch.bool)), start
     if not bool(torch.isfinite(person.vertices).all()):
         problem: str | None = "the body has non-finite vertices: its translation was not changed"
+    elif method.is_placed(person) and not bool(person.mask.any()):
+        problem = None
     else:
         problem = None
         if len(person.keypoints) >= FEWEST_KEYPOINTS:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,11 +38,6 @@ class MeanBodies:
     betas: Tensor
     transl: Tensor
     joints: FloatArray
-
-    def scaled(self, factor: float) -> MeanBodies:
-        """Return a copy with the distances of the pelvises from the reference camera multiplied; sizes stay."""
-        away = (factor - 1) * self.joints[:, :1]
-        return replace(self, transl=self.transl + torch.from_numpy(away[:, 0]), joints=self.joints + away)
 
     def parameters(self, rows: Sequence[int], model: BodyModel) -> BodyParameters:
         """Return the parameters of some people."""

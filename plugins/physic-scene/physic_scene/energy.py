@@ -50,7 +50,7 @@ class KeypointSettings:
 
 @dataclass(frozen=True, eq=False)
 class OtherViews(ShortRepr):
-    """What the photos alone say of N people of the reference photo, and of the floor.
+    """What the photos alone say of N people, and of the floor.
 
     Attributes:
         vertex: (n, 3) metres, first vertex of each body whose place several photos show; it names the body.
@@ -103,11 +103,13 @@ class ViewsPlacement(PlacementMethod):
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), without a translation for people of known place."""
+        return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]]) if self.is_placed(person) else fit.x
+
+    def is_placed(self, person: PlacementProblem) -> bool:
+        """Return whether other photos show the place of the body."""
         assert self.views is not None
         away = torch.linalg.vector_norm(self.views.vertex - person.vertices[0], dim=1)
-        if not bool((away < _SAME_M).any()):
-            return super().finish(person, fit)
-        return torch.cat([torch.zeros_like(fit.x[:3]), fit.x[3:]])
+        return bool((away < _SAME_M).any())
 
 
 @dataclass(frozen=True)

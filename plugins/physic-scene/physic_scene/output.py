@@ -13,7 +13,7 @@ from physic_core.files.atomic import atomic_write
 from physic_core.files.strict_json import to_json
 
 if TYPE_CHECKING:
-    from physic_scene.types import ScenePerson, SceneResult
+    from physic_scene.types import SceneResult
 
 __all__ = ["MOMENT_FILE", "moment_document", "save_scene"]
 
@@ -56,7 +56,6 @@ def moment_document(scene: SceneResult) -> dict[str, Any]:
             "row": person.row,
             "moved": person.moved,
             "elsewhere": list(person.elsewhere),
-            **({} if person.row is not None else _body(person)),
         }
         for person in scene.people
     ]
@@ -72,9 +71,3 @@ def moment_document(scene: SceneResult) -> dict[str, Any]:
         digits=7,
     )
     return document
-
-
-def _body(person: ScenePerson) -> dict[str, Any]:
-    """Return the body of a person whom the reference photo does not show."""
-    parameters = {name: value[0] for name, value in vars(person.parameters).items()}
-    return {"joints_m": person.joints, "parameters": parameters}

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -26,17 +26,22 @@ from physic_core.types import (
     Keypoints,
     PeoplePrompt,
 )
+from physic_core.types.per_person import select_people
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.energy import KeypointSettings, OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from physic_core import Config
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
+    from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.cameras import SolvedScene
-    from physic_scene.observations import PhotoPeople
+    from physic_scene.people import PersonOfScene
+    from physic_scene.selection import Photo
 
 __all__ = ["ReferenceInput", "scene_scales", "solve_reference", "solved_camera"]
 
@@ -54,7 +59,9 @@ class ReferenceInput(ShortRepr):
     Attributes:
         result: of the photo alone.
         camera: solved.
-        bodies: of all people of the photo.
+        bodies: of everybody in the result: the people of the photo, then those whom only other photos show.
+        shown: (N,) bool, whether the photo shows this body.
+        scores: (N,) of the best detection of each person.
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
         alone: what all photos alone say of their contact, and of the floor.
@@ -63,30 +70,82 @@ class ReferenceInput(ShortRepr):
     result: Reconstruction
     camera: Intrinsics
     bodies: Bodies
+    shown: BoolArray
+    scores: FloatArray
     depth: DepthMap
     views: tuple[View, ...]
     alone: OtherViews
 
     @classmethod
-    def of(cls, solved: SolvedScene, model: BodyModel) -> ReferenceInput:
-        """Return the input of the engine from the solved cameras and bodies."""
+    def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
+        """Return the input of the engine from the solved cameras and everybody in the result."""
         v = solved.reference
-        photo, camera = solved.chosen.photos[v], solved_camera(solved, v)
-        result, people = photo.result, photo.people
-        rows = {people.rows[row]: p for p, row in enumerate(solved.rows[:, v]) if row >= 0}
-        parameters = _joined_parameters(result, solved, rows, model)
+        photos, camera = solved.chosen.photos, solved_camera(solved, v)
+        result = photos[v].result
         scale = scene_scales(solved)[v]
         depth = np.where(result.scene.valid, scale * result.scene.points[..., 2], np.nan).astype(np.float32)
-        number = {person: row for row, person in enumerate(people.rows)}
-        observed = _observed(_keypoints(people, number, len(result.people)), result.image.shape[:2])
         sigma = float(np.hypot(_STATURE_SIGMA / np.sqrt(len(solved.rows)), _OTHER_SIGMA))
+        parts = [person.parameters for person in people]
+        parameters = BodyParameters(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+        )
+        shown = np.array([v in person.shown for person in people])
+        observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
+        for i in np.flatnonzero(~shown).tolist():
+            # The joints of a person whom other photos show are those that these photos show.
+            observed[i] = np.any(
+                [
+                    _observed(_keypoints(people, photos, w), photos[w].result.image.shape[:2])[i]
+                    for w in people[i].shown
+                ],
+                axis=0,
+            )
         return cls(
             result=result,
             camera=camera,
             bodies=Bodies(parameters, model.name, observed),
-            depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(solved.chosen.photos)} photos",)),
-            views=_views(solved, rows),
-            alone=_alone(solved, rows, parameters, model),
+            shown=shown,
+            scores=np.array(
+                [max(photos[w].result.people[row].score for w, row in person.shown.items()) for person in people]
+            ),
+            depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
+            views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
+            alone=_alone(solved, people, parameters, model),
+        )
+
+    def complete(self, estimates: Estimates) -> Estimates:
+        """Return the estimates of the photo with the other photos, and with people whom only these show."""
+        estimates = replace(estimates, views=self.views)
+        if self.shown.all():
+            return estimates
+        before, own = len(estimates.people), self.shown[: len(estimates.people)]
+        people, keypoints, missing = estimates.people, estimates.keypoints, estimates.missing_results
+
+        def padded(array: NDArray[Any]) -> NDArray[Any]:
+            """Return an array with a row for each person, 0 for people who are not in the photo."""
+            added = np.zeros((len(self.shown), *array.shape[1:]), array.dtype)
+            added[:before][own] = array[own]
+            return added
+
+        bodies = {
+            name: np.concatenate([value, getattr(self.bodies.parameters, name)[before:].astype(value.dtype)])
+            for name, value in vars(estimates.bodies.parameters).items()
+        }
+        return replace(
+            estimates,
+            people=replace(
+                people,
+                masks=padded(people.masks),
+                boxes=padded(people.boxes),
+                scores=np.where(self.shown, padded(people.scores), self.scores).astype(people.scores.dtype),
+                keypoints=None,
+            ),
+            keypoints=replace(
+                keypoints, points=padded(keypoints.points), confidence=padded(keypoints.confidence), world=None
+            ),
+            bodies=replace(estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed),
+            contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
+            missing_results=(*missing, *[()] * (len(self.shown) - before)),
         )
 
 
@@ -113,7 +172,8 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
     """
     # The photos alone have said who is a child.
     plain = config.model_copy(update={"photo": type(config.photo)(child_share=0)})
-    backends = {"body_estimator": SolvedBodies.of(given.bodies), "metric_depth": SolvedDepth.of(given.depth)}
+    own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
+    backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(given.depth)}
     plan = resolve(plain, discover(), backends)
     own = _PlanWithViews(
         backends=plan.backends,
@@ -127,7 +187,7 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
     if config.photo.person or config.photo.box or config.photo.masks:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
-        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, views=given.views)
+        found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
     return replace(found, photo=given.result.photo, lens=given.result.lens)
 
 
@@ -157,32 +217,25 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
     return factors
 
 
-def _joined_parameters(
-    result: Reconstruction, solved: SolvedScene, rows: Mapping[int, int], model: BodyModel
-) -> BodyParameters:
-    """Return the parameters of all people of the reference photo: solved ones, and others as in the photo alone."""
-    parts = [
-        solved.bodies.parameters([rows[i]], model) if i in rows else person.parameters
-        for i, person in enumerate(result.people)
-    ]
-    return BodyParameters(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+def _contact(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> tuple[FloatArray, FloatArray]:
+    """Return the summed probability of contact (N, V) of the photos alone that show a person, and their number.
 
-
-def _contact(solved: SolvedScene, rows: Mapping[int, int], model: BodyModel) -> tuple[FloatArray, FloatArray]:
-    """Return the summed probability of contact (N, V) of the photos alone that show a solved person, and their number.
-
-    Both are 0 for a person of the reference photo alone, and where a photo alone has no probabilities.
+    Both are 0 for a person whom the reference photo alone shows, and where a photo alone has no probabilities.
     """
     photos = solved.chosen.photos
-    people = len(photos[solved.reference].result.people)
-    total, count = np.zeros((people, model.num_vertices)), np.zeros(people)
-    for i, p in rows.items():
-        for photo, row in zip(photos, solved.rows[p], strict=True):
-            probability = photo.result.people[photo.people.rows[row]].contact_probability if row >= 0 else None
+    total, count = np.zeros((len(people), model.num_vertices)), np.zeros(len(people))
+    for i, person in enumerate(people):
+        for v, row in person.shown.items() if _is_placed(person, solved) else ():
+            probability = photos[v].result.people[row].contact_probability
             if probability is not None:
                 total[i] += probability
                 count[i] += 1
     return total, count
+
+
+def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
+    """Return whether the place of a person is that of other photos than the reference alone."""
+    return set(person.shown) != {solved.reference}
 
 
 def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
@@ -244,37 +297,39 @@ def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, fl
     return turned / length, float((tilt[2] - middle @ turned) / length)
 
 
-def _views(solved: SolvedScene, rows: Mapping[int, int]) -> tuple[View, ...]:
-    """Return what each other photo shows of the N people of the reference photo, of whom some are solved."""
-    photos, found = solved.chosen.photos, []
-    for v, photo in enumerate(photos):
-        if v != solved.reference:
-            own = {i: int(solved.rows[p, v]) for i, p in rows.items() if solved.rows[p, v] >= 0}
-            keypoints = _keypoints(photo.people, own, len(photos[solved.reference].result.people))
-            masks = np.zeros((len(keypoints.points), *photo.result.image.shape[:2]), bool)
-            for i, row in own.items():
-                masks[i] = photo.result.people[photo.people.rows[row]].mask
-            rotation, translation, K, points, confidence = (
-                torch.from_numpy(np.asarray(x, np.float64))
-                for x in (
-                    solved.bundle.rotation[v],
-                    solved.bundle.translation[v],
-                    solved_camera(solved, v).matrix,
-                    keypoints.points,
-                    keypoints.confidence,
-                )
-            )
-            observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
-            found.append(View(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed))
-    return tuple(found)
+def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> View:
+    """Return what another photo shows of everybody in the result."""
+    photos = solved.chosen.photos
+    keypoints = _keypoints(people, photos, view)
+    result = photos[view].result
+    masks = np.zeros((len(people), *result.image.shape[:2]), bool)
+    for i, person in enumerate(people):
+        if view in person.shown:
+            masks[i] = result.people[person.shown[view]].mask
+    rotation, translation, K, points, confidence = (
+        torch.from_numpy(np.asarray(x, np.float64))
+        for x in (
+            solved.bundle.rotation[view],
+            solved.bundle.translation[view],
+            solved_camera(solved, view).matrix,
+            keypoints.points,
+            keypoints.confidence,
+        )
+    )
+    observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
+    return View(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed)
 
 
-def _keypoints(people: PhotoPeople, own: Mapping[int, int], count: int) -> Keypoints:
-    """Return the keypoints of ``count`` people, of whom a photo shows those with a row: person -> row."""
-    points, confidence = np.zeros((count, len(people.skeleton), 2)), np.zeros((count, len(people.skeleton)))
-    for i, row in own.items():
-        points[i], confidence[i] = people.points[row], people.confidence[row]
-    return Keypoints(points, confidence, people.skeleton)
+def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[Photo], view: int) -> Keypoints:
+    """Return the keypoints of everybody in the result in one photo; 0 for people whom it does not show."""
+    own, count = photos[view].people, len(everybody)
+    points, confidence = np.zeros((count, len(own.skeleton), 2)), np.zeros((count, len(own.skeleton)))
+    row_of = {index: row for row, index in enumerate(own.rows)}
+    for i, person in enumerate(everybody):
+        row = row_of.get(person.shown.get(view, -1))
+        if row is not None:
+            points[i], confidence[i] = own.points[row], own.confidence[row]
+    return Keypoints(points, confidence, own.skeleton)
 
 
 def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
@@ -283,11 +338,13 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 
 
-def _alone(solved: SolvedScene, rows: Mapping[int, int], parameters: BodyParameters, model: BodyModel) -> OtherViews:
-    """Return what all photos alone say of the N people of the reference photo, and of the floor."""
-    contact, count = _contact(solved, rows, model)
+def _alone(
+    solved: SolvedScene, people: Sequence[PersonOfScene], parameters: BodyParameters, model: BodyModel
+) -> OtherViews:
+    """Return what all photos alone say of everybody in the result, and of the floor."""
+    contact, count = _contact(solved, people, model)
     floors = _floors(solved, model)
-    own = parameters[np.array(sorted(rows), np.int64)]
+    own = parameters[np.array([_is_placed(person, solved) for person in people])]
     with torch.inference_mode():
         rotations = rotations_from_parameters(own, dtype=torch.float64)
         betas, transl = (torch.from_numpy(x).double() for x in (own.betas, own.transl))

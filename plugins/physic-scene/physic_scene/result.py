@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from physic_core import with_cameras
 from physic_core.types import CameraView, Detection
@@ -14,29 +14,31 @@ from physic_scene.reference import scene_scales, solved_camera
 from physic_scene.types import CameraPose, ScenePerson, SceneResult
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
     from physic_scene.cameras import SolvedScene
+    from physic_scene.people import PersonOfScene
+    from physic_scene.selection import Photo
 
 __all__ = ["assemble"]
 
 _POINTS = 60_000  # of the scene of each photo
 
 
-def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyModel) -> SceneResult:
+def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruction: Reconstruction) -> SceneResult:
     """Return the result.
 
     Args:
         solved: cameras and people.
-        reconstruction: of the reference photo.
-        model: body model, float64.
+        everybody: the people of the reconstruction.
+        reconstruction: in the frame of the reference photo.
     """
     factor = reconstruction.scene.scale  # of the joint solution, which cameras and scene share
-    solved = replace(solved, bundle=solved.bundle.scaled(factor), bodies=solved.bodies.scaled(factor))
+    scales = scene_scales(solved) * factor
+    solved = replace(solved, bundle=solved.bundle.scaled(factor))
     photos, v = solved.chosen.photos, solved.reference
-    cameras = tuple(_cameras(solved))
-    people = _people(solved, reconstruction, model)
-    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, people, photos[v].index))
+    cameras = tuple(_cameras(solved, everybody, scales))
+    people = _people(photos, everybody, reconstruction)
+    reconstruction = with_cameras(reconstruction, _views(reconstruction, cameras, everybody, solved))
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
     moved = [_move(one, names) for one in people if one.moved]
@@ -73,7 +75,7 @@ def assemble(solved: SolvedScene, reconstruction: Reconstruction, model: BodyMod
 
 def _move(person: ScenePerson, names: dict[int, str]) -> str:
     """Return a sentence about a person who moved; names are those of the photos."""
-    who = "another person" if person.row is None else f"person {person.row}"
+    who = f"person {person.row}"
     views = ", ".join(names[view] for view in person.views)
     if person.elsewhere:
         others = ", ".join(names[view] for view in person.elsewhere)
@@ -81,12 +83,15 @@ def _move(person: ScenePerson, names: dict[int, str]) -> str:
     return f"{who} moved between the photos ({views}), and is as one of them shows"
 
 
-def _cameras(solved: SolvedScene) -> list[CameraPose]:
-    """Return the camera of each photo."""
-    scales, found = scene_scales(solved), []
-    every = np.concatenate([solved.rows, solved.moved])
+def _cameras(solved: SolvedScene, everybody: Sequence[PersonOfScene], scales: FloatArray) -> list[CameraPose]:
+    """Return the camera of each photo, with the factors (V,) on the scenes of the photos alone."""
+    found = []
     for v, photo in enumerate(solved.chosen.photos):
-        person = {photo.people.rows[row]: p for p, row in enumerate(every[:, v]) if row >= 0}
+        person = {
+            rows[v]: one.number
+            for one in everybody
+            if v in (rows := one.shown if one.solved else {**one.elsewhere, **one.shown})
+        }
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
         sigma, own = solved.sigmas[v], v == solved.reference
         found.append(
@@ -109,19 +114,18 @@ def _cameras(solved: SolvedScene) -> list[CameraPose]:
 
 
 def _views(
-    reconstruction: Reconstruction, cameras: tuple[CameraPose, ...], people: tuple[ScenePerson, ...], reference: int
+    reconstruction: Reconstruction,
+    cameras: tuple[CameraPose, ...],
+    everybody: Sequence[PersonOfScene],
+    solved: SolvedScene,
 ) -> list[CameraView]:
     """Return the cameras of the result, the reference first."""
     found: list[CameraView] = []
-    for camera in cameras:
-        if camera.index == reference:
+    for v, camera in enumerate(cameras):
+        if v == solved.reference:
             found.insert(0, CameraView.of_reference(reconstruction, camera.photo))
             continue
-        shown = {}
-        for p, person in zip(camera.people, camera.result.people, strict=True):
-            row = None if p is None or not people[p].solved else people[p].row
-            if row is not None:
-                shown[row] = Detection.of(person)
+        people = camera.result.people
         found.append(
             CameraView(
                 photo=camera.photo,
@@ -131,45 +135,32 @@ def _views(
                 translation=np.asarray(camera.translation, np.float64),
                 rotation_sigma=float(np.radians(camera.rotation_sigma_deg)),
                 position_sigma=float(camera.position_sigma_m),
-                people=dict(sorted(shown.items())),
+                people={i: Detection.of(people[one.shown[v]]) for i, one in enumerate(everybody) if v in one.shown},
             )
         )
     return found
 
 
-def _people(solved: SolvedScene, reconstruction: Reconstruction, model: BodyModel) -> tuple[ScenePerson, ...]:
-    """Return the people whom at least two photos show."""
-    photos, v = solved.chosen.photos, solved.reference
+def _people(
+    photos: Sequence[Photo], everybody: Sequence[PersonOfScene], reconstruction: Reconstruction
+) -> tuple[ScenePerson, ...]:
+    """Return all people but those whom the reference photo alone shows."""
+    numbered = [(one, row) for row, one in enumerate(everybody) if one.number is not None]
     found = []
-    with torch.inference_mode():
-        body = model(solved.bodies.rotations, solved.bodies.betas, solved.bodies.transl)
-    vertices = body.vertices.float().numpy()
-    for p, row in enumerate(np.concatenate([solved.rows, solved.moved])):
-        shown = tuple(photos[w].index for w in np.flatnonzero(row >= 0))
-        unsolved = p >= len(solved.rows)
-        other = () if unsolved else tuple(photos[w].index for w in np.flatnonzero(solved.elsewhere[p] >= 0))
-        moved = unsolved or bool(other)
-        if row[v] >= 0:
-            own = photos[v].people.rows[row[v]]
-            person = reconstruction.people[own]
-            found.append(ScenePerson(shown, own, moved, person.parameters, person.vertices, person.joints, other))
-        elif not unsolved:
-            joints, parameters = solved.bodies.joints[p].astype(np.float32), solved.bodies.parameters([p], model)
-            found.append(ScenePerson(shown, None, moved, parameters, vertices[p], joints, other))
-        else:
-            w = int(np.flatnonzero(row >= 0)[0])
-            person = photos[w].result.people[photos[w].people.rows[row[w]]]
-            pose = solved.bundle.pose(w)
-            found.append(
-                ScenePerson(
-                    shown,
-                    None,
-                    True,
-                    person.parameters,
-                    pose.to_common(person.vertices).astype(np.float32),
-                    pose.to_common(person.joints).astype(np.float32),
-                )
+    for one, row in sorted(numbered, key=lambda pair: pair[0].number or 0):
+        views = one.shown if one.solved else {**one.elsewhere, **one.shown}
+        person = reconstruction.people[row]
+        found.append(
+            ScenePerson(
+                views=tuple(photos[v].index for v in sorted(views)),
+                row=row,
+                moved=bool(one.elsewhere),
+                parameters=person.parameters,
+                vertices=person.vertices,
+                joints=person.joints,
+                elsewhere=tuple(photos[v].index for v in sorted(one.elsewhere)) if one.solved else (),
             )
+        )
     return tuple(found)
 
 

@@ -17,6 +17,7 @@ from physic_scene.cameras import FitLimits, solve_cameras
 from physic_scene.energy import KeypointSettings
 from physic_scene.matching import MatchingSettings
 from physic_scene.observations import observe
+from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
 from physic_scene.selection import Photo, select_photos
@@ -168,9 +169,10 @@ class Scene:
         step("cameras", 1, 3)
         solved = solve_cameras(chosen, statures, model, self._settings)
         step("one solution", 2, 3)
-        given = ReferenceInput.of(solved, model)
+        people = people_of_scene(solved, model)
+        given = ReferenceInput.of(solved, people, model)
         reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
-        return assemble(solved, reconstruction, model)
+        return assemble(solved, people, reconstruction)
 
 
 def reconstruct_scene(

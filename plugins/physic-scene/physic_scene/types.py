@@ -80,7 +80,7 @@ class ScenePerson(ShortRepr):
 
     Attributes:
         views: index of the photos that show the person, as they were given.
-        row: index in ``SceneResult.reconstruction.people``; None for a person whom the reference photo does not show.
+        row: index in ``SceneResult.reconstruction.people``.
         moved: whether the photos show the person in different poses or places. If no photos agree, the body is that of
             the reference photo alone, or of the first photo that shows the person.
         parameters: body, a batch of one.
@@ -90,7 +90,7 @@ class ScenePerson(ShortRepr):
     """
 
     views: tuple[int, ...]
-    row: int | None
+    row: int
     moved: bool
     parameters: BodyParameters
     vertices: FloatArray
@@ -111,7 +111,8 @@ class SceneResult(ShortRepr):
         reconstruction: people, scene and contact as the reference photo shows them, solved with all photos.
         reference: index of its photo, as it was given.
         cameras: of the photos in the solution, in the order in which they were given.
-        people: whom at least two photos show; ``row`` joins them to ``reconstruction.people``.
+        people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
+            ``reconstruction.people``.
         left_out: photos that are no part of the solution.
         points: (M, 3) float32 of the scenes of all photos, without people.
         colors: (M, 3) uint8 of the points.

@@ -1,0 +1,136 @@
+"""Everybody in the result: the people of the reference photo, then those whom only other photos show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from physic_core.body.parameters import parameters_from_rotations
+from physic_core.types.short_repr import ShortRepr
+from physic_scene.matching import look_cues, place_cues
+from physic_scene.measured import measured_errors
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.types import BodyParameters, FloatArray, IntArray
+    from physic_scene.cameras import SolvedScene
+    from physic_scene.selection import Photo
+
+__all__ = ["PersonOfScene", "people_of_scene"]
+
+
+@dataclass(frozen=True)
+class PersonOfScene(ShortRepr):
+    """One person of the result; photos are indices into ``ChosenPhotos.photos``.
+
+    Attributes:
+        number: in ``SceneResult.people``; None for a person whom the reference photo alone shows.
+        shown: photo -> index in its result, of the photos that show this body.
+        elsewhere: the same for photos that show the person in another place or pose.
+        solved: whether the body is that of several photos.
+        parameters: body before the joint solution, in the reference frame, metres; a batch of one.
+    """
+
+    number: int | None
+    shown: Mapping[int, int]
+    elsewhere: Mapping[int, int]
+    solved: bool
+    parameters: BodyParameters
+
+
+def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScene, ...]:
+    """Return the people in the order of the result.
+
+    Somebody whom one photo alone shows, and not the reference, is in the result if no other photo shows anybody like
+    them: without a match, they may be a person of another photo.
+    """
+    reference, photos = solved.reference, solved.chosen.photos
+    matched = [*_matched(solved, model), *_moved(solved, model)]
+    in_reference = {({**one.elsewhere, **one.shown}).get(reference): one for one in matched}
+    own = [
+        in_reference.get(i) or PersonOfScene(None, {reference: i}, {}, False, person.parameters)
+        for i, person in enumerate(photos[reference].result.people)
+    ]
+    others = [one for one in matched if reference not in {**one.elsewhere, **one.shown}]
+    return (*own, *others, *_of_one_photo(solved, len(matched), model))
+
+
+def _matched(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
+    """Yield the people whose body is that of several photos."""
+    photos = solved.chosen.photos
+    for p, (row, elsewhere) in enumerate(zip(solved.rows, solved.elsewhere, strict=True)):
+        parameters = solved.bodies.parameters([p], model)
+        yield PersonOfScene(p, _indices(row, photos), _indices(elsewhere, photos), True, parameters)
+
+
+def _moved(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
+    """Yield the people whose photos all differ, as the reference photo or else the first one shows them."""
+    photos = solved.chosen.photos
+    for number, row in enumerate(solved.moved, len(solved.rows)):
+        shown = np.flatnonzero(row >= 0)
+        view = solved.reference if row[solved.reference] >= 0 else int(shown[0])
+        chosen = np.arange(len(row)) == view
+        here, others = (_indices(np.where(own, row, -1), photos) for own in (chosen, ~chosen))
+        yield PersonOfScene(number, here, others, False, _parameters_alone(solved, view, int(row[view]), model))
+
+
+def _of_one_photo(solved: SolvedScene, first: int, model: BodyModel) -> Iterator[PersonOfScene]:
+    """Yield people whom one photo but the reference shows, who are unlike everybody else; numbers go on from first."""
+    photos, known = solved.chosen.photos, np.concatenate([solved.rows, solved.elsewhere, solved.moved])
+    accepted: list[tuple[int, int]] = []
+    for v, photo in enumerate(photos):
+        for row in sorted(set(range(len(photo.people))) - set(known[:, v].tolist())) if v != solved.reference else ():
+            if not any(_may_be_same(solved, known, (v, row), w, accepted) for w in range(len(photos)) if w != v):
+                parameters = _parameters_alone(solved, v, row, model)
+                yield PersonOfScene(first + len(accepted), {v: photo.people.rows[row]}, {}, False, parameters)
+                accepted.append((v, row))
+
+
+def _may_be_same(
+    solved: SolvedScene, known: IntArray, person: tuple[int, int], other: int, accepted: Sequence[tuple[int, int]]
+) -> bool:
+    """Return whether a person (photo, row) is likelier than not somebody of another photo, by looks and place.
+
+    Somebody whom both photos show is another person; of people whom the other photo alone shows, those of the reference
+    photo and accepted ones count, since the others are not in the result.
+    """
+    v, row = person
+    one, two = (solved.chosen.photos[view].people for view in (v, other))
+    in_both = known[(known[:, v] >= 0) & (known[:, other] >= 0), other]
+    in_result = set(range(len(two))) if other == solved.reference else {r for w, r in accepted if w == other}
+    candidates = [j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both]
+    llr = _same_llr(solved, v, other)[row, candidates] if len(one) and len(two) else np.zeros(0)
+    return bool((llr > 0).any())
+
+
+def _same_llr(solved: SolvedScene, one: int, two: int) -> FloatArray:
+    """Return the logarithm of the odds (N, M) that people of two photos are the same, with the solved cameras."""
+    first, second = (solved.chosen.photos[view].people for view in (one, two))
+    looks, turns = look_cues(first, second)
+    motion = solved.bundle.pose(two).after(solved.bundle.pose(one).inverse())
+    cues, tables = {**looks, **place_cues(first, second, motion, turns)}, measured_errors().cues
+    found: FloatArray = np.sum([tables[name](values) for name, values in cues.items()], axis=0)
+    return found
+
+
+def _indices(row: IntArray, photos: Sequence[Photo]) -> dict[int, int]:
+    """Return photo -> index in its result, from the row of a person (V,) in each photo."""
+    return {v: photos[v].people.rows[row[v]] for v in np.flatnonzero(row >= 0).tolist()}
+
+
+def _parameters_alone(solved: SolvedScene, view: int, row: int, model: BodyModel) -> BodyParameters:
+    """Return the body of a photo alone in the reference frame, at the distance of the solved focal length."""
+    people, pose = solved.chosen.photos[view].people, solved.bundle.pose(view)
+    if view == solved.reference:
+        return solved.chosen.photos[view].result.people[people.rows[row]].parameters
+    rotations = people.rotations[row : row + 1].copy()
+    rotations[:, 0] = pose.rotation.T @ rotations[:, 0]
+    turned, betas = torch.from_numpy(rotations), torch.from_numpy(people.betas[row : row + 1])
+    pelvis = pose.to_common(people.joints[row, 0] * [1, 1, np.exp(solved.bundle.log_focal[view])])
+    with torch.inference_mode():
+        transl = torch.from_numpy(pelvis) - model(turned, betas, betas.new_zeros(1, 3)).joints[:, 0]
+    return parameters_from_rotations(turned, betas, betas.new_zeros(1, model.num_expression), transl.clone())

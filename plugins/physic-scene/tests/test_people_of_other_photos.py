@@ -1,0 +1,67 @@
+"""People whom the reference photo does not show are in the result, with an empty mask there."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from physic_core import Pipeline, load_config, load_reconstruction
+from physic_core.interfaces import INTERFACES
+from physic_scene import Scene
+from physic_testing.worlds import build_world, view_names
+
+QUIET = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
+MISSED = {**QUIET, "segmenter": {"options": {"noise": 0.25, "noise_seed": 4, "missed_people": 0.9}}}
+"""Of the four people of the world, the photos show 0, 1, 3, then 0, 1, 2, then 1, 2, 3."""
+
+
+@pytest.fixture(scope="module")
+def found():
+    config = load_config(preset="mock", flags={"noise": MISSED})
+    worlds = [build_world(name, 3, (240, 180)) for name in view_names("group", 3)]
+    with Pipeline(config) as pipeline:
+        alone = [pipeline(world.image) for world in worlds]
+    with Scene(config) as scene:
+        return scene.join(alone, ["a.png", "b.png", "c.png"])
+
+
+def test_a_person_of_other_photos_is_in_the_result(found):
+    people = found.reconstruction.people
+    assert len(people) == 4
+    other = people[3]
+    assert not other.mask.any()
+    assert not other.box.any()
+    assert np.isfinite(other.vertices).all()
+    assert other.contact.any()
+    assert other.grade is not None
+    assert [person.row for person in found.people if person.views == (1, 2)] == [3]
+
+
+def test_cameras_show_the_people_of_their_photos(found):
+    cameras = {camera.photo: camera for camera in found.reconstruction.cameras}
+    assert 3 not in cameras["a.png"].people
+    for name in ("b.png", "c.png"):
+        camera = cameras[name]
+        pelvis = camera.to_camera(found.reconstruction.people[3].joints[:1]) @ camera.intrinsics.matrix.T
+        x, y = (pelvis[0, :2] / pelvis[0, 2]).round().astype(int)
+        assert camera.people[3].mask[max(0, y - 12) : y + 12, max(0, x - 12) : x + 12].any()
+
+
+def test_what_the_reference_does_not_show_is_not_measured(found):
+    own = {check.name: check for check in found.reconstruction.checks if check.person == 3}
+    assert not own["placed"].failed
+    assert own["optimised"].ok
+    for name in ("visible", "mask_covered", "body_in_mask", "limb_keypoints"):
+        assert own[name].value is None
+
+
+def test_the_person_is_saved_and_read(found, tmp_path):
+    found.save(str(tmp_path / "out"))
+    loaded = load_reconstruction(tmp_path / "out")
+    assert [sorted(camera.people) for camera in loaded.cameras] == [
+        sorted(camera.people) for camera in found.reconstruction.cameras
+    ]
+    document = json.loads((tmp_path / "out" / "moment.json").read_text())
+    assert sorted(person["row"] for person in document["people"]) == [0, 1, 2, 3]
