@@ -19,7 +19,8 @@ __all__ = ["minimize_newton"]
 
 _STEP_SIZE = 1e-5  # of an unknown, between the two gradients whose difference is a row of the Hessian
 _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
-_MAX_STEPS = 50
+_MAX_STEPS = 100
+_KEEP_HESSIAN = 0.3  # it serves again while each step is at most this share of the step before
 _ROUNDING = 1e-12  # share of the loss by which rounding may seem to raise it
 _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
     10.0,
@@ -31,38 +32,59 @@ _DAMPING_UP, _DAMPING_DOWN, _MIN_DAMPING = (
 def minimize_newton(problem: FitProblem, unknowns: Tensor) -> Tensor:
     """Minimise the loss of each person by Newton's method, from unknowns (N, W) near a minimum; no loss increases.
 
-    The Hessian is the difference of gradients, those of all unknowns in one batch. Where it is not positive, the
+    The Hessian is the difference of gradients, those of all unknowns in one batch. It costs as much as about ten steps
+    and is computed again only where the steps no longer shrink by it (Shamanskii 1967). Where it is not positive, the
     absolute values of its eigenvalues take its place (Dauphin et al. 2014, saddle-free Newton), damped as by Levenberg
     and Marquardt while a step does not lower the loss. People are independent and stop one by one.
     """
-    found = unknowns.clone()
-    active = torch.arange(len(found))
-    damping = found.new_zeros(len(found))
+    found, (count, width) = unknowns.clone(), unknowns.shape
+    loss, gradient = found.new_zeros(count), torch.zeros_like(found)
+    curvatures, axes = torch.zeros_like(found), found.new_zeros(count, width, width)
+    damping = found.new_zeros(count)
+    active = outdated = torch.arange(count)
     for _ in range(_MAX_STEPS):
-        here, part = found[active], problem.select(active)
-        loss, gradient, hessian = _derivatives(part, here)
-        values, vectors = torch.linalg.eigh(hessian)
-        along = (vectors.mT @ gradient[..., None])[..., 0] / (values.abs() + damping[:, None])
-        step = -(vectors @ along[..., None])[..., 0]
-        with torch.no_grad():
-            lower = part.loss(here + step) <= loss + _ROUNDING * loss.abs()
-        found[active] = torch.where(lower[:, None], here + step, here)
+        if len(outdated):
+            loss[outdated], gradient[outdated], hessian = _derivatives(problem.select(outdated), found[outdated])
+            curvatures[outdated], axes[outdated] = torch.linalg.eigh(hessian)
+        step = -_newton_step(gradient[active], curvatures[active], axes[active], damping[active])
+        there = found[active] + step
+        loss_there, gradient_there = _loss_and_gradient(problem.select(active), there)
+        lower = loss_there <= loss[active] + _ROUNDING * loss[active].abs()
+        moved = active[lower]
+        found[moved], loss[moved], gradient[moved] = there[lower], loss_there[lower], gradient_there[lower]
         less = torch.where(damping * _DAMPING_DOWN < _MIN_DAMPING, 0.0, damping * _DAMPING_DOWN)
-        damping = torch.where(lower, less, (damping * _DAMPING_UP).clamp(min=1.0))
-        moving = step.abs().amax(1) > _MIN_STEP
-        active, damping = active[moving], damping[moving]
+        damping[active] = torch.where(lower, less[active], (damping[active] * _DAMPING_UP).clamp(min=1.0))
+        following = _newton_step(gradient[active], curvatures[active], axes[active], damping[active])
+        length = step.abs().amax(1)
+        moving = length > _MIN_STEP
+        slow = following.abs().amax(1) > _KEEP_HESSIAN * length
+        active, outdated = active[moving], active[moving & lower & slow]
         if not len(active):
             break
     return found
+
+
+def _newton_step(gradient: Tensor, curvatures: Tensor, axes: Tensor, damping: Tensor) -> Tensor:
+    """Return the gradient (N, W) times the inverse of the damped Hessian, given by its eigenvalues and eigenvectors."""
+    along = (axes.mT @ gradient[..., None])[..., 0] / (curvatures.abs() + damping[:, None])
+    step: Tensor = (axes @ along[..., None])[..., 0]
+    return step
+
+
+def _loss_and_gradient(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor]:
+    """Return loss (N,) and gradient (N, W)."""
+    at = unknowns.detach().requires_grad_(True)
+    losses = problem.loss(at)
+    (gradient,) = torch.autograd.grad(losses.sum(), at)
+    return losses.detach(), gradient
 
 
 def _derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Return loss (N,), gradient (N, W) and Hessian (N, W, W)."""
     count, width = unknowns.shape
     moved = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)  # the first row is zero
-    at = (unknowns[:, None] + moved).flatten(0, 1).requires_grad_(True)
-    losses = problem.select(torch.arange(count).repeat_interleave(width + 1)).loss(at)
-    (gradients,) = torch.autograd.grad(losses.sum(), at)
+    at = (unknowns[:, None] + moved).flatten(0, 1)
+    losses, gradients = _loss_and_gradient(problem.select(torch.arange(count).repeat_interleave(width + 1)), at)
     gradients = gradients.view(count, width + 1, width)
     hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
-    return losses.detach().view(count, -1)[:, 0], gradients[:, 0], (hessian + hessian.mT) / 2
+    return losses.view(count, -1)[:, 0], gradients[:, 0], (hessian + hessian.mT) / 2
