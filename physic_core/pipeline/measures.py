@@ -45,7 +45,7 @@ _MOST = 0.9  # quantile of the ways of moved points
 def visible_share(
     vertices: Tensor, normals: Tensor, faces: Tensor, outer: Tensor, mask: Tensor, K: Tensor
 ) -> float | None:
-    """Compute the share of the camera-facing surface inside the person's mask; None without a surface or a mask.
+    """Compute the share of the camera-facing surface inside the person's mask; None without such a surface.
 
     Parts outside the frame or occluded by people or objects are not visible.
 
@@ -58,7 +58,7 @@ def visible_share(
         K: (3, 3) px.
     """
     area = vertex_areas(vertices, faces) * _camera_facing(vertices, normals, outer)
-    total = float(area.sum() * mask.any())
+    total = float(area.sum())
     return float((area * inside_mask(project(vertices, K), mask)).sum()) / total if total > 0 else None
 
 

@@ -53,7 +53,8 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
     for i, (body, normals, support) in enumerate(zip(result.vertices, outward, found.supports, strict=True)):
         if support is None:
             continue
-        distance = found.distance[i]
+        distance, mask = found.distance[i], problem.masks[i]
+        seen = visible_share(body, normals, model.faces, model.outer, mask, problem.K) if bool(mask.any()) else None
         measured[i] = {
             **_balance(support),
             **silhouettes[i],
@@ -62,7 +63,7 @@ def measure_people(problem: JointProblem, result: JointResult, found: ContactRes
             "depth_order_share": order[i],
             "clearance_m": clearance(body, distance, ground),
             "sole_height_m": sole_height(body, soles, ground),
-            "seen_share": visible_share(body, normals, model.faces, model.outer, problem.masks[i], problem.K),
+            "seen_share": seen,
             "support_gap_m": support_gap(body, result.joints[i], normals, may_carry[i], distance, ground),
         }
         if problem.human_depth is not None:
