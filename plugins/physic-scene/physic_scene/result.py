@@ -42,10 +42,13 @@ def assemble(solved: SolvedScene, everybody: Sequence[PersonOfScene], reconstruc
     points, colors = _merged_points(reconstruction, cameras, photos[v].index)
     names = {photo.index: photo.name for photo in photos}
     moved = [_move(one, names) for one in people if one.moved]
+    own = photos[v]
+    others = [_not_shown(one, own.name, names) for one in people if own.index not in (*one.views, *one.elsewhere)]
     shared = "1 person" if len(solved.rows) == 1 else f"{len(solved.rows)} people"
     notes = (
         f"cameras of {len(photos)} photos from {shared}; the frame is that of {photos[v].name}",
         *moved,
+        *others,
     )
     left_out = tuple(one.message for one in solved.chosen.left_out)
     return SceneResult(
@@ -81,6 +84,12 @@ def _move(person: ScenePerson, names: dict[int, str]) -> str:
         others = ", ".join(names[view] for view in person.elsewhere)
         return f"{who} moved: {others} shows them in another place or pose, and they are as in {views}"
     return f"{who} moved between the photos ({views}), and is as one of them shows"
+
+
+def _not_shown(person: ScenePerson, reference: str, names: dict[int, str]) -> str:
+    """Return a sentence about a person whom only other photos show; names are those of the photos."""
+    views = ", ".join(names[view] for view in person.views)
+    return f"person {person.row} is not in {reference}, but in {views}: checks of {reference} do not measure them"
 
 
 def _cameras(solved: SolvedScene, everybody: Sequence[PersonOfScene], scales: FloatArray) -> list[CameraPose]:

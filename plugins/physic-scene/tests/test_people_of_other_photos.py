@@ -37,6 +37,8 @@ def test_a_person_of_other_photos_is_in_the_result(found):
     assert other.contact.any()
     assert other.grade is not None
     assert [person.row for person in found.people if person.views == (1, 2)] == [3]
+    note = "person 3 is not in a.png, but in b.png, c.png: checks of a.png do not measure them"
+    assert note in found.reconstruction.notes
 
 
 def test_cameras_show_the_people_of_their_photos(found):

@@ -183,6 +183,15 @@ def test_a_person_without_a_body_is_on_the_page(reconstruction):
     assert data["unposed"][0]["reason"] == "no pose fits the box"
 
 
+def test_a_person_of_other_photos_has_no_box_in_the_reference_photo(reconstruction):
+    person = reconstruction.people[1]
+    other = replace(person, mask=np.zeros_like(person.mask), box=np.zeros_like(person.box))
+    data = data_of(report_html(replace(reconstruction, people=(reconstruction.people[0], other))))
+    assert data["people"][0]["box"] == reconstruction.people[0].box.tolist()
+    assert data["people"][1]["box"] is None
+    assert data["people"][1]["posed"]
+
+
 def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):
     scene = replace(reconstruction.scene, floor=None, valid=np.zeros_like(reconstruction.scene.valid))
     data = data_of(report_html(replace(reconstruction, scene=scene, people=(), checks=(), stages=())))

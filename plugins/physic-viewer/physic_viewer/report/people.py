@@ -46,7 +46,7 @@ class PersonRecord:
     Attributes:
         grade: of :class:`physic_core.types.Grade`, or None.
         score: of the detection, in [0, 1].
-        box: x0 y0 x1 y1 px.
+        box: x0 y0 x1 y1 px, or None if only other photos show the person.
         color: of the person's number, sRGB.
         tint: of the body, sRGB.
         posed: whether there is a finite body; without one, the distances are None.
@@ -66,7 +66,7 @@ class PersonRecord:
 
     grade: str | None
     score: float
-    box: list[float]
+    box: list[float] | None
     color: list[int]
     tint: list[int]
     posed: bool
@@ -103,7 +103,7 @@ def _record(person: Person, index: int) -> PersonRecord:
     return PersonRecord(
         grade=None if person.grade is None else str(person.grade),
         score=float(person.score),
-        box=[float(edge) for edge in person.box],
+        box=[float(edge) for edge in person.box] if person.mask.any() else None,
         color=list(person_color(index)),
         tint=list(person_tint(index)),
         posed=is_posed(person),
