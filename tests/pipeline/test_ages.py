@@ -78,13 +78,6 @@ def test_without_anything_measured_people_are_adults_as_often_as_stated():
     assert np.isnan(nothing.years[0])
 
 
-def test_a_large_head_makes_a_child_more_probable():
-    ages = load_ages()
-    head = np.append(0.0, np.where(ages.middle < 4, 3.0, 0.0))[None]
-    plain = estimated(evidence(1.0)).child_probability
-    assert estimated(evidence(1.0, head=head)).child_probability > plain
-
-
 def test_a_child_of_known_age_has_the_stature_of_that_age_and_gives_the_scale():
     found = estimated(evidence(1.7, 1.7), years=(NAN, 4.5))
     assert found.child_probability[1] == pytest.approx(1)
