@@ -18,10 +18,8 @@ import torch
 from physic_core.adapters.observed import observed_joints
 from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.joints import joint_pair
-from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.engine.scene.stature import STATURE_SIGMA
-from physic_core.geometry.camera import project
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.known_sizes import bodies_of_stature
 from physic_core.types import AgeEstimates
@@ -32,16 +30,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, BoolArray, FloatArray, Hints
+    from physic_core.types import Bodies, FloatArray, Hints
     from physic_core.types.known_sizes import KnownPeople
 
 __all__ = ["AgeEstimates", "AgeEvidence", "AgeSettings", "age_evidence", "estimate_ages"]
 
 _FEET, _ANKLES = joint_pair("foot"), joint_pair("ankle")
-_FACE_POINTS = ("eye", "ear", "mouth")
-_BODY_POINTS = ("shoulder", "hip", "knee", "ankle")
-_FEWEST_POINTS = 3
-_SEEN = 0.5  # confidence of a keypoint that counts as seen
 _SCALE_STEP = 0.03  # of the grid of log scale
 _BIAS, _SLOPE = (grid.ravel() for grid in np.meshgrid(*2 * [np.linspace(-2.1, 2.1, 7)]))  # standard deviations
 
@@ -66,7 +60,6 @@ class AgeSettings:
             standard deviation.
         depth_slope: by how much the log size of people grows with log depth, because the point map is bent; standard
             deviation.
-        head_sigma: error of the log size of the head beside that of the body, by keypoints.
     """
 
     child_share: float = 0.1
@@ -81,20 +74,17 @@ class AgeSettings:
     points_sigma: float = 0.12
     points_bias: tuple[float, float] = (0.05, 0.08)
     depth_slope: float = 0.2
-    head_sigma: float = 0.15
 
 
 @dataclass(frozen=True)
 class AgeEvidence(ShortRepr):
-    """What one photo says about the sizes of N people; C classes of age. NaN where unknown.
+    """What one photo says about the sizes of N people. NaN where unknown.
 
     Attributes:
         stature: (N,) metres, of the estimated bodies.
         depth: (N,) metres, of the same.
         by_floor: (N,) log scale of the scene, metres per unit, if the estimated body stands on its floor.
         by_points: (N,) log scale of the scene if the estimated body is at the depth of the person's points.
-        head: (N, C + 1) log likelihood of the size of the head beside the body, of an estimated body, then of children
-            of each class.
         floor_height: of the camera over the floor in units of the scene, or None.
     """
 
@@ -102,7 +92,6 @@ class AgeEvidence(ShortRepr):
     depth: FloatArray
     by_floor: FloatArray
     by_points: FloatArray
-    head: FloatArray
     floor_height: float | None
 
 
@@ -128,7 +117,7 @@ def find_children(
     assert hints.people is not None
     assert hints.keypoints is not None
     shown = replace(hints, people=select_people(hints.people, finite), keypoints=select_people(hints.keypoints, finite))
-    evidence = age_evidence(select_people(bodies, finite), model, shown, settings)
+    evidence = age_evidence(select_people(bodies, finite), model, shown)
     found = estimate_ages(evidence, settings, years[finite], stature[finite], known.camera_height)
 
     def of_all(values: FloatArray, missing: float) -> FloatArray:
@@ -157,14 +146,13 @@ def resize_children(bodies: Bodies, model: BodyModel, ages: AgeEstimates) -> Bod
     return replace(bodies_of_stature(bodies, model, ages.stature, near), stature_sigma=ages.stature_sigma)
 
 
-def age_evidence(bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSettings) -> AgeEvidence:
+def age_evidence(bodies: Bodies, model: BodyModel, hints: Hints) -> AgeEvidence:
     """Measure what a photo says about the sizes of N people.
 
     Args:
         bodies: estimated, of the configured body model.
         model: that body model.
         hints: people, keypoints, intrinsics, floor and aligned point map of the photo.
-        settings: error of the size of heads.
     """
     assert hints.people is not None
     p, count = bodies.parameters, len(bodies.parameters)
@@ -193,58 +181,8 @@ def age_evidence(bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSe
         np.maximum(vertices[:, :, 2].mean(1), 1e-3),
         by_floor,
         by_points,
-        _head_likelihood(bodies, model, hints, settings),
         None if hints.floor is None or hints.floor.offset <= 0 else float(hints.floor.offset),
     )
-
-
-def _head_likelihood(bodies: Bodies, model: BodyModel, hints: Hints, settings: AgeSettings) -> FloatArray:
-    """Return the log likelihood (N, C + 1) of the size of the head beside the body, of the estimated and child shapes.
-
-    All shapes are posed alike, so that the view of head and body is that of the photo.
-    """
-    ages, p, count = load_ages(), bodies.parameters, len(bodies.parameters)
-    nothing = np.zeros((count, len(ages.middle) + 1))
-    if hints.keypoints is None or hints.intrinsics is None or model.name != "embedded":
-        return nothing
-    keypoints = keypoints_on_body(hints.keypoints)
-    names = keypoints.joint_set.names
-    face = np.array([name == "nose" or any(part in name for part in _FACE_POINTS) for name in names])
-    body = np.array([any(part in name for part in _BODY_POINTS) for name in names])
-    children = np.broadcast_to(ages.betas(ages.log_stature), (count, len(ages.middle), p.betas.shape[1]))
-    betas = tensor(np.concatenate([p.betas[:, None], children], 1)).float()
-    shapes = betas.shape[1]
-    with torch.no_grad():
-        size = model.stature(betas.flatten(0, 1)).view(count, shapes)
-        rotations = rotations_from_parameters(p).float()[:, None].expand(-1, shapes, -1, -1, -1).flatten(0, 1)
-        # A child as large in the photo is nearer.
-        transl = (tensor(p.transl).float()[:, None] * (size / size[:, :1])[..., None]).flatten(0, 1)
-        points = model.landmarks_only([keypoints.joint_set])(rotations, betas.flatten(0, 1), transl)
-        seen = project(points[keypoints.joint_set], torch.from_numpy(hints.intrinsics.matrix).to(size))
-    drawn = seen.double().numpy().reshape(count, shapes, len(names), 2)
-    observed = np.asarray(keypoints.points, np.float64)[:, None]
-    sure = np.asarray(keypoints.confidence > _SEEN)
-
-    def spread(points: FloatArray, used: BoolArray, along: FloatArray | None = None) -> FloatArray:
-        """Return the mean square of points (N, S, J, 2) about their centre, or their covariance with others."""
-        weight = used[:, None, :, None] / np.maximum(used.sum(1), 1)[:, None, None, None]
-        centred = points - (weight * points).sum(2, keepdims=True)
-        other = centred if along is None else along
-        total: FloatArray = (weight * centred * other).sum((2, 3))
-        return total
-
-    on_face, on_body = sure & face, sure & body
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # Along the drawn face: noise of the keypoints makes the observed one larger in all other directions.
-        head = np.log(spread(drawn[:, :1], on_face, observed) / spread(drawn[:, :1], on_face))
-        head = head - np.log(spread(observed, on_body) / spread(drawn[:, :1], on_body)) / 2
-        expected = np.log(spread(drawn, on_face) / spread(drawn[:, :1], on_face)) / 2
-        expected = expected - np.log(spread(drawn, on_body) / spread(drawn[:, :1], on_body)) / 2
-        likely = -2.5 * np.log1p(
-            ((head - expected) / settings.head_sigma) ** 2 / 4
-        )  # Student's t, 4 degrees of freedom
-    shown = (on_face.sum(1) >= _FEWEST_POINTS) & (on_body.sum(1) >= _FEWEST_POINTS) & np.isfinite(likely).all(1)
-    return np.where(shown[:, None], likely, nothing)
 
 
 def estimate_ages(
@@ -356,7 +294,7 @@ def _age(
     ages, one = load_ages(), person.log_likelihood
     classes = np.exp(one - np.logaddexp.reduce(one, axis=-1)[..., None]) * posterior[..., None]
     share = classes.sum((0, 1))
-    child = min(float(share[1:].sum()), 1.0)
+    child = max(1 - float(share[0]), 0.0)
     years = years_sigma = stature = math.nan
     taken = log_stature
     if child > least_probability:
@@ -379,7 +317,7 @@ def _mixtures(
     count, classes = len(own), len(ages.middle) + 1
     share = np.append(1 - settings.child_share, settings.child_share * ages.share)
     with np.errstate(divide="ignore"):
-        weight = np.tile(np.log(share), (count, 1)) + evidence.head
+        weight = np.tile(np.log(share), (count, 1))
     mean = np.column_stack([own, np.tile(ages.log_stature, (count, 1))])
     sigma = np.tile(np.append(STATURE_SIGMA, ages.sigma), (count, 1))
     for i, (years, stature) in enumerate(zip(known_years, known_stature, strict=True)):

@@ -16,10 +16,9 @@ from physic_core.types import AgeEstimate, AgeEstimates, Bodies, BodyParameters
 from physic_testing.worlds import build_world
 
 NAN = np.nan
-CLASSES = len(load_ages().middle)
 
 
-def evidence(*by_floor, stature=1.7, by_points=None, head=None, floor_height=1.4):
+def evidence(*by_floor, stature=1.7, by_points=None, floor_height=1.4):
     """People whose estimated bodies ask for these scales of a scene, whose true scale is 1."""
     count = len(by_floor)
     return AgeEvidence(
@@ -27,7 +26,6 @@ def evidence(*by_floor, stature=1.7, by_points=None, head=None, floor_height=1.4
         depth=np.full(count, 3.0),
         by_floor=np.log(by_floor),
         by_points=np.full(count, NAN) if by_points is None else np.log(by_points),
-        head=np.zeros((count, CLASSES + 1)) if head is None else head,
         floor_height=floor_height,
     )
 
