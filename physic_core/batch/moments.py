@@ -48,8 +48,8 @@ def require_moments() -> None:
 
 def reconstruct_moment(
     item: PhotoItem, config: Config, reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction]
-) -> Reconstruction:
-    """Reconstruct all photos of a moment.
+) -> tuple[Reconstruction, Mapping[str, bytes]]:
+    """Reconstruct all photos of a moment; return the result, and the content of each file to write beside it.
 
     Args:
         item: the first photo, with the others.
@@ -68,13 +68,14 @@ def reconstruct_moment(
         except NoPersonError:
             result = None
         photos.append(MomentPhoto(Path(one.path).name, one.settings, result))
-    joined = call_target(found, "moment", photos, config)
+    answer = call_target(found, "moment", photos, config)
+    joined, files = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, {})
     if not isinstance(joined, Reconstruction):
         raise PluginError(
             f"the moment '{found.record.name}' of {found.origin} should be a Reconstruction, got "
             f"{type(joined).__name__}"
         )
-    return joined
+    return joined, files
 
 
 def _find() -> Installed[MomentRecord]:

@@ -98,11 +98,12 @@ class PhotoProcessor:
         """
         start, item = time.perf_counter(), stamped(item)
         try:
+            beside: Mapping[str, bytes] = {}
             if item.others:
-                result = reconstruct_moment(item, self.job.config, self._reconstruct)
+                result, beside = reconstruct_moment(item, self.job.config, self._reconstruct)
             else:
                 result = self._reconstruct(item.path, item.settings)
-            self._save(result, item)
+            self._save(result, item, beside)
             files = file_sizes_text(Path(self.job.out), photo_folder(item.id), self.job.saving)
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
@@ -123,11 +124,11 @@ class PhotoProcessor:
             **{name: value for name, value in numbers.items() if name != "seconds"},
         }
 
-    def _save(self, result: Reconstruction, item: PhotoItem) -> None:
+    def _save(self, result: Reconstruction, item: PhotoItem, beside: Mapping[str, bytes]) -> None:
         out, folder = Path(self.job.out), photo_folder(item.id)
         for name in item.replaces:
             (out / folder / name).unlink(missing_ok=True)
-        save_photo(result, out / folder, self.job.saving, Path(item.path).name)
+        save_photo(result, out / folder, self.job.saving, Path(item.path).name, beside=beside)
         if self.job.saving.thumbnails:
             write_thumbnail(result, out, folder)
 

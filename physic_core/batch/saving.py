@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,7 +66,13 @@ class Saving:
 
 
 def save_photo(
-    result: Reconstruction, folder: Path, saving: Saving, title: str = "", *, overwrite: bool = True
+    result: Reconstruction,
+    folder: Path,
+    saving: Saving,
+    title: str = "",
+    *,
+    overwrite: bool = True,
+    beside: Mapping[str, bytes] | None = None,
 ) -> None:
     """Write the files of one result to its folder, each completely or not at all; earlier ones are replaced.
 
@@ -76,6 +82,7 @@ def save_photo(
         saving: which files.
         title: of the report, such as the name of the photo.
         overwrite: whether to replace another photo's result, or changed files of a result.
+        beside: name and content of further files, at every level but "summary".
 
     Raises:
         OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
@@ -104,6 +111,9 @@ def save_photo(
             save_report(result, folder / REPORT_FILE, title)
         else:
             add_report(folder, result, title)
+    if saving.level != "summary":
+        for name, content in (beside or {}).items():
+            _write_file(folder / name, content)
 
 
 def _write_file(path: Path, content: bytes) -> None:

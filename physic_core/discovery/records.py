@@ -95,7 +95,8 @@ class MomentRecord(_TargetRecord):
     """How ``physic batch`` joins photos of one moment; only one installed plugin may do it.
 
     The target is a function that gets a sequence of :class:`physic_core.batch.moments.MomentPhoto` and the
-    :class:`physic_core.Config` of the batch, and returns one :class:`physic_core.Reconstruction` with ``cameras``.
+    :class:`physic_core.Config` of the batch, and returns one :class:`physic_core.Reconstruction` with ``cameras``, or a
+    tuple of it and a mapping from names to contents (bytes) of files that belong beside it.
     """
 
 

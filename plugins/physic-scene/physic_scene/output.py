@@ -15,7 +15,7 @@ from physic_core.files.strict_json import to_json
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-__all__ = ["MOMENT_FILE", "moment_document", "save_scene"]
+__all__ = ["MOMENT_FILE", "moment_document", "moment_json", "save_scene"]
 
 MOMENT_FILE, POINTS_FILE = "moment.json", "scene_points.ply"
 
@@ -34,8 +34,13 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False) -> N
     scene.reconstruction.save(folder, overwrite=overwrite)
     cloud = trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply")
     with atomic_write(Path(folder)) as temporary:
-        temporary(MOMENT_FILE).write_text(json.dumps(moment_document(scene), indent=1) + "\n", "utf-8")
+        temporary(MOMENT_FILE).write_text(moment_json(scene), "utf-8")
         temporary(POINTS_FILE).write_bytes(cloud)
+
+
+def moment_json(scene: SceneResult) -> str:
+    """Return the text of ``moment.json``."""
+    return json.dumps(moment_document(scene), indent=1) + "\n"
 
 
 def moment_document(scene: SceneResult) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from PIL import Image
@@ -35,6 +36,9 @@ def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
         "strangers": ("failed", "InputError"),
     }
     assert rows["strangers"]["message"].startswith("no two of the photos show the same person in the same pose")
-    result = load_reconstruction(tmp_path / "out" / rows["hug"]["folder"])
+    folder = tmp_path / "out" / rows["hug"]["folder"]
+    result = load_reconstruction(folder)
     assert sorted(camera.photo for camera in result.cameras) == ["a.png", "b.png"]
+    moment = json.loads((folder / "moment.json").read_text())
+    assert sorted(photo["index"] for photo in moment["photos"]) == [0, 1]
     assert plan_batch(find_photos([str(tmp_path / "table.csv")]), job).todo == ()
