@@ -9,7 +9,7 @@ import pytest
 
 from physic_core import Reconstruction, reconstruct
 from physic_core.body import load_body
-from physic_core.engine.contact.settings import ContactSettings
+from physic_core.engine.contact.method import ContactSettings
 from physic_core.io.photo import read_photo
 from physic_testing.bench.consistency import consistency
 

@@ -11,7 +11,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.joint.problem import JointProblem, JointResult
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.floor_below_people import floor_under_people
-from physic_core.engine.scene.settings import SceneSettings
+from physic_core.engine.scene.method import SceneSettings
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
 from physic_core.geometry.plane import sample_plane

@@ -1,23 +1,39 @@
-"""What stage 1 does in each of its steps. An energy may replace some of them by a subclass."""
+"""Settings of stage 1, and what it does in each of its steps. An energy may replace some of them by a subclass."""
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
 
 from torch import Tensor
 
+from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
 from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
 from physic_core.engine.scene.cleaning import edge_ratio
-from physic_core.engine.scene.settings import SceneSettings
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSearch, PlaneFit, fit_floor
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, pointmap_normals
 
-__all__ = ["ALIGN_TOLERANCE", "PixelSurface", "SceneMethod"]
+__all__ = ["ALIGN_TOLERANCE", "PixelSurface", "SceneMethod", "SceneSettings"]
 
 ALIGN_TOLERANCE = 0.1
 """Largest difference of point map and metric depth at an inlier, as a share of the depth."""
+
+
+@dataclass(frozen=True)
+class SceneSettings:
+    """Settings of stage 1: metric scene points, camera, normals, floor (paper Sec. 3.1)."""
+
+    far_m: PositiveOrInfinite = 50.0
+    """Points beyond are removed, metres."""
+    floor: Literal["disparity", "off"] = "disparity"
+    """"disparity" fits a plane in inverse depth. "off" finds no floor."""
+    floor_under_people: bool = True
+    """If no floor is found, fit one under the soles of people who stand or sit upright."""
+    carve_m: NotNegative = 0.5
+    """Largest distance by which inpainted scene points are moved behind a body that contains or should occlude them,
+    metres; 0 moves none."""
 
 
 class PixelSurface(NamedTuple):

@@ -15,11 +15,11 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene.camera import Cameras, scene_camera
-from physic_core.engine.scene.floor import floor_diagnostics, intersect_feet
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
-from physic_core.geometry.floor import FloorEvidence, PlaneFit
+from physic_core.geometry.camera import unproject
+from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.types import AffineAmbiguity
@@ -122,7 +122,7 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
     if floor is None:
         floor_points = placed.new_zeros((0, 3))
     else:
-        feet = intersect_feet(floor, evidence.feet_px, camera, method.far_m)
+        feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
         floor_points = method.sample_floor(floor, placed[known], placed[clean], feet)
     return SceneState(
         points=placed,
@@ -139,7 +139,7 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
             "valid_share": _share(clean),
             "edge_share": _share(edges),
             "outlier_share": _share(outliers),
-            "floor": floor_diagnostics(search),
+            "floor": _floor_diagnostics(search),
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
         },
@@ -198,3 +198,35 @@ def _positive(depth: Tensor) -> Tensor:
 
 def _share(mask: Tensor) -> float:
     return float(mask.double().mean())
+
+
+def _intersect_feet(floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float) -> Tensor | None:
+    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None without feet."""
+    if feet_px is None or not len(feet_px):
+        return None
+    normal = floor.normal
+    rays = unproject(feet_px.to(normal), normal.new_ones(len(feet_px)), camera)
+    steepness = -(rays @ normal)
+    seen = steepness > 1e-3
+    centres = rays[seen] * (floor.offset / steepness[seen])[:, None]
+    return centres[centres[:, 2] <= far_m]
+
+
+def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
+    """Return the diagnostics of a floor search."""
+    found: dict[str, Any] = {
+        "reason": search.reason,
+        "inlier_share": search.inlier_share,
+        "below_share": search.below_share,
+        "mask_reason": search.mask_reason,
+    }
+    if search.plane is not None:
+        x, y, z = (float(c) for c in search.plane.normal)
+        found |= {
+            "source": search.plane.source,
+            "camera_height_m": search.plane.offset,
+            "pitch_deg": math.degrees(math.atan2(-z, -y)),
+            "roll_deg": math.degrees(math.atan2(x, -y)),
+            "reanchored": search.plane.reanchored,
+        }
+    return found
