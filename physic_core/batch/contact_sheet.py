@@ -16,16 +16,21 @@ from typing import Any
 from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
 from physic_core.batch.saving import thumbnail_path
-from physic_core.files.atomic import atomic_write
-from physic_core.io.result_folder import ARRAYS_FILE, PREVIEW_FILE, REPORT_FILE
+from physic_core.errors import InputError, OutputError, PhysicError
+from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
+from physic_core.io.results import read_document, read_image
 
-__all__ = ["MAX_PHOTOS", "command_for_missing_pages", "contact_sheet", "result_link", "write_contact_sheet"]
+__all__ = ["contact_sheet", "find_results", "write_contact_sheet", "write_index"]
 
-MAX_PHOTOS = 5000
+_MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
 
+_FILE = "contact-sheet.html"
+_THUMBNAIL = (320, 180)
 
-def write_contact_sheet(out: Path, limit: int = MAX_PHOTOS) -> Path:
+
+def write_contact_sheet(out: Path, limit: int = _MAX_PHOTOS) -> Path:
     """Write the contact sheet of a batch to its output folder and return its path.
 
     Raises:
@@ -36,13 +41,13 @@ def write_contact_sheet(out: Path, limit: int = MAX_PHOTOS) -> Path:
     left_out = sum(1 for _ in rows)
     above = _common_folder([str(row.get("path", "")) for row in shown])
     page = contact_sheet(
-        [_card(out, row, above) for row in shown],
+        [_photo_card(out, row, above) for row in shown],
         left_out,
-        command_for_missing_pages(out, [str(row.get("folder", "")) for row in shown]),
+        _command_for_missing_pages(out, [str(row.get("folder", "")) for row in shown]),
     )
     with atomic_write(out) as temporary:
-        temporary("contact-sheet.html").write_text(page, encoding="utf-8")
-    return out / "contact-sheet.html"
+        temporary(_FILE).write_text(page, encoding="utf-8")
+    return out / _FILE
 
 
 def contact_sheet(cards: Sequence[Mapping[str, Any]], left_out: int = 0, command: str = "") -> str:
@@ -65,7 +70,42 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], left_out: int = 0, command
     return page.replace("@LABELS@", _script_json(labels)).replace("@DATA@", _script_json(list(cards)))
 
 
-def result_link(out: Path, folder: str) -> str:
+def find_results(folder: Path) -> list[Path]:
+    """Return the folders of all results below a folder, sorted.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = sorted(Path(at) for at, _, names in os.walk(folder) if {DOCUMENT_FILE, ARRAYS_FILE} & set(names))
+    if not found and not any(folder.glob("journal*.jsonl")):
+        raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
+    return found
+
+
+def write_index(folder: Path, results: Sequence[Path]) -> Path:
+    """Write ``contact-sheet.html`` of a folder of results and return its path.
+
+    Args:
+        folder: of a batch, whose journal lists the photos, or any folder of results.
+        results: their folders, for a folder without a journal.
+
+    Raises:
+        OutputError: the file cannot be written, or is not a contact sheet.
+    """
+    path = folder / _FILE
+    if path.exists() and b"<title>PhySIC contact sheet</title>" not in path.read_bytes()[:1000]:
+        raise OutputError(f"cannot write {path}: the file there is not a contact sheet of PhySIC; move it away")
+    if any(folder.glob("journal*.jsonl")):
+        return write_contact_sheet(folder)
+    cards = [_result_card(folder, result) for result in results[:_MAX_PHOTOS]]
+    with atomic_write(check_writable(folder)) as temporary:
+        command = _command_for_missing_pages(folder, [card["title"] for card in cards])
+        page = contact_sheet(cards, max(0, len(results) - _MAX_PHOTOS), command)
+        temporary(_FILE).write_text(page, encoding="utf-8")
+    return path
+
+
+def _result_link(out: Path, folder: str) -> str:
     """Return the link to the page of a result, else to its preview or its folder, relative to the output folder.
 
     It is "" without files.
@@ -76,7 +116,7 @@ def result_link(out: Path, folder: str) -> str:
     return f"{folder}/{next(names, '')}"
 
 
-def command_for_missing_pages(out: Path, folders: Iterable[str]) -> str:
+def _command_for_missing_pages(out: Path, folders: Iterable[str]) -> str:
     """Return the command that writes the pages of results; "" if each that can be loaded has one.
 
     Args:
@@ -99,7 +139,7 @@ def _common_folder(paths: Sequence[str]) -> str:
         return ""
 
 
-def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
+def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
     path, done = str(row.get("path", "")), row["state"] == "done"
     thumbnail = out / thumbnail_path(photo_folder(str(row["id"])))
     title = path.removeprefix(above) if above else os.path.basename(path)
@@ -109,7 +149,7 @@ def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
     return {
         "name": row["id"],
         "title": title or row["id"],
-        "link": result_link(out, str(row.get("folder", ""))),
+        "link": _result_link(out, str(row.get("folder", ""))),
         "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode() if done and thumbnail.is_file() else "",
         "state": row["state"],
         "error": row.get("error", ""),
@@ -118,3 +158,40 @@ def _card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
         "people": int(row.get("people") or 0) if done else None,
         "checks": str(row.get("checks_failed", "")).split(),
     }
+
+
+def _result_card(folder: Path, result: Path) -> dict[str, Any]:
+    name = result.relative_to(folder).as_posix()
+    card: dict[str, Any] = {"name": name, "title": name, "link": _result_link(folder, name), "thumbnail": ""}
+    card |= {"error": "", "message": "", "grade": "", "people": 0, "checks": []}
+    try:
+        document = read_document(result)
+        thumbnail = _thumbnail(result)
+    except PhysicError as error:
+        return card | {"state": "failed", "error": "InputError", "message": str(error).replace(f"{folder}{os.sep}", "")}
+    numbers = {"grade": str(document.get("grade") or ""), "checks": _failed(document)}
+    return card | numbers | {"state": "done", "people": len(document["people"]), "thumbnail": thumbnail}
+
+
+def _failed(document: Mapping[str, Any]) -> list[str]:
+    checks = document.get("checks", ())
+    return list(dict.fromkeys(str(c["name"]) for c in checks if c.get("state") == "failed" or c.get("ok") is False))
+
+
+def _thumbnail(result: Path) -> str:
+    """Return the photo of a result as a small JPEG in base64; "" for a result of people alone, which has no photo.
+
+    Raises:
+        InputError: the arrays are damaged.
+    """
+    import io
+
+    from PIL import Image
+
+    if not (result / ARRAYS_FILE).exists():
+        return ""
+    image = Image.fromarray(read_image(result))
+    image.thumbnail(_THUMBNAIL)
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", quality=72)
+    return base64.b64encode(buffer.getvalue()).decode()

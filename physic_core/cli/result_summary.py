@@ -1,23 +1,53 @@
-"""Summary of a saved result, as ``physic run`` and ``physic show`` print it."""
+"""The command ``physic show``: print the summary of a saved result, as ``physic run`` does at its end."""
 
 from __future__ import annotations
 
 import math
+import shutil
+import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import click
+
 from physic_core.cli.listing import format_table
+from physic_core.cli.output import echo, echo_json
 from physic_core.files.strict_json import from_json
 from physic_core.io.records import from_record_or_none, from_records, parse_checks
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 
-__all__ = ["summary_record", "summary_text"]
+__all__ = ["print_summary", "show", "summary_record", "summary_text"]
 
 _HEAD = ("person", "grade", "distance", "contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
+
+
+@click.command()
+@click.argument("out", type=click.Path(path_type=Path))
+@click.option("-v", "--verbose", is_flag=True, help="Also the time of each stage, and each check that is not ok.")
+@click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
+def show(out: Path, verbose: bool, as_json: bool) -> None:
+    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""
+    print_summary(out, verbose=verbose, as_json=as_json)
+
+
+def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False) -> None:
+    """Print the summary of a result.
+
+    Raises:
+        InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
+    """
+    from physic_core.io.results import read_document
+
+    document = read_document(folder)
+    if as_json:
+        echo_json(summary_record(document, folder))
+        return
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    echo(summary_text(document, folder, width=width, verbose=verbose))
 
 
 def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -16,8 +16,8 @@ import click
 
 from physic_core.cli.arguments import one_photo
 from physic_core.cli.output import echo
+from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
-from physic_core.cli.show_result import print_summary
 
 __all__ = ["run", "sigterm_as_exception"]
 

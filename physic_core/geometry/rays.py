@@ -9,19 +9,22 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:
-    from physic_core.geometry.triangle_tree import TriangleTree
 
 __all__ = ["RayCaster", "RayHits", "RayLibrary"]
 
 RayLibrary = Literal["embree", "numpy"]
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_FAN = 4  # children of a box
+_BITS = 16  # per axis, of the cells by which triangles are sorted
+_BLOCK = 1 << 14  # rays walked together, which bounds the memory
+_MARGIN = 1e-9  # of the extent of all triangles and of a triangle's sides: no ray passes between neighbours
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class RayHits:
         corners: (n, 3) float64 barycentric coordinates.
     """
 
-    face: NDArray[np.int64]
+    face: Indices
     distance: Array
     corners: Array
 
@@ -59,11 +62,9 @@ class RayCaster:
         self.normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the face."""
         self._embree = _embree_scene(points, triangles) if (library or _installed()) == "embree" else None
-        self._tree: TriangleTree | None = None
+        self._tree: _TriangleTree | None = None
         if self._embree is None:
-            from physic_core.geometry.triangle_tree import TriangleTree
-
-            self._tree = TriangleTree(corners)
+            self._tree = _TriangleTree(corners)
 
     def first(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
         """Return the first hits of rays with origins (n, 3) or (3,) and directions (n, 3) of any length."""
@@ -77,12 +78,12 @@ class RayCaster:
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 
-    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.int64]:
+    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> Indices:
         """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`, faster."""
         start, way = _rays(origins, directions)
         if self._tree is not None:
             return self._tree.first(start, way)[0]
-        face: NDArray[np.int64] = self._run(start, way).astype(np.int64)
+        face: Indices = self._run(start, way).astype(np.int64)
         return face
 
     def blocked(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
@@ -94,21 +95,21 @@ class RayCaster:
         hit: NDArray[np.bool_] = self._run(start, way, dists=np.ones(len(way), np.float32), query="OCCLUDED") >= 0
         return hit
 
-    def plane_distance(self, faces: NDArray[np.int64], origins: Array, directions: Array) -> Array:
+    def plane_distance(self, faces: Indices, origins: Array, directions: Array) -> Array:
         """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's length.
 
         Negative behind the origin, and inf along the plane.
         """
         normal = self.normals[faces]
-        slope = _dot(normal, directions)
-        height = _dot(normal, self._corner[faces] - origins)
+        slope = _dot(normal.T, directions.T)
+        height = _dot(normal.T, (self._corner[faces] - origins).T)
         distance: Array = np.divide(height, slope, out=np.full(len(slope), np.inf), where=slope != 0)
         return distance
 
     def _run(self, origins: Array, directions: Array, **query: Any) -> Any:
         return self._embree[0].run(origins.astype(np.float32), directions.astype(np.float32), **query)  # type: ignore[index]
 
-    def _refined(self, face: NDArray[np.int64], coarse: NDArray[np.float32], start: Array, way: Array) -> Array:
+    def _refined(self, face: Indices, coarse: NDArray[np.float32], start: Array, way: Array) -> Array:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
         exact = self.plane_distance(face, start, way)
@@ -119,12 +120,6 @@ class RayCaster:
 def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
     way = np.asarray(directions, np.float64)
     return np.broadcast_to(np.asarray(origins, np.float64), way.shape), way
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Return the dot products (n,) of vectors (n, 3), in an order that is the same on every processor."""
-    total: Array = a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
-    return total
 
 
 @functools.cache
@@ -140,10 +135,118 @@ def _device() -> Any:
     return EmbreeDevice()
 
 
-def _embree_scene(vertices: Array, faces: NDArray[np.int64]) -> tuple[Any, Any]:
+def _embree_scene(vertices: Array, faces: Indices) -> tuple[Any, Any]:
     """Return a scene of Embree and its mesh, which the scene only refers to."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
     scene = EmbreeScene(_device())
     return scene, TriangleMesh(scene, vertices.astype(np.float32), faces.astype(np.int32))
+
+
+class _TriangleTree:
+    """Tree of boxes with level sides over triangles, walked by all rays at once, for machines without Embree.
+
+    Triangles with a coordinate that is not finite are left out. Coordinates are rows, (3, n): NumPy is several times as
+    fast on long rows as on triples.
+
+    Args:
+        corners: (F, 3, 3) metres.
+    """
+
+    def __init__(self, corners: Array) -> None:
+        chosen = np.flatnonzero(np.isfinite(corners).all((1, 2)))
+        low, high = corners[chosen].min(1).T, corners[chosen].max(1).T
+        extent = np.ptp(corners[chosen], axis=(0, 1)) if len(chosen) else np.ones(3)
+        margin = _MARGIN * max(float(extent.max()), 1e-30)
+        cells = ((low + high) / 2 - low.min(1, keepdims=True, initial=np.inf)) / (extent[:, None] + margin)
+        order = np.argsort(_along_curve((cells * (1 << _BITS)).astype(np.int64)), kind="stable")
+        self._face: Indices = chosen[order]
+        self._corners = np.ascontiguousarray(corners[self._face].transpose(1, 2, 0))
+        self._levels = [np.concatenate([low[:, order] - margin, high[:, order] + margin])]
+        while self._levels[-1].shape[1] > _FAN:
+            first = np.arange(0, self._levels[-1].shape[1], _FAN)
+            low, high = self._levels[-1][:3], self._levels[-1][3:]
+            self._levels.append(
+                np.concatenate([np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)])
+            )
+
+    def first(self, origins: Array, directions: Array) -> tuple[Indices, Array, Array]:
+        """Find the first triangle on each ray.
+
+        Args:
+            origins: (n, 3).
+            directions: (n, 3), of any length.
+
+        Returns:
+            face: (n,) int64, -1 without a hit; of triangles at one distance that with the lowest index.
+            distance: (n,) in lengths of the direction, inf without a hit.
+            uv: (n, 2) barycentric coordinates of the second and third corner.
+        """
+        face = np.full(len(origins), -1, np.int64)
+        distance, uv = np.full(len(origins), np.inf), np.zeros((len(origins), 2))
+        for start in range(0, len(origins), _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            origin, way = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
+            ray, triangle = self._pairs(origin, way)
+            ray, triangle, along, u, v = _intersect(ray, triangle, origin, way, self._corners)
+            order = np.lexsort((self._face[triangle], along, ray))
+            ray, nearest = np.unique(ray[order], return_index=True)
+            chosen = order[nearest]
+            face[start + ray], distance[start + ray] = self._face[triangle[chosen]], along[chosen]
+            uv[start + ray] = np.stack([u[chosen], v[chosen]], 1)
+        return face, distance, uv
+
+    def _pairs(self, origin: Array, way: Array) -> tuple[Indices, Indices]:
+        """Return the pairs of rays, given by rows (3, n), and triangles whose boxes they meet."""
+        inverse = 1 / np.where(np.abs(way) < 1e-30, 1e-30, way)
+        ray, node = (np.arange(n) for n in (origin.shape[1], self._levels[-1].shape[1]))
+        ray, node = np.repeat(ray, len(node)), np.tile(node, len(ray))
+        for depth, boxes in enumerate(reversed(self._levels)):
+            if depth:
+                ray, node = np.repeat(ray, _FAN), (node[:, None] * _FAN + np.arange(_FAN)).ravel()
+                there = node < boxes.shape[1]
+                ray, node = ray[there], node[there]
+            enters, leaves = np.zeros(len(ray)), np.full(len(ray), np.inf)
+            for axis in range(3):
+                start, scale = origin[axis, ray], inverse[axis, ray]
+                ends = (boxes[axis, node] - start) * scale, (boxes[axis + 3, node] - start) * scale
+                enters, leaves = np.maximum(enters, np.minimum(*ends)), np.minimum(leaves, np.maximum(*ends))
+            met = enters <= leaves
+            ray, node = ray[met], node[met]
+        return ray, node
+
+
+def _intersect(
+    ray: Indices, triangle: Indices, origin: Array, way: Array, corners: Array
+) -> tuple[Indices, Indices, Array, Array, Array]:
+    """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet, distances, coordinates."""
+    start, second, third = corners[..., triangle]
+    first, second, way = second - start, third - start, way[:, ray]
+    across = _cross(way, second)
+    slope = _dot(first, across)
+    offset = origin[:, ray] - start
+    turned = _cross(offset, first)
+    scale = 1 / np.where(slope == 0, np.inf, slope)
+    u, v, along = _dot(offset, across) * scale, _dot(way, turned) * scale, _dot(second, turned) * scale
+    met = (slope != 0) & (u >= -_MARGIN) & (v >= -_MARGIN) & (u + v <= 1 + _MARGIN) & (along >= 0)
+    return ray[met], triangle[met], along[met], u[met], v[met]
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Return the dot products (n,) of vectors (3, n), in an order that is the same on every processor."""
+    total: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return total
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _along_curve(cells: Indices) -> Indices:
+    """Return the positions of cells (3, n) on a Morton curve, (n,)."""
+    code = np.zeros(cells.shape[1], np.int64)
+    for bit in range(_BITS):
+        for axis in range(3):
+            code |= ((cells[axis] >> bit) & 1) << (3 * bit + axis)
+    return code

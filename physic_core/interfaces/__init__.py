@@ -18,7 +18,17 @@ A plugin whose weights are to be fetched lists them in TOML files, and names the
 
 from __future__ import annotations
 
-from physic_core.interfaces.backend import Backend, Options, Request, Share
+from physic_core.interfaces.backend import (
+    Backend,
+    GpuMemory,
+    Options,
+    Packages,
+    Repository,
+    Request,
+    Requirement,
+    Share,
+    UserFile,
+)
 from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
 from physic_core.interfaces.contact_prior import ContactPrior, ContactPriorRequest
 from physic_core.interfaces.hand_estimator import HandEstimator, HandEstimatorRequest
@@ -26,7 +36,6 @@ from physic_core.interfaces.inpainter import Inpainter, InpainterRequest
 from physic_core.interfaces.keypoint_detector import KeypointDetector, KeypointDetectorRequest
 from physic_core.interfaces.metric_depth import MetricDepth, MetricDepthRequest
 from physic_core.interfaces.relative_pointmap import RelativePointmap, RelativePointmapRequest
-from physic_core.interfaces.requirements import GpuMemory, Packages, Repository, Requirement, UserFile
 from physic_core.interfaces.segmenter import Segmenter, SegmenterRequest
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Base classes of all interfaces: backend, request and options; calls of backends and validation of results."""
+"""Base classes of all interfaces: backend, request, options and requirements; calls and validation of results."""
 
 from __future__ import annotations
 
@@ -14,10 +14,23 @@ from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
 
 if TYPE_CHECKING:
-    from physic_core.interfaces.requirements import Requirement
     from physic_core.types import UInt8Array
 
-__all__ = ["Backend", "Options", "Request", "Result", "Share", "call", "contract_violations", "interface_of"]
+__all__ = [
+    "Backend",
+    "GpuMemory",
+    "Options",
+    "Packages",
+    "Repository",
+    "Request",
+    "Requirement",
+    "Result",
+    "Share",
+    "UserFile",
+    "call",
+    "contract_violations",
+    "interface_of",
+]
 
 Result = TypeVar("Result")
 
@@ -45,6 +58,77 @@ class Request(Generic[Result]):
     def arguments(self) -> tuple[Any, ...]:
         """Return the arguments of ``infer``: the fields that are not keyword-only."""
         return tuple(getattr(self, field.name) for field in fields(self) if not field.kw_only)
+
+
+@dataclass(frozen=True)
+class Packages:
+    """Packages of the environment.
+
+    Attributes:
+        modules: import names.
+    """
+
+    modules: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Repository:
+    """A repository of git whose checkout an option names.
+
+    Attributes:
+        option: option with the folder of the checkout.
+        name: of the project.
+        url: for ``git clone``.
+        commit: hexadecimal digits of the commit that the backend was tested with; "" if none was.
+        folder: value of the option, "" if it is not set.
+        found: commit of that folder; "" if it is no checkout.
+        is_here: whether the code is there, or installed in the environment.
+    """
+
+    option: str
+    name: str
+    url: str
+    commit: str = ""
+    folder: str = ""
+    found: str = ""
+    is_here: bool = False
+
+
+@dataclass(frozen=True)
+class UserFile:
+    """A file or a model that the user gets by hand.
+
+    Attributes:
+        option: option with its path; "" if no option is needed.
+        name: of the file.
+        advice: one line: where to register, which licence to accept, what to download.
+        account: web address that asks for an account; "" if none does.
+        bytes: size, None if unknown.
+        is_here: whether it is on this machine.
+    """
+
+    option: str
+    name: str
+    advice: str
+    account: str = ""
+    bytes: int | None = None
+    is_here: bool = False
+
+
+@dataclass(frozen=True)
+class GpuMemory:
+    """Memory of a GPU that the backend takes.
+
+    Attributes:
+        gigabytes: of it.
+        source: who measured it.
+    """
+
+    gigabytes: float
+    source: str
+
+
+Requirement = Packages | Repository | UserFile | GpuMemory
 
 
 class _OptionsAsKeywords(ABCMeta):

@@ -9,10 +9,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from physic_core.pipeline.checks.grade import grade_person, grade_photo
 from physic_core.pipeline.checks.person import check_person
 from physic_core.pipeline.checks.photo import check_photo
-from physic_core.pipeline.checks.result import failed_checks, unknown_checks, warning_messages
+from physic_core.pipeline.checks.result import (
+    failed_checks,
+    grade_person,
+    grade_photo,
+    unknown_checks,
+    warning_messages,
+)
 from physic_core.pipeline.checks.specs import CHECKS, CheckSpec
 from physic_core.pipeline.checks.views import with_cameras
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.pipeline.checks.grade import grade_photo
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error
-from physic_core.pipeline.checks.result import check_value, warning_messages
+from physic_core.pipeline.checks.result import check_value, grade_photo, warning_messages
 
 if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Reconstruction
