@@ -157,3 +157,18 @@ def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     assert any("is a child of 4 years" in note for note in result.notes)
     result.save(str(tmp_path / "out"), preview=False)
     assert [one.age for one in load_reconstruction(str(tmp_path / "out")).people] == [one.age for one in result.people]
+
+
+def test_a_photo_of_an_adult_comes_out_as_if_children_were_impossible():
+    world = build_world("stand", 0, (160, 120))
+    options = ("run.cache=false", "engine.joint.optimiser.steps=5")
+    usual, without = (
+        reconstruct(world.image, load_config(preset="mock", overrides=(*options, f"photo.child_share={share}")))
+        for share in (0.1, 0)
+    )
+    person, other = usual.people[0], without.people[0]
+    assert person.age is not None
+    assert person.age.years is None
+    assert other.age is None
+    assert np.array_equal(person.vertices, other.vertices)
+    assert np.array_equal(usual.scene.points, without.scene.points, equal_nan=True)
