@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["BodyFit", "fit_bodies", "fit_outlines"]
 
-_OUTLINE_ITERATIONS = 20  # of L-BFGS, from a minimum without outlines
-
 
 @dataclass(frozen=True)
 class BodyFit:
@@ -99,6 +97,7 @@ def fit_bodies(
 def fit_outlines(model: BodyModel, fit: BodyFit, pairs: OutlinePairs) -> BodyFit:
     """Continue a fit of N people with pairs of points on the outlines of bodies and masks.
 
+    The fit is a minimum without the pairs, so near to the one with them that Newton's method starts there.
     People without a pair stay as they are.
     """
     rows = torch.as_tensor(pairs.weight.any(1)).nonzero()[:, 0]
@@ -107,7 +106,7 @@ def fit_outlines(model: BodyModel, fit: BodyFit, pairs: OutlinePairs) -> BodyFit
     problem = with_outlines(fit.problem, pairs)
     part = problem.select(rows)
     found = fit.unknowns.clone()
-    found[rows] = minimize_newton(part, _minimize_lbfgs(part, fit.unknowns[rows], _OUTLINE_ITERATIONS))
+    found[rows] = minimize_newton(part, fit.unknowns[rows])
     return _body_fit(model, problem, found)
 
 
