@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from physic_core.configuration.quoting import printable, quoted, shorten
-from physic_core.discovery.catalog import did_you_mean
+from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import BackendError, ConfigError
 
 if TYPE_CHECKING:

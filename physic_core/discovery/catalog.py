@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from importlib import resources
 from typing import Any
 
@@ -14,14 +13,12 @@ __all__ = [
     "ENERGIES",
     "EXECUTORS",
     "EXPORTERS",
-    "did_you_mean",
     "distribution_for",
     "how_to_install",
     "known_names",
 ]
 
 _IN_CONTRIB = ("physic-omnieraser", "physic-ray")
-_MAX_NAME = 100  # comparing longer names takes long, and no known name is similar
 
 
 def _read() -> dict[str, Any]:
@@ -52,12 +49,6 @@ EXECUTORS = _owners(_TABLES["executors"])
 
 EXPORTERS = _by_distribution(_TABLES["exporters"])
 """Export formats and their suffixes, by distribution."""
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the hint ". Did you mean 'x'?" for a misspelt name, or "" if no known name is similar."""
-    close = get_close_matches(name, list(known), n=1) if len(name) <= _MAX_NAME else []
-    return f". Did you mean '{close[0]}'?" if close else ""
 
 
 def distribution_for(interface: str | None, name: str) -> str | None:

@@ -88,7 +88,7 @@ def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: M
     Raises:
         ConfigError: no plugin, or more than one, offers the name.
     """
-    from physic_core.discovery.catalog import did_you_mean
+    from physic_core.discovery.close_names import did_you_mean
 
     installed = find_installed(kind)
     found = [one for one in installed if one.record.name == name]

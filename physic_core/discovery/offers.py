@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
+from physic_core.discovery.close_names import closest_name
 from physic_core.discovery.local_modules import TARGET
 
 if TYPE_CHECKING:
@@ -111,8 +111,8 @@ def backend_record_problem(record: BackendRecord, origin: Origin) -> str:
     from physic_core.interfaces import INTERFACES
 
     if record.interface not in INTERFACES:
-        close = get_close_matches(str(record.interface), INTERFACES, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(INTERFACES)}"
+        close = closest_name(str(record.interface), INTERFACES)
+        hint = f"did you mean '{close}'?" if close else f"there are: {', '.join(INTERFACES)}"
         return f"no interface named '{record.interface}'; {hint}"
     if not isinstance(record.name, str) or not _NAME.fullmatch(record.name) or record.name in _RESERVED_NAMES:
         return f"its name should be of a-z, 0-9 and hyphens, and not 'none', got {record.name!r}"

@@ -6,11 +6,11 @@ import importlib
 import inspect
 import sys
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import CATALOG, distribution_for, how_to_install, known_names
+from physic_core.discovery.close_names import closest_name
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import TARGET
 from physic_core.discovery.offers import (
@@ -218,16 +218,16 @@ class Registry:
             parts.append(f"'{bare}' comes from {' and '.join(owners)}")
         elif owner and not self._has_distribution(owner):
             parts += self._explain_distribution(owner, bare)
-        elif close := get_close_matches(bare, names, n=1):
-            parts.append(f"Did you mean '{close[0]}'?")
-        elif close := get_close_matches(bare, known_names(interface), n=1):
+        elif close := closest_name(bare, names):
+            parts.append(f"Did you mean '{close}'?")
+        elif close := closest_name(bare, known_names(interface)):
             # No installed name is similar: a distribution that is not installed may offer it.
-            known = distribution_for(interface, close[0]) or close[0]
+            known = distribution_for(interface, close) or close
             cure = how_to_install(known)
             if restricted:
                 cure = f"add {known} to it, if need be after {cure}"
-            asks = "" if close[0] == bare else f"Did you mean '{close[0]}'? "
-            parts.append(f"{asks}'{close[0]}' comes with {known}: {cure}")
+            asks = "" if close == bare else f"Did you mean '{close}'? "
+            parts.append(f"{asks}'{close}' comes with {known}: {cure}")
         elif others := sorted({c.record.interface for c in self if c.record.name == bare}):
             parts.append(f"'{bare}' is {' and '.join(map(_with_article, others))}")
         if self.broken:
@@ -240,8 +240,8 @@ class Registry:
         if any(canonicalize_name(broken.origin.distribution) == owner for broken in self.broken):
             return []  # the list of broken plugins has the reason
         known = dict.fromkeys((*(canonicalize_name(c.origin.distribution) for c in self), *CATALOG))
-        if owner not in known and (close := get_close_matches(owner, known, n=1)):
-            return [f"Did you mean '{close[0]}:{name}'?"]
+        if owner not in known and (close := closest_name(owner, known)):
+            return [f"Did you mean '{close}:{name}'?"]
         if self.restriction is not None:
             return [f"'{name}' comes with {owner}: add {owner} to it, if need be after {how_to_install(owner)}"]
         return [f"'{name}' comes with {owner}, which is not installed: {how_to_install(owner)}"]

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError, PhysicError
-from physic_core.weights.close_names import format_choice, similar_names
 from physic_core.weights.locate import missing
 from physic_core.weights.manifest import WeightSet, read_manifest
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.errors import WeightsMissingError
-from physic_core.weights.close_names import format_choice, similar_names
 from physic_core.weights.folders import (
     default_download_folder,
     describe_search_folders,

@@ -32,7 +32,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter, ValidationError
 
-from physic_core.discovery.catalog import did_you_mean
+from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import BackendError
 
 __all__ = ["HubSource", "WebSource", "WeightFile", "WeightSet", "is_inside", "read_manifest"]

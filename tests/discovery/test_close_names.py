@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.weights.close_names import format_choice, similar_names
+from physic_core.discovery.close_names import format_choice, similar_names
 
 NAMES = (
     *("big-lama", "camerahmr-onnx", "deco-onnx", "lama-carve", "moge-1-vitl"),

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
-__all__ = ["format_choice", "similar_names"]
+__all__ = ["closest_name", "did_you_mean", "format_choice", "similar_names"]
 
+_MAX_LENGTH = 100  # comparing longer names takes long, and no known name is similar
 _MAX_SUGGESTIONS = 4
 _MIN_PREFIX = 4
 _MIN_PART = 3
-_CERTAIN_RATIO = 0.8
+_CERTAIN_SIMILARITY = 0.8
+
+
+def closest_name(name: str, known: Iterable[str], similarity: float = 0.6) -> str | None:
+    """Return the known name that is closest to a misspelt one, or None if none has the similarity, from 0 to 1."""
+    close = get_close_matches(name, list(known), n=1, cutoff=similarity) if len(name) <= _MAX_LENGTH else []
+    return next(iter(close), None)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the hint ". Did you mean 'x'?" for a misspelt name, or "" if no known name is similar."""
+    close = closest_name(name, known)
+    return f". Did you mean '{close}'?" if close else ""
 
 
 def similar_names(name: str, names: Sequence[str]) -> list[str]:
@@ -22,12 +35,13 @@ def similar_names(name: str, names: Sequence[str]) -> list[str]:
     """
     if len(name) >= _MIN_PART and (containing := [other for other in names if name in other]):
         return sorted(containing)
-    if alike := get_close_matches(name, names, n=1, cutoff=_CERTAIN_RATIO):
-        return alike
+    if alike := closest_name(name, names, _CERTAIN_SIMILARITY):
+        return [alike]
     shared = max((_prefix_length(name, other) for other in names), default=0)
     if shared >= _MIN_PREFIX:
         return sorted(other for other in names if other.startswith(name[:shared]))[:_MAX_SUGGESTIONS]
-    return get_close_matches(name, names, n=1)
+    close = closest_name(name, names)
+    return [close] if close else []
 
 
 def format_choice(names: Sequence[str]) -> str:
