@@ -52,11 +52,15 @@ class MatchingSettings:
             number of people. Between 0 and 3 no match of people of eight worlds changes; of strange photos among four,
             23 % match at 0 and 5 % at 3.
         mirrored: the same that a photo is mirrored, by its people; photos are rarely mirrored.
+        ambiguous: logarithm of the least odds of the best assignment of two photos over the best that contradicts it;
+            with lower odds who is who stays open. 3 are odds of 20 to 1, the error of one in twenty. Of 228 right pairs
+            of photos of 40 worlds, all have more.
         hypotheses: most pairs of people of two photos that give a relative camera, the likest first.
     """
 
     stranger: float = 3.0
     mirrored: float = 7.0
+    ambiguous: float = 3.0
     hypotheses: int = 16
 
     def accept(self, one: int, two: int) -> float:
@@ -74,6 +78,7 @@ class PairMatch:
         motion: from the frame of the first camera to that of the second, up to the errors of depth.
         llr: (N, M) of all pairs of people, under this motion if any pair matches.
         background: rotation between the cameras by the background, None with too few matched pixels.
+        margin: score less that of the best assignment that contradicts the pairs; infinite if there is none.
     """
 
     pairs: tuple[tuple[int, int, float], ...]
@@ -81,6 +86,7 @@ class PairMatch:
     motion: Pose
     llr: FloatArray
     background: BackgroundTurn | None = None
+    margin: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ def match_pair(
     """Match the people of two photos, whose backgrounds may give a rotation between the cameras."""
     cues, turns = look_cues(one, two)
     looks = _llr(cues, np.zeros((len(one), len(two))))
-    best = PairMatch((), 0.0, Pose.identity(), looks, background)
+    found = [PairMatch((), 0.0, Pose.identity(), looks, background)]
     accept = settings.accept(len(one), len(two))
     order = np.argsort(-looks, axis=None)[: settings.hypotheses]
     for i, j in zip(*np.unravel_index(order, looks.shape), strict=True):
@@ -111,10 +117,10 @@ def match_pair(
             pairs = _assign(llr, accept)
             if not pairs:
                 break
-        score = _score(pairs, accept, motion, background)
-        if score > best.score:
-            best = PairMatch(tuple(pairs), score, motion, llr, background)
-    return best
+        found.append(PairMatch(tuple(pairs), _score(pairs, accept, motion, background), motion, llr, background))
+    best = max(found, key=lambda match: match.score)
+    others = [match.score for match in found if _contradict(best, match)]
+    return replace(best, margin=best.score - max(others, default=-np.inf))
 
 
 def join_tracks(
@@ -235,6 +241,11 @@ def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Sequence[tuple[in
     weight = np.concatenate([np.ones(inner[0].size // 3), np.full(len(pairs), 2.0)])
     rotation = fit_rotation(source, target, weight)
     return Pose(rotation, np.median(two.joints[j, _PELVIS] - one.joints[i, _PELVIS] @ rotation.T, axis=0))
+
+
+def _contradict(one: PairMatch, two: PairMatch) -> bool:
+    """Return whether two assignments give a person different partners."""
+    return any((i == k) != (j == m) for i, j, _ in one.pairs for k, m, _ in two.pairs)
 
 
 def _score(

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ChosenPhotos", "Photo", "select_photos"]
 
+_CLEARER = "add a photo from a direction between the others, or one in which people wear clothes of different colours"
+
 
 @dataclass(frozen=True)
 class Photo(ShortRepr):
@@ -90,7 +92,7 @@ def select_photos(
         settings: of the background's match.
 
     Raises:
-        InputError: no two photos share a person.
+        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
     """
     given = {photo.index for photo in photos}
     left = [_left_out(i, name, "no people", "nobody was found in it") for i, name in enumerate(names) if i not in given]
@@ -114,20 +116,13 @@ def select_photos(
     matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}
     turned = [(_mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
     mirrors = {(a, b): _match(kept[a], turned[b][0], (seen[a], turned[b][1]), matching, settings) for a, b in pairs}
-    people = [photo.people for photo in kept]
-    rows = join_tracks(people, matches, matching).rows
-    found = ChosenPhotos(
-        tuple(kept),
-        rows,
-        joined_matches(people, matches, rows, matching),
-        tuple(m for m in pixels.values() if m is not None),
-        tuple(left),
-    )
+    nobody = np.empty((0, len(kept)), np.int64)
+    found = ChosenPhotos(tuple(kept), nobody, matches, tuple(m for m in pixels.values() if m is not None), tuple(left))
     for view in reversed(_mirrored_views(len(kept), matches, mirrors, matching)):
         found = found.without(
             view, "mirrored", "it is mirrored: left and right are swapped in its people or background"
         )
-    return _connected(found)
+    return _joined(found, matching)
 
 
 def _match(
@@ -193,27 +188,55 @@ def _other_side(name: str) -> str:
     return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
 
 
-def _connected(chosen: ChosenPhotos) -> ChosenPhotos:
-    """Return the largest group of photos that are joined by people.
+def _joined(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:
+    """Return the photos that are joined by people, with the people over all of them.
 
     Raises:
-        InputError: no two photos share a person.
+        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
+    """
+    while True:
+        people = [photo.people for photo in chosen.photos]
+        rows = join_tracks(people, chosen.matches, settings).rows
+        chosen = replace(chosen, rows=rows, matches=joined_matches(people, chosen.matches, rows, settings))
+        connected = _connected(chosen, settings)
+        if len(connected.photos) == len(chosen.photos):
+            return chosen
+        chosen = connected
+
+
+def _connected(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:
+    """Return the largest group of photos that pairs without ambiguity join.
+
+    Raises:
+        InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
     """
     views = len(chosen.photos)
     group = list(range(views))
-    for row in chosen.rows:
-        members = {group[v] for v in np.flatnonzero(row >= 0)}
-        group = [min(members) if g in members else g for g in group]
+    shared = {pair: match for pair, match in chosen.matches.items() if match.pairs}
+    for (a, b), match in shared.items():
+        if match.margin >= settings.ambiguous:
+            group = [group[a] if g == group[b] else g for g in group]
     score = {
         g: (sum(m.score for (a, b), m in chosen.matches.items() if group[a] == group[b] == g), group.count(g))
         for g in set(group)
     }
     best = max(score, key=lambda g: (score[g][1] > 1, *score[g]))
     if group.count(best) < 2:
-        raise _no_common_person([photo.name for photo in chosen.photos], chosen.left_out)
+        names = [photo.name for photo in chosen.photos]
+        raise _ambiguous(names, chosen.left_out) if shared else _no_common_person(names, chosen.left_out)
     for view in reversed([v for v in range(views) if group[v] != best]):
-        chosen = chosen.without(view, "other people", "it shares no person with the other photos, in this pose")
+        if any(view in (a, b) and best in (group[a], group[b]) for a, b in shared):
+            chosen = chosen.without(view, "ambiguous", f"who is who in it is not clear; {_CLEARER}")
+        else:
+            chosen = chosen.without(view, "other people", "it shares no person with the other photos, in this pose")
     return chosen
+
+
+def _ambiguous(names: Sequence[str], left: Sequence[LeftOut]) -> InputError:
+    others = "".join(f"; {one.message}" for one in left)
+    return InputError(
+        f"who is who in these photos is not clear, as their people look alike ({', '.join(names)}){others}: {_CLEARER}"
+    )
 
 
 def _no_common_person(names: Sequence[str], left: Sequence[LeftOut]) -> InputError:
