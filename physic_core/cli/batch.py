@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import refuse_nan
+from physic_core.cli.arguments import configuration_options, refuse_nan
 from physic_core.cli.output import echo
 from physic_core.configuration.quoting import printable
 
@@ -52,9 +52,7 @@ _LEVELS = ("full", "compact", "numbers", "people", "summary")
 @click.option("--executor", metavar="NAME", default="local", show_default=True, help="local, or a plugin's, as ray.")
 @click.option("--address", metavar="ADDRESS", help="Running cluster of the executor.  [default: started here]")
 @click.option("--executor-set", metavar="KEY=VALUE", multiple=True, help="Setting of the executor; may be repeated.")
-@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
-@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@configuration_options
 @click.option("--device", metavar="NAME", help="cpu, cuda or cuda:N.")
 def batch(
     photos: tuple[str, ...],
@@ -122,8 +120,6 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     from physic_core.discovery.plugins import discover
 
     file, preset, device = options["file"], options["preset"], options["device"]
-    if file is not None and preset is not None:
-        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     saved = {name: options[name] for name in ("level", "preview", "glb", "report")}
     saving = Saving(**saved, thumbnails=not options["no_thumbnails"])
     registry = discover()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.arguments import preset_options
 from physic_core.cli.exit_codes import USAGE, WEIGHTS
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo
@@ -32,9 +33,8 @@ def config() -> None:
 
 def _source_arguments(command: Callable[..., None]) -> Callable[..., None]:
     """Add the arguments FILE, --preset and --set to a command."""
-    command = click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value.")(command)
-    command = click.option("--preset", metavar="NAME", help="Preset to use instead of a file.")(command)
-    return click.argument("file", required=False, type=click.Path(path_type=Path))(command)
+    file = click.argument("file", required=False, type=click.Path(path_type=Path), is_eager=True)
+    return file(preset_options(command))
 
 
 @click.command()
@@ -57,7 +57,6 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     )
     from physic_core.discovery.plugins import discover
 
-    _require_one_source(file, preset)
     registry = discover()
     found = load_checked_config(registry, file, preset=preset, overrides=overrides)
     plan = resolve(found, registry)
@@ -97,13 +96,7 @@ def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with
 def _load(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> Config:
     from physic_core.configuration.model import load_config
 
-    _require_one_source(file, preset)
     return load_config(file, preset=preset, overrides=overrides)
-
-
-def _require_one_source(file: Path | None, preset: str | None) -> None:
-    if file is not None and preset is not None:
-        raise click.UsageError('--preset cannot be combined with FILE: write extends = "NAME" into FILE')
 
 
 def resolved_toml(found: Config) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import one_photo
+from physic_core.cli.arguments import AnyPath, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
@@ -39,17 +39,6 @@ class _Numbers(click.ParamType[Any]):
             text = f"'{value}' is not {many}numbers with commas between them: {self.name}{self._unit}"
             self.fail(text, param, ctx)
         return numbers
-
-
-class _Path(click.ParamType[Path]):
-    """Any path; the code that opens it reports errors."""
-
-    name = "path"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        if not str(value):
-            self.fail("it is empty: name a file or a folder", param, ctx)
-        return Path(value)
 
 
 def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -82,14 +71,12 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 
 @click.command()
 @click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
-@click.option("-o", "--out", type=_Path(), help=_OUT)
+@click.option("-o", "--out", type=AnyPath(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
-@click.option("--config", "file", metavar="FILE", type=_Path(), help="A TOML file, or reconstruction.json of a run.")
-@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@configuration_options
 @_setting("--focal-px", "photo.focal_px", type=float, metavar="PX", help="Focal length in px of the photo file.")
 @_setting("--intrinsics", "photo.intrinsics", type=_Numbers("fx,fy,cx,cy"), help="Camera in px of the photo file.")
 @_setting(
@@ -150,8 +137,6 @@ def run(
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     if "--focal-px" in flags and "--intrinsics" in flags:
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
-    if file is not None and preset is not None:
-        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     if open_page and report is False:
         raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
     if verbose and quiet:

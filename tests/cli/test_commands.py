@@ -274,6 +274,19 @@ def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pip
     assert refusal(*run(*arguments)).splitlines()[-1] == f"Error: {expected}"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "file"),
+    [
+        (("config", "show", "--preset", "mock", "x.toml"), "FILE"),
+        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "--config"),
+        (("serve", "--preset", "mock", "--config", "x.toml"), "--config"),
+    ],
+)
+def test_a_preset_beside_a_file_is_refused_in_any_order(arguments: tuple[str, ...], file: str):
+    expected = f'--preset cannot be combined with {file}: write extends = "NAME" into the file'
+    assert refusal(*arguments).splitlines()[-1] == f"Error: {expected}"
+
+
 def test_debug_shows_the_traceback(pipeline, monkeypatch):
     pipeline.error = InputError("no photo at photo.jpg")
     monkeypatch.setenv("PHYSIC_DEBUG", "1")

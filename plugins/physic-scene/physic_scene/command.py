@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from physic_core.cli.arguments import configuration_options
+
 if TYPE_CHECKING:
     from physic_core import Intrinsics
     from physic_scene.types import SceneResult
@@ -18,9 +20,7 @@ __all__ = ["scene"]
 @click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for the results.")
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
-@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
-@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@configuration_options
 @click.option(
     "--intrinsics",
     metavar="fx,fy,cx,cy",
@@ -49,8 +49,6 @@ def scene(
     Writes the files of `physic run --save full` with all cameras and a row of the preview for each photo, moment.json
     and scene_points.ply. The frame is that of the photo that shows most people.
     """
-    if file is not None and preset is not None:
-        raise click.UsageError('--preset cannot be combined with --config: write extends = "NAME" into the file')
     cameras = _cameras(intrinsics, len(photos))
     statures = _numbers(stature, "--stature") if stature is not None else ()
     from physic_core import KnownSizes, load_config

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from physic_core import BackendError, ConfigError
+from physic_core.cli.arguments import configuration_options
 
 __all__ = ["exposure_warning", "is_loopback", "serve"]
 
@@ -36,9 +37,7 @@ _EXPORTS = ("glb", "bvh", "usd", "mjcf")  # about 2 s of one core and 10 MB for 
 @click.command()
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", default=8000, show_default=True, type=click.IntRange(0, 65535), help="0 chooses a free one.")
-@click.option("--config", "file", metavar="FILE", type=click.Path(path_type=Path), help="A TOML file.")
-@click.option("--preset", metavar="NAME", help="Preset to build on.  [default: embedded]")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Change one value; may be repeated.")
+@configuration_options
 @click.option("--queue", default=8, show_default=True, type=click.IntRange(1), help="Most photos that wait.")
 @click.option("--max-mb", default=40.0, show_default=True, type=_POSITIVE, help="Largest upload, MB.")
 @click.option("--timeout", default=600.0, show_default=True, type=_POSITIVE, help="Longest time of one photo, s.")
