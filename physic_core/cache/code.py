@@ -25,7 +25,8 @@ class CodeDigester:
     """Computes digests of the source code of classes; the files of each package are read only once."""
 
     def __init__(self) -> None:
-        self._modules: dict[Path, bytes | None] = {}
+        self._files: dict[Path, list[Path]] = {}
+        self._digests: dict[Path, bytes | None] = {}
 
     def digest(self, kind: type) -> str | None:
         """Compute the digest of the packages that define a class and its bases.
@@ -52,24 +53,34 @@ class CodeDigester:
         return digest.hexdigest()
 
     def _module(self, module: Path) -> bytes | None:
-        if module not in self._modules:
-            self._modules[module] = _digest(_files(module))
-        return self._modules[module]
+        package = _package(module)
+        if package not in self._files:
+            self._files[package] = _files(package)
+        files = self._files[package]
+        place = package if files else module
+        if place not in self._digests:
+            self._digests[place] = _digest(files or [module])
+        return self._digests[place]
 
 
-def _files(module: Path) -> list[Path]:
-    """Return the files of the top-level package that contains a module."""
+def _package(module: Path) -> Path:
+    """Return the folder of the top-level package that contains a module; that of the module outside any package."""
     root = module.parent
+    while (root / "__init__.py").is_file() and (root.parent / "__init__.py").is_file():
+        root = root.parent
+    return root
+
+
+def _files(root: Path) -> list[Path]:
+    """Return the files of a package, none if it is too large; the modules of a folder that is no package."""
     if not (root / "__init__.py").is_file():
         return sorted(root.glob("*.py"))
-    while (root.parent / "__init__.py").is_file():
-        root = root.parent
     files: list[Path] = []
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         files += [Path(folder, name) for name in sorted(names)]
         if len(files) > _MAX_FILES:
-            return [module]
+            return []
     return files
 
 
