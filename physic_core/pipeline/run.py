@@ -25,12 +25,13 @@ from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Perso
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from typing import Any, Self
 
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
+    from physic_core.engine.joint.problem import View
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.estimate import Estimates
@@ -118,6 +119,7 @@ class Pipeline:
         intrinsics: Intrinsics | None = None,
         people: PeoplePrompt | None = None,
         known: KnownSizes | None = None,
+        views: Sequence[View] = (),
         complete: Callable[[Estimates], Estimates] | None = None,
         settings: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
@@ -132,6 +134,7 @@ class Pipeline:
             people: the people to reconstruct, px of the upright photo; ``[photo]`` of the config if None, where no
                 choice means all people.
             known: sizes that are known, in px of the upright photo; ``[photo]`` of the config replaces each of them.
+            views: what other cameras show of the same people, in their order, at the same moment.
             complete: adds what other photos of the moment show to the estimates of the backends.
             settings: of the table ``[photo]``, for this photo alone, such as ``{"focal_px": 900.0}``.
             progress: called when each stage begins.
@@ -145,7 +148,7 @@ class Pipeline:
             NoPersonError: one of ``people`` was not found, or nobody was, and the config requires people.
             BackendError: a required backend failed, or returned an invalid result.
         """
-        return self._run(photo, _Given(intrinsics, people, known, complete), settings, progress)
+        return self._run(photo, _Given(intrinsics, people, known, tuple(views), complete), settings, progress)
 
     def warm_up(self) -> None:
         """Load all backends and the body model now; with ``[run] low_memory``, load and close one after another.
@@ -303,11 +306,12 @@ def _naming(photo: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Given:
-    """What the user knows of one photo, px of the upright file, and what adds that which other photos show."""
+    """What the user knows of one photo, px of the upright file, and what other cameras show."""
 
     intrinsics: Intrinsics | None = None
     people: PeoplePrompt | None = None
     known: KnownSizes | None = None
+    views: tuple[View, ...] = ()
     complete: Callable[[Estimates], Estimates] | None = None
 
     def camera(self) -> Intrinsics | None:
@@ -359,6 +363,7 @@ def _reconstruct(
     from physic_core.pipeline.checks import run_checks
     from physic_core.pipeline.optimise import run_engine
 
+    estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
     with limited_threads(plan.config.run.threads):
         solution = run_engine(estimates, plan.engine, load_model(), stages)

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-from physic_core import body, load_config, reconstruct
+from physic_core import Pipeline, body, load_config, reconstruct
 from physic_core.adapters.inpainting import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
+from physic_core.engine.joint.problem import View
 from physic_core.errors import (
     BodyModelError,
     DeviceError,
@@ -53,6 +55,24 @@ def test_a_photo_without_people_is_an_error_if_people_are_required(world: World)
         "no person was found in the photo of 160 x 120 px by segmenter 'wrong' (registered by hand): use a photo that "
         "shows at least one head and torso, another segmenter, or no require_people for the scene alone"
     )
+
+
+def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
+    person = reconstruct(world.image, load_config(preset="mock")).people[0]
+    aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
+    view = View(
+        rotation=torch.eye(3).double(),
+        translation=torch.zeros(3).double(),
+        K=torch.from_numpy(world.intrinsics.matrix),
+        keypoints=aside,
+        keypoint_confidence=torch.from_numpy(person.keypoint_confidence[None].astype(np.float64)),
+        masks=torch.from_numpy(person.mask[None]),
+        observed=torch.ones((1, 55), dtype=torch.bool),
+    )
+    with Pipeline(load_config(preset="mock")) as pipeline:
+        alone, fitted = (pipeline(world.image, views=views).people[0] for views in ((), (view,)))
+    np.testing.assert_array_equal(alone.joints, person.joints)
+    assert (fitted.joints[:, 0] / fitted.joints[:, 2] > alone.joints[:, 0] / alone.joints[:, 2]).mean() > 0.9
 
 
 def test_bodies_of_another_body_model(world: World) -> None:
