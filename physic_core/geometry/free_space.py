@@ -7,7 +7,6 @@ calf in front of a seat is below the seat's plane, but not inside the seat.
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 __all__ = ["front_depth", "in_free_space"]
@@ -19,7 +18,8 @@ def front_depth(depth: Tensor) -> Tensor:
     Four pixels, since at a depth edge a single one may show the background.
     """
     known = torch.where(torch.isfinite(depth), depth, torch.full_like(depth, torch.inf))
-    return -F.max_pool2d(-known[None, None], 2, stride=1)[0, 0]
+    rows = torch.minimum(known[:-1], known[1:])
+    return torch.minimum(rows[:, :-1], rows[:, 1:])
 
 
 def in_free_space(points: Tensor, front: Tensor, K: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import torch
 import torch.nn.functional as F
 
+from physic_core.engine.placement.background import dilate
 from physic_core.geometry.camera import project
 from physic_core.geometry.raster import rasterise
 
@@ -100,8 +101,8 @@ def _compare(i: int, depth: Tensor, photo: PhotoEvidence) -> dict[str, float | N
     if photo.scene_depth is not None:
         seen = seen & ~(photo.scene_depth < depth - _IN_FRONT_M)
     return {
-        "mask_covered_share": _share(mask & _grown(body, _CLOTHES * size), mask),
-        "body_in_mask_share": _share(seen & _grown(mask, _RIM * size), seen & mask.any()),
+        "mask_covered_share": _share(mask & dilate(body, max(1, round(_CLOTHES * size))), mask),
+        "body_in_mask_share": _share(seen & dilate(mask, max(1, round(_RIM * size))), seen & mask.any()),
         "low_depth_ratio": None if photo.photo_depth is None else _low_depth_ratio(depth, mask, photo.photo_depth),
     }
 
@@ -116,12 +117,6 @@ def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float 
     ratio = (photo_depth / depth)[body & mask & low]
     ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
     return float(ratio.median()) if len(ratio) >= _MIN_PIXELS else None
-
-
-def _grown(mask: Tensor, by: float) -> Tensor:
-    """Return a mask (H, W) grown by a distance in px."""
-    reach = max(1, round(by))
-    return F.max_pool2d(mask[None, None].float(), 2 * reach + 1, 1, reach)[0, 0] > 0
 
 
 def _share(part: Tensor, surface: Tensor) -> float | None:

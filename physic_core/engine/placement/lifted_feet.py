@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import SIDES
+from physic_core.engine.placement.background import dilate
 from physic_core.engine.placement.detections import Detections
 
 __all__ = ["depth_gaps_at_feet", "find_lifted_feet"]
@@ -74,10 +75,7 @@ def depth_gaps_at_feet(detections: Detections, photo: Tensor, scene: Tensor, rai
     skeleton, masks = detections.skeleton, detections.masks.cpu()
     keypoints, confidence = detections.keypoints.cpu(), detections.confidence.cpu()
     log_ratio = scene.log() - photo.log()
-    people = torch.nn.functional.max_pool2d(
-        masks.any(0)[None, None].float(), 2 * _MARGIN_PX + 1, stride=1, padding=_MARGIN_PX
-    )[0, 0]
-    background = people == 0
+    background = ~dilate(masks.any(0), _MARGIN_PX)
     row = {name: j for j, name in enumerate(skeleton.names)}
     gaps = torch.full((len(keypoints), 2), torch.nan, dtype=torch.float64)
     for i, mask in enumerate(masks):
