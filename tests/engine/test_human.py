@@ -110,6 +110,17 @@ def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None
     assert depth_offsets(placed) == [1.0, 1.0]
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed: int) -> None:
+    """The best fit to half of the keypoints and to points off by thousands of pixels is a body without a size."""
+    draws = torch.Generator().manual_seed(seed)
+    picture = Picture()
+    picture.keypoints[1, :9] += 3000 * torch.randn(9, 2, generator=draws, dtype=torch.float64)
+    placed = picture.place()
+    assert error_cm(placed)[0] < 0.1
+    assert error_cm(placed)[1] < 100
+
+
 def test_the_papers_solver_finds_the_place_too() -> None:
     placed = Picture(160, settings=PAPER).place(PAPER)
     print(f"paper: off by {error_cm(placed).tolist()} cm")

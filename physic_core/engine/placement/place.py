@@ -29,6 +29,8 @@ __all__ = [
     "place_bodies",
 ]
 
+_FARTHEST = 1e3  # times the estimated distance, that a body is placed at
+
 
 @dataclass(frozen=True)
 class PosedBodies:
@@ -197,6 +199,8 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
         problem = None
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
             by_keypoints = method.fit_keypoints(person)
+            if not _is_placed_in_view(person, by_keypoints):
+                by_keypoints = start
         else:
             problem = (
                 f"{len(person.keypoints)} keypoints have confidence {method.min_confidence:g} or more, "
@@ -213,7 +217,7 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
                     f"{FEWEST_POINTS} of each are needed: placed by keypoints alone"
                 )
         fit = replace(fit, x=method.finish(person, fit))
-        if not bool(torch.isfinite(fit.x).all()) or float((person.vertices[:, 2] + fit.x[2]).median()) < NEAREST_M:
+        if not _is_placed_in_view(person, fit.x):
             fit, by_keypoints = replace(fit, x=start), start
             problem = "the fit has no translation in front of the camera: the translation was not changed"
     return PersonPlacement(
@@ -223,6 +227,16 @@ def _place_person(person: PlacementProblem, method: PlacementMethod) -> PersonPl
         keypoint_move=by_keypoints[:-1],
         diagnostics=_diagnostics(person, fit, problem, method),
     )
+
+
+def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:
+    """Return whether x (4,) puts a body in front of the camera, and not off to infinity.
+
+    Keypoints that are wrong by more than the person's size let a robust fit shrink the person to a point.
+    """
+    depth = float(person.vertices[:, 2].median())
+    farthest = _FARTHEST * max(depth, NEAREST_M)
+    return bool(torch.isfinite(x).all()) and NEAREST_M <= depth + float(x[2]) <= farthest
 
 
 def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method: PlacementMethod) -> dict[str, Any]:
