@@ -3,8 +3,8 @@
 Each cue gives the logarithm of a likelihood ratio (LLR), "the same person" over "different people", from the table that
 was measured for it; their sum decides. For each pair of photos, each pair of people gives a hypothesis of the relative
 camera. The assignment of all people under the best hypothesis is that of the pair of photos; matched pixels of the
-background add the LLR of the camera. People over all photos
-then follow by joining the surest pairs first, as long as the photos of both sides agree.
+background add the LLR of the camera. People over all photos then follow by joining the surest pairs first, as long as
+the photos of both sides agree.
 """
 
 from __future__ import annotations
