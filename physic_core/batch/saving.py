@@ -87,7 +87,7 @@ def save_photo(
     Raises:
         OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
     """
-    from physic_core.io.results import save_people, save_reconstruction
+    from physic_core.io.results import add_files, save_people, save_reconstruction
     from physic_core.visual.preview import preview_png
 
     if saving.can_be_loaded:
@@ -111,9 +111,8 @@ def save_photo(
             save_report(result, folder / REPORT_FILE, title)
         else:
             add_report(folder, result, title)
-    if saving.level != "summary":
-        for name, content in (beside or {}).items():
-            _write_file(folder / name, content)
+    if beside and saving.level != "summary":
+        add_files(folder, beside)
 
 
 def _write_file(path: Path, content: bytes) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write, check_writable, committed_path, finish_interrupted_write
-from physic_core.io.document import encode_document
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE, digest_of
-from physic_core.io.results import load_reconstruction, read_document
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE
+from physic_core.io.results import add_files, load_reconstruction
 from physic_core.visual.report import HEAD_BYTES, PAGE_MARK, report_html
 
 if TYPE_CHECKING:
@@ -62,9 +60,9 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     try:
         shown = load_reconstruction(folder) if reconstruction is None else reconstruction
     except InputError as error:
-        _write_listed(folder, report_html(error, title))
+        add_files(folder, {REPORT_FILE: report_html(error, title).encode()})
         raise
-    _write_listed(folder, report_html(shown, title))
+    add_files(folder, {REPORT_FILE: report_html(shown, title).encode()})
     return folder / REPORT_FILE
 
 
@@ -88,15 +86,3 @@ def _check_own(path: Path) -> None:
 def _write(path: Path, page: str) -> None:
     with atomic_write(check_writable(path.parent)) as temporary:
         temporary(path.name).write_bytes(page.encode())
-
-
-def _write_listed(folder: Path, page: str) -> None:
-    """Write the page, and its name and digest to the document of the result, if that can be read."""
-    with atomic_write(check_writable(folder)) as temporary:
-        # Read while the folder is locked: another process may just have saved another result.
-        with suppress(InputError, KeyError):
-            document = read_document(folder)
-            document["files"] = [*(name for name in document["files"] if name != REPORT_FILE), REPORT_FILE]
-            document["digests"] = document["digests"] | {REPORT_FILE: digest_of(page.encode())}
-            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
-        temporary(REPORT_FILE).write_bytes(page.encode())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -91,6 +92,7 @@ __all__ = [
     "ARRAYS_FILE",
     "DOCUMENT_FILE",
     "PREVIEW_FILE",
+    "add_files",
     "check_writable",
     "load_people",
     "load_reconstruction",
@@ -208,6 +210,27 @@ def _write(
         document = to_document(reconstruction, names, npz_checksum(arrays_file), digests, stored.specs)
         document_file.write_bytes(encode_document(document))
     return tuple(folder / name for name in names)
+
+
+def add_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write further files to the folder of a result, and their names and digests to its document, if that can be read.
+
+    Args:
+        folder: of the result.
+        files: name -> content.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    with atomic_write(check_writable(folder)) as temporary:
+        # Read while the folder is locked: another process may just have saved another result.
+        with suppress(InputError, KeyError):
+            document = read_document(folder)
+            document["files"] = [*(name for name in document["files"] if name not in files), *files]
+            document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
+            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
+        for name, content in files.items():
+            temporary(name).write_bytes(content)
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:

@@ -28,8 +28,14 @@ def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
     config = load_config(preset="mock", flags={"noise": QUIET})
     job = BatchJob(config, str(tmp_path / "out"), Saving("numbers", thumbnails=False))
     process = PhotoProcessor(job)
-    todo = plan_batch(find_photos([str(tmp_path / "table.csv")]), job).todo
-    run_batch(todo, job, lambda items, job: (process(item) for item in items), tmp_path / "out" / "journal.jsonl")
+
+    def todo(*, verify: bool = False):
+        return plan_batch(find_photos([str(tmp_path / "table.csv")]), job, verify=verify).todo
+
+    def run(items):
+        run_batch(items, job, lambda items, job: (process(item) for item in items), tmp_path / "out" / "journal.jsonl")
+
+    run(todo())
     rows = read_rows(tmp_path / "out")
     assert {name: (row["state"], row["error"]) for name, row in rows.items()} == {
         "hug": ("done", ""),
@@ -41,4 +47,12 @@ def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
     assert sorted(camera.photo for camera in result.cameras) == ["a.png", "b.png"]
     moment = json.loads((folder / "moment.json").read_text())
     assert sorted(photo["index"] for photo in moment["photos"]) == [0, 1]
-    assert plan_batch(find_photos([str(tmp_path / "table.csv")]), job).todo == ()
+    assert todo(verify=True) == ()
+
+    written = (folder / "moment.json").read_bytes()
+    for verify, damaged in ((False, None), (False, written[:-1]), (True, written.replace(b"0", b"1"))):
+        (folder / "moment.json").unlink() if damaged is None else (folder / "moment.json").write_bytes(damaged)
+        assert [item.id for item in todo(verify=verify)] == ["hug"]
+    run(todo(verify=True))
+    assert (folder / "moment.json").read_bytes() == written
+    assert todo(verify=True) == ()
