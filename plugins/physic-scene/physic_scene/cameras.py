@@ -81,7 +81,7 @@ def solve_cameras(
         settings: of all steps.
 
     Raises:
-        InputError: no two photos fit each other.
+        InputError: no two photos fit each other, or the photo whose people have known statures is left out.
     """
     rows, moved = chosen.rows, chosen.rows[:0]
     elsewhere = np.full_like(rows, -1)
@@ -203,9 +203,9 @@ def _with_statures(
     observations: Observations, chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float]
 ) -> Observations:
     """Return the observations with the bone lengths of people of known stature."""
-    first = chosen.photos[0]
-    if not any(statures) or first.index != 0:
+    if not any(statures):
         return observations
+    first = chosen.first("statures") if len(statures) > 1 else chosen.photos[0]
     people = first.people
     order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows])
     known = np.zeros(len(people))

@@ -32,6 +32,11 @@ __all__ = ["scene"]
     metavar="METRES,...",
     help="Known standing heights: one for all people, or from left to right in the first photo, 0 where unknown.",
 )
+@click.option(
+    "--age",
+    metavar="YEARS,...",
+    help="Known ages: one for all people, or from left to right in the first photo, 0 where unknown.",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 def scene(
     photos: tuple[Path, ...],
@@ -42,6 +47,7 @@ def scene(
     overrides: tuple[str, ...],
     intrinsics: tuple[str, ...],
     stature: str | None,
+    age: str | None,
     quiet: bool,
 ) -> None:
     """Reconstruct one moment from two to eight photos.
@@ -51,6 +57,7 @@ def scene(
     """
     cameras = _cameras(intrinsics, len(photos))
     statures = _numbers(stature, "--stature") if stature is not None else ()
+    ages = _numbers(age, "--age") if age is not None else ()
     from physic_core import KnownSizes, load_config
     from physic_core.cli.output import echo
     from physic_core.errors import InputError
@@ -58,9 +65,9 @@ def scene(
     from physic_scene.scene import Scene
 
     try:
-        known = KnownSizes(stature=statures) if statures else None
-    except ValueError as error:
-        raise InputError(f"--stature: {error}") from error
+        known = KnownSizes(stature=statures, age=ages)
+    except ValueError as error:  # which names the size
+        raise InputError(f"--stature, --age: {error}") from error
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     check_writable(out)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
+    from physic_core.types import AgeEstimates, BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.cameras import SolvedScene
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
@@ -65,6 +65,7 @@ class ReferenceInput(ShortRepr):
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
         alone: what all photos alone say of their contact, and of the floor.
+        ages: of the people; None if nothing is known of them.
     """
 
     result: Reconstruction
@@ -75,6 +76,7 @@ class ReferenceInput(ShortRepr):
     depth: DepthMap
     views: tuple[View, ...]
     alone: OtherViews
+    ages: AgeEstimates | None = None
 
     @classmethod
     def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
@@ -115,7 +117,8 @@ class ReferenceInput(ShortRepr):
 
     def complete(self, estimates: Estimates) -> Estimates:
         """Return the estimates of the photo with the other photos, and with people whom only these show."""
-        estimates = replace(estimates, views=self.views)
+        guess = estimates.scale_guess or ("" if self.ages is None else self.ages.scale_guess())
+        estimates = replace(estimates, views=self.views, ages=self.ages, scale_guess=guess)
         if self.shown.all():
             return estimates
         before, own = len(estimates.people), self.shown[: len(estimates.people)]
@@ -188,7 +191,8 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
         found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
-    return replace(found, photo=given.result.photo, lens=given.result.lens)
+    ages = [] if given.ages is None else given.ages.notes()
+    return replace(found, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *ages))
 
 
 def solved_camera(solved: SolvedScene, view: int) -> Intrinsics:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -11,6 +11,8 @@ import torch
 from physic_core import Pipeline
 from physic_core.body import load_body
 from physic_core.errors import InputError, NoPersonError
+from physic_core.types import KnownSizes
+from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import FitLimits, solve_cameras
@@ -20,14 +22,15 @@ from physic_scene.observations import observe
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
-from physic_scene.selection import Photo, select_photos
+from physic_scene.selection import ChosenPhotos, Photo, select_photos
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable
     from typing import Self
 
-    from physic_core import Config, KnownSizes
+    from physic_core import Config
+    from physic_core.body.model import BodyModel
     from physic_core.types import Intrinsics, Reconstruction
     from physic_scene.types import SceneResult
 
@@ -95,7 +98,9 @@ class Scene:
             photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`. People may hold still
                 between photos.
             intrinsics: camera of each upright photo, px, or None where unknown; None if no camera is known.
-            known: sizes that are known in the first photo; its statures give the scale of the scene.
+            known: sizes that are known in the first photo; its statures give the scale of the scene. One age is that of
+                all people of all photos. Several are those of the people of the first photo, from left to right: the
+                photos are reconstructed without them, to find these people, and then with them.
             progress: called when each stage begins.
 
         Returns:
@@ -106,12 +111,25 @@ class Scene:
             PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), intrinsics)
+        known, names = known or KnownSizes(), [_name(photo, i) for i, photo in enumerate(photos)]
+
+        def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
+            camera = None if intrinsics is None else intrinsics[i]
+            sizes = replace(known if i == 0 else KnownSizes(), age=age)
+            return self.alone(photos[i], intrinsics=camera, known=sizes or None, progress=progress)
+
+        several = len(known.age) > 1
         results = []
-        for i, photo in enumerate(photos):
-            camera, sizes = None if intrinsics is None else intrinsics[i], known if i == 0 else None
-            results.append(self.alone(photo, intrinsics=camera, known=sizes, progress=progress))
-        names = [_name(photo, i) for i, photo in enumerate(photos)]
-        return self.join(results, names, statures=() if known is None else known.stature, progress=progress)
+        for i in range(len(photos)):
+            results.append(alone(i, () if several else known.age))
+            check_ages(known.age, names[0], results[0])
+        if several:
+            config = self._pipeline.config.photo
+            prompted = bool(config.person or config.box or config.masks)
+            chosen = self._choose(results, names, self._body())
+            for i, age in ages_of_photos(known.age, chosen, prompted=prompted).items():
+                results[i] = alone(i, age)
+        return self.join(results, names, statures=known.stature, progress=progress)
 
     def alone(
         self,
@@ -158,21 +176,28 @@ class Scene:
         _check_number(len(results), None)
         step = progress or (lambda name, done, total: None)
         names = list(names) if names is not None else [f"photo {i + 1}" for i in range(len(results))]
-        model = load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
+        model = self._body()
         step("matching people", 0, 3)
-        photos = [
-            Photo(i, name, result, observe(result, model))
-            for i, (name, result) in enumerate(zip(names, results, strict=True))
-            if result is not None
-        ]
-        chosen = select_photos(photos, names, self._settings.matching, self._settings.background)
+        chosen = self._choose(results, names, model)
         step("cameras", 1, 3)
         solved = solve_cameras(chosen, statures, model, self._settings)
         step("one solution", 2, 3)
         people = people_of_scene(solved, model)
         given = ReferenceInput.of(solved, people, model)
+        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos, model))
         reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
         return assemble(solved, people, reconstruction)
+
+    def _body(self) -> BodyModel:
+        return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
+
+    def _choose(self, results: Sequence[Reconstruction | None], names: Sequence[str], model: BodyModel) -> ChosenPhotos:
+        photos = [
+            Photo(i, name, result, observe(result, model))
+            for i, (name, result) in enumerate(zip(names, results, strict=True))
+            if result is not None
+        ]
+        return select_photos(photos, names, self._settings.matching, self._settings.background)
 
 
 def reconstruct_scene(

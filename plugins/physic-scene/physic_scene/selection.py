@@ -61,6 +61,17 @@ class ChosenPhotos(ShortRepr):
     background: tuple[PixelMatches, ...]
     left_out: tuple[LeftOut, ...]
 
+    def first(self, sizes: str) -> Photo:
+        """Return the photo that was given first, whose people have known sizes, such as "ages".
+
+        Raises:
+            InputError: it is left out.
+        """
+        if self.photos[0].index:
+            why = next(one.message for one in self.left_out if one.index == 0)
+            raise InputError(f"the {sizes} are those of people of the first photo, but {why}; put another photo first")
+        return self.photos[0]
+
     def without(self, view: int, reason: str, why: str) -> ChosenPhotos:
         """Return a copy without one photo."""
         photo = self.photos[view]
