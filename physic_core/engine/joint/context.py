@@ -50,7 +50,8 @@ class JointContext:
         visibility: settings.
         search_radius_m: of vertices for scene points, metres.
         ids: (n,) int64, indices of the subsampled vertices.
-        faces_of_vertices: adjacent faces of each subsampled vertex.
+        faces: (f, 3) int64, those at the subsampled vertices.
+        faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded with f.
         pose: poses keypoints, joints and subsampled vertices only.
         area: (B, n) weight of each subsampled vertex: its surface, square decimetres, in preset "default".
         contact_probability: (B, n) finite.
@@ -73,6 +74,7 @@ class JointContext:
     visibility: VisibilitySettings
     search_radius_m: float
     ids: Tensor
+    faces: Tensor
     faces_of_vertices: Tensor
     pose: LandmarkModel
     area: Tensor

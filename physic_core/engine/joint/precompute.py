@@ -17,7 +17,7 @@ from physic_core.engine.limbs import is_standing, observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
-from physic_core.geometry.mesh import vertex_areas
+from physic_core.geometry.mesh import select_faces, vertex_areas
 from physic_core.geometry.visibility import inside_image
 
 __all__ = ["precompute", "subsample_vertices"]
@@ -40,12 +40,14 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
     person_px = _person_px(problem, start.joints[:, 0])
     depth = problem.human_depth
+    faces, around = select_faces(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
         problem=problem,
         visibility=method.visibility,
         search_radius_m=method.search_radius_m,
         ids=ids,
-        faces_of_vertices=model.faces_of_vertices[ids],
+        faces=faces,
+        faces_of_vertices=around,
         pose=model.landmarks_only([problem.skeleton], ids),
         area=method.weigh_vertices(area),
         contact_probability=probability[:, ids],
@@ -106,7 +108,7 @@ def subsample_vertices(model: BodyModel, keep: Tensor, spacing: float, area: Ten
         return ids, area[:, ids]
     rest = (model.outer & ~keep).nonzero(as_tuple=True)[0]
     # Vertices of the midline lie on the border of two cells. Rounding puts them into the same cell on every CPU.
-    exact = model.to(dtype=torch.float64)
+    exact = model.double
     at = torch.round(exact(*exact.zero_pose(1)).vertices[0, rest] * _STEPS_PER_M) / _STEPS_PER_M
     group, chosen = cluster_points(at, model.part_of_vertex[rest], spacing)
     summed = area.new_zeros(len(area), len(chosen)).index_add(1, group, area[:, rest])

@@ -110,7 +110,7 @@ def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion:
     in_image = _in_image(uv, vertices, masks)
     in_mask = in_image & sample_mask_neighbours(uv, masks, context.person_px * settings.mask_tolerance).any(0)
     behind_self, hidden_limb = (flags[:, context.ids] for flags in self_occlusion(bodies.vertices))
-    normals = vertex_normals(bodies.vertices, problem.model.faces, context.faces_of_vertices)
+    normals = vertex_normals(bodies.vertices, context.faces, context.faces_of_vertices)
     toward = facing_camera(normals, vertices, settings.facing_deg)
     return Visibility(
         uv=uv,
