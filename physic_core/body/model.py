@@ -117,6 +117,11 @@ class BodyModel:
         return faces_of_vertices(self.faces, self.num_vertices)
 
     @cached_property
+    def double(self) -> BodyModel:
+        """The model in float64, with its own cached properties."""
+        return self if self.dtype == torch.float64 else self.to(dtype=torch.float64)
+
+    @cached_property
     def coarse(self) -> CoarseMesh:
         """Decimated mesh with a quarter of the vertices, 2 cm apart, for visibility tests."""
         # Sums on the CPU have a fixed order, so the result is deterministic.

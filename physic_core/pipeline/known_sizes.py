@@ -83,7 +83,7 @@ def bodies_of_stature(bodies: Bodies, model: BodyModel, statures: FloatArray, ne
     if not chosen.any():
         return bodies
     rows = parameters[chosen]
-    exact = model.to(dtype=torch.float64)
+    exact = model.double
     betas, transl, ratio = resize_bodies(
         exact,
         rotations_from_parameters(rows).double(),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import torch
-
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.solve import optimize
@@ -43,7 +41,7 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
     there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ between CPUs.
-    model = model.to(dtype=torch.float64)
+    model = model.double
     with stages.time_engine("scene"):
         scene = solve_scene(scene_stage_input(estimates), settings.scene)
         known = sized_scene(estimates, scene)

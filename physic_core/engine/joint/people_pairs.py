@@ -87,7 +87,10 @@ def find_people_pairs(probes: PeopleProbes, vertices: Tensor, normals: Tensor, r
         normals: (B, n, 3) unit, out of the bodies.
         reach: largest distance of a pair, metres.
     """
-    pairs = [_nearest(i, j, probes, vertices, reach) for i, j in permutations(range(len(vertices)), 2)]
+    low, high = vertices.amin(1) - reach, vertices.amax(1) + reach
+    close = ((low[:, None] < high) & (low < high[:, None])).all(-1).tolist()
+    people = [(i, j) for i, j in permutations(range(len(vertices)), 2) if close[i][j]]
+    pairs = [_nearest(i, j, probes, vertices, reach) for i, j in people]
     person, probe, other, other_row = torch.cat([probes.rows.new_zeros(4, 0), *pairs], 1)
     row = probes.rows[probe]
     normal = normals[other, other_row]

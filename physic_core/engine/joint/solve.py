@@ -8,6 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.contact_state import update_contacts
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
@@ -81,9 +82,10 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _start_result(problem: JointProblem, failures: tuple[str, ...]) -> JointResult:
-    """Return the start as a result."""
-    output = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
+def _start_result(problem: JointProblem, failures: tuple[str, ...], output: BodyOutput | None = None) -> JointResult:
+    """Return the start as a result, with the vertices and joints of ``output`` if it is given."""
+    if output is None:
+        output = problem.model(problem.rotations0, problem.betas0, problem.transl0, problem.expression0)
     return JointResult(
         rotations=problem.rotations0,
         betas=problem.betas0,
@@ -108,7 +110,6 @@ def _merged_result(
 ) -> JointResult:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
     estimate = energy.state.unpack()
-    start = _start_result(problem, failures)
     rotations, betas, transl = (
         initial.index_copy(0, rows, optimised)
         for initial, optimised in (
@@ -118,6 +119,7 @@ def _merged_result(
         )
     )
     output = problem.model(rotations, betas, transl, problem.expression0)
+    start = _start_result(problem, failures, output)
     ids, scale = energy.context.ids, float(estimate.log_scale.exp())
     everywhere = torch.zeros_like(output.vertices[rows][..., 0])
     depth, share = _visible_depths(energy, output.vertices[rows][:, ids], scale)
@@ -127,8 +129,6 @@ def _merged_result(
         betas=betas,
         transl=transl,
         scene_scale=scale,
-        vertices=output.vertices,
-        joints=output.joints,
         depth_offset=start.depth_offset.index_copy(0, rows, estimate.offset),
         reprojection_share=start.reprojection_share.index_copy(0, rows, energy.reprojection_shares(estimate)),
         depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, depth)),
