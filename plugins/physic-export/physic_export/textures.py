@@ -2,7 +2,7 @@
 
 A texel that the photo shows has the photo's colour; the weight falls where the surface turns away from the camera. The
 rest is filled: with the other side of the body where the photo shows that, and over the surface between, towards the
-mean of the body part.
+mean of the body part. Of several photos, each texel has the colour of the photo with the largest weight there.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from physic_core.body import load_body
 from physic_core.errors import InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
+from physic_core.types import CameraView
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
 from physic_export.texture_coordinates import TextureCoordinates, load_texture_coordinates
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from physic_core import ExportRequest
     from physic_core.body.model import BodyModel
-    from physic_core.types import Person, Reconstruction, UInt8Array
+    from physic_core.types import Reconstruction, UInt8Array
 
     Array = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
     faces = np.asarray(result.faces, np.int64)
     every = np.concatenate([faces + number * len(bodies[0]) for number in range(len(bodies))]) if bodies else faces
     caster = RayCaster(np.concatenate(bodies), every) if bodies else None
-    textures = {index: _texture(result, person, model, raster, caster) for index, person in request.chosen() if caster}
+    textures = {index: _texture(result, index, model, raster, caster) for index, _ in request.chosen() if caster}
     return TexturedBodies(mesh, raster, textures)
 
 
@@ -124,21 +125,19 @@ def _mesh(source: str, size: int) -> tuple[TextureCoordinates, TextureRaster]:
 
 
 def _texture(
-    result: Reconstruction, person: Person, model: BodyModel, raster: TextureRaster, caster: RayCaster
+    result: Reconstruction, index: int, model: BodyModel, raster: TextureRaster, caster: RayCaster
 ) -> BodyTexture:
+    person = result.people[index]
     faces, vertices = np.asarray(result.faces, np.int64), person.vertices.astype(np.float64)
     points = raster.interpolate(faces, vertices)
     normals = raster.interpolate(faces, vertex_normals(vertices, faces))
-    length = np.linalg.norm(normals, axis=1) * np.linalg.norm(points, axis=1)
-    facing = -(normals * points).sum(1) / np.maximum(length, 1e-12)
-    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
-    candidate = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
-    distance = caster.first(np.zeros(3), points[candidate]).distance
-    visible = np.zeros(len(points), bool)
-    visible[candidate] = distance > 1 - HIDDEN_M / np.linalg.norm(points[candidate], axis=1)
-    photo, shown, near = _sample(result, person, points)
-    seen = weight * (visible & shown)
-    weight = np.maximum(seen, NEAREST_WEIGHT * weight * (visible & near))
+    photo = np.zeros((len(points), 3))
+    seen, weight = np.zeros((2, len(points)))
+    for view in result.cameras or (CameraView.of_reference(result, ""),):
+        if index in view.people:
+            colors, own, near = _seen_colors(view, view.people[index].mask, points, normals, caster)
+            better = near > weight
+            photo[better], seen[better], weight[better] = colors[better], own[better], near[better]
     colors = _fill(photo, weight, raster, faces, model)
     share = raster.interpolate(faces, colors)
     blend = np.minimum(weight, 1)[:, None]
@@ -159,16 +158,32 @@ def _smooth(share: Array) -> Array:
     return t * t * (3 - 2 * t)
 
 
-def _sample(
-    result: Reconstruction, person: Person, points: Array
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the photo's colours (n, 3) at points, and whether each is in the person's mask, and near to it.
+def _seen_colors(
+    camera: CameraView, mask: NDArray[np.bool_], points: Array, normals: Array, caster: RayCaster
+) -> tuple[Array, Array, Array]:
+    """Return the colours (n, 3) of a photo at points of a body, and their weights (n,) in the mask and near it."""
+    rays, local = points - camera.centre, np.asarray(camera.to_camera(points), np.float64)
+    reach = np.linalg.norm(rays, axis=1)
+    facing = -(normals * rays).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
+    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
+    candidate = np.flatnonzero((weight > 0) & (local[:, 2] > 0))
+    distance = caster.first(camera.centre, rays[candidate]).distance
+    visible = np.zeros(len(points), bool)
+    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
+    photo, shown, near = _sample(camera, np.asarray(mask, bool), local)
+    seen = weight * (visible & shown)
+    return photo, seen, np.maximum(seen, NEAREST_WEIGHT * weight * (visible & near))
 
-    Outside the mask the colour is that of the nearest pixel in it.
+
+def _sample(
+    camera: CameraView, mask: NDArray[np.bool_], points: Array
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask, and near to it.
+
+    Outside the mask (H, W) the colour is that of the nearest pixel in it.
     """
     import cv2
 
-    mask = np.asarray(person.mask, bool)
     if not mask.any():
         none = np.zeros(len(points), bool)
         return np.zeros((len(points), 3)), none, none
@@ -176,8 +191,8 @@ def _sample(
     inner = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
     outer = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
-    image = pad_texture(result.image, core)
-    pixels = points @ result.intrinsics.matrix.T
+    image = pad_texture(camera.image, core)
+    pixels = points @ camera.intrinsics.matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
     place = (np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9), np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9))
