@@ -218,7 +218,9 @@ class BodyModel:
         regressors = {skeleton: self.regressor(skeleton) for skeleton in skeletons}
         wanted = torch.cat([extra, *(r.vertex_ids for r in regressors.values())])
         sizes = [len(extra), *(len(r.vertex_ids) for r in regressors.values())]
-        return LandmarkModel(self, self.skin.subset(wanted), regressors, tuple(sizes), JointTree(self.kinematics))
+        return LandmarkModel(
+            self, self.skin.subset(wanted).in_blocks(), regressors, tuple(sizes), JointTree(self.kinematics)
+        )
 
     def stature(self, betas: Tensor) -> Tensor:
         """Return the height (B,) in metres of betas (B, K) in the T-pose, from soles to crown."""

@@ -79,7 +79,7 @@ class _Pose(torch.autograd.Function):
         shaped = rest.new_ones(batch, 4, 1, count)
         shaped[:, :3, 0] = torch.addmm(skin.template.reshape(1, -1), shape, directions).view(batch, 3, count)
         joints = skinning.shape[1]
-        columns = (skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints) @ skin.weights).view(batch, 4, 3, count)
+        columns = skin.blend(skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints)).view(batch, 4, 3, count)
         vertices = (columns * shaped).sum(1) + transl[..., None]
         ctx.save_for_backward(rotations, rest, world, skinning, shaped, columns)
         ctx.model = tree, skin, coefficients.shape[1]
@@ -97,7 +97,7 @@ class _Pose(torch.autograd.Function):
 
         # Skinning: gradients of the bone motions (B, J, 3, 4) and of the shaped vertices.
         by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
-        by_skinning = (by_column @ skin.weights.T).view(batch, 4, 3, joints).permute(0, 3, 2, 1)
+        by_skinning = skin.blend_gradient(by_column).reshape(batch, 4, 3, joints).permute(0, 3, 2, 1)
         by_shaped = (columns[:, :3] * by_vertex[:, None]).sum(2)
         count = num_shape if len(skin.directions) <= num_shape else len(skin.directions)
         by_shape = by_shaped.flatten(1) @ skin.directions[:count].flatten(1).T

@@ -5,6 +5,7 @@ Tests compare the matrices and derivatives with ``roma``.
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import torch
@@ -17,6 +18,11 @@ __all__ = ["rotvec_to_rotmat"]
 _SKEW = ((0, 0, 0, 0, 0, -1, 0, 1, 0), (0, 0, 1, 0, 0, 0, -1, 0, 0), (0, -1, 0, 1, 0, 0, 0, 0, 0))
 
 
+@functools.cache
+def _skew_basis(device: torch.device, dtype: torch.dtype) -> Tensor:
+    return torch.tensor(_SKEW, device=device, dtype=dtype)
+
+
 def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
     """Convert rotation vectors (..., 3), radians, to matrices (..., 3, 3); once differentiable, smooth everywhere."""
     matrix: Tensor = _RotvecToRotmat.apply(rotvec)  # type: ignore[no-untyped-call]
@@ -26,7 +32,7 @@ def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
 class _RotvecToRotmat(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, rotvec: Tensor) -> Tensor:
-        skew = rotvec.new_tensor(_SKEW)
+        skew = _skew_basis(rotvec.device, rotvec.dtype)
         square = rotvec.square().sum(-1, keepdim=True)
         sine, versine = _sinc_and_versine(square)
         # R = cos(t) 1 + sin(t)/t [v] + (1 - cos(t))/t^2 v v^T

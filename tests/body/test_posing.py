@@ -23,7 +23,9 @@ def small_body(*, bind: bool, correctives: bool) -> tuple[Kinematics, Skin]:
     bind_rot = rotvec_to_rotmat(normal(J, 3)) if bind else None
     kinematics = Kinematics.build(normal(J, 3), normal(D, J, 3), bind_rot, PARENTS)
     rows = D + 9 * (J - 1) if correctives else D
-    return kinematics, Skin(normal(3, V), 0.1 * normal(rows, 3, V), torch.softmax(normal(J, V), 0))
+    weights = torch.softmax(normal(J, V), 0)
+    weights = torch.where(weights >= weights.topk(3, dim=0).values[-1], weights, 0.0)  # three joints a vertex
+    return kinematics, Skin(normal(3, V), 0.1 * normal(rows, 3, V), weights / weights.sum(0))
 
 
 def pose(batch: int = 2) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -43,11 +45,12 @@ def by_autograd(kinematics: Kinematics, skin: Skin, rotations: torch.Tensor, bet
 
 @pytest.mark.parametrize("bind", [False, True])
 @pytest.mark.parametrize("correctives", [False, True])
-def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
+@pytest.mark.parametrize("blocks", [False, True])
+def test_value_and_slope_are_those_of_the_whole_model(bind, correctives, blocks):
     kinematics, skin = small_body(bind=bind, correctives=correctives)
     turns, shape, transl = pose()
     inputs = [rotvec_to_rotmat(turns).requires_grad_(), shape.requires_grad_(), transl.requires_grad_()]
-    vertices, joints = pose_vertices(JointTree(kinematics), skin, *inputs)
+    vertices, joints = pose_vertices(JointTree(kinematics), skin.in_blocks() if blocks else skin, *inputs)
     plain_vertices, plain_joints = by_autograd(kinematics, skin, *inputs)
     torch.testing.assert_close(vertices, plain_vertices)
     torch.testing.assert_close(joints, plain_joints)
@@ -61,8 +64,11 @@ def test_value_and_slope_are_those_of_the_whole_model(bind, correctives):
 
 
 @pytest.mark.parametrize("correctives", [False, True])
-def test_the_gradient_is_that_of_finite_differences(correctives):
+@pytest.mark.parametrize("blocks", [False, True])
+def test_the_gradient_is_that_of_finite_differences(correctives, blocks):
     kinematics, skin = small_body(bind=True, correctives=correctives)
+    skin = skin.in_blocks() if blocks else skin
+    assert not blocks or any(len(block.joints) < J for block in skin.blocks)
     tree = JointTree(kinematics)
     inputs = [x.requires_grad_() for x in pose(1)]
 

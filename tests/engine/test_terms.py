@@ -11,7 +11,7 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.distances import hinge_angles, lowest_height, root_relative, signed_distance
-from physic_core.engine.joint.terms.balance import balance_energy
+from physic_core.engine.joint.terms.balance import balance_energy, level_direction
 from physic_core.engine.joint.terms.limits import limit_energy
 from physic_core.engine.joint.terms.regularisation import parameter_energy
 from physic_core.engine.joint.terms.reprojection import reprojection_energy
@@ -110,7 +110,7 @@ def test_gradient_of_joint_limits():
 def test_gradient_of_balance():
     up = torch.nn.functional.normalize(torch.tensor([0.1, -1.0, -0.2], dtype=torch.float64), dim=0)
     weight = torch.tensor([1.0, 0.5]).double()
-    check(lambda m, j: balance_energy(m, j, up, weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
+    check(lambda m, j: balance_energy(m, j, level_direction(up), weight, RHO), rand(2, 3), rand(2, 55, 3, seed=1))
 
 
 # ---- values
@@ -242,7 +242,7 @@ def test_balance_keeps_a_standing_person_and_rights_a_leaning_one(body):
 
     def value(angle):
         turn = roma.rotvec_to_rotmat(torch.tensor([angle, 0.0, 0.0]))
-        return balance_energy(mass @ turn.T, output.joints @ turn.T, up, torch.ones(1), square).item()
+        return balance_energy(mass @ turn.T, output.joints @ turn.T, level_direction(up), torch.ones(1), square).item()
 
     assert value(0.0) == 0
     assert value(math.radians(15)) > 5
@@ -252,5 +252,5 @@ def test_balance_keeps_a_standing_person_and_rights_a_leaning_one(body):
 def test_balance_is_finite_when_the_camera_looks_straight_down():
     up = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64)
     mass = rand(1, 3)
-    balance_energy(mass, rand(1, 55, 3, seed=1), up, torch.ones(1), RHO).sum().backward()
+    balance_energy(mass, rand(1, 55, 3, seed=1), level_direction(up), torch.ones(1), RHO).sum().backward()
     assert torch.isfinite(mass.grad).all()

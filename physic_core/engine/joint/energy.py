@@ -52,7 +52,8 @@ class JointEnergy:
         self.evaluations = 0
         self.context = precompute(problem, settings)
         self.state = settings.initial_state(self.context)
-        self._people = settings.weigh_people(problem)
+        weights = settings.weigh_people(problem)
+        self._people = None if bool((weights == 1).all()) else weights
         # What the user knows holds in every energy.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
@@ -125,6 +126,8 @@ class JointEnergy:
         if self._settings.nearest_every_step:
             self._update(bodies.vertices.detach(), float(bodies.estimate.log_scale.detach().exp()))
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}
+        if self._people is None:
+            return energies
         return {name: value * self._people if len(value) > 1 else value for name, value in energies.items()}
 
     def _posed_bodies(self) -> PosedBodies:

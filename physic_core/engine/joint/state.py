@@ -133,14 +133,22 @@ class State:
         for row, name in zip(pose_sigmas, JOINT_NAMES[BODY], strict=True):
             row[:] = row.new_tensor(_POSE_SIGMAS[name.rpartition("_")[2].rstrip("123")])
         self._sigmas: dict[str, Tensor | float] = {
-            "root": _ROOT_SIGMA,
-            "pose": pose_sigmas,
-            "hands": _HAND_SIGMA,
             "betas": _BETA_SIGMA,
             "translation": torch.tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype),
             "scale": sigmas.scale,
             "offset": sigmas.offset,
         }
+        body, hands = rotations[:, BODY].detach(), rotations[:, HANDS].detach()
+        root_sigma, hand_sigmas = (
+            transl.new_full((1, 3), _ROOT_SIGMA),
+            transl.new_full((hands.shape[1], 3), _HAND_SIGMA),
+        )
+        self._turn_sigmas = torch.cat([root_sigma, pose_sigmas, hand_sigmas])
+        one = torch.eye(3, device=device, dtype=dtype).expand(people, 1, 3, 3)
+        self._before = torch.cat([one, body, hands], 1)
+        self._after = torch.cat([rotations[:, :1].detach(), one.expand(-1, body.shape[1] + hands.shape[1], 3, 3)], 1)
+        self._ray = self._pelvis / self._pelvis[:, 2:]
+        self._across = transl.new_tensor([1.0, 1.0, 0.0])
         self.offset_free = (transl.new_zeros(people) + sigmas.offset) > 0
         self.values: dict[str, Tensor] = self._initial_values()
         self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
@@ -166,27 +174,14 @@ class State:
     def unpack(self) -> Estimate:
         """Convert the free parameters to bodies and scene; differentiable."""
         start, values, sigmas = self.start, self.values, self._sigmas
-        first, body = start.rotations[:, :1], start.rotations[:, BODY]
-        face, hands = start.rotations[:, FACE], start.rotations[:, HANDS]
         # One call for all rotations. The root's is applied in the camera frame, the others in the frame of their joint.
-        rotvecs = torch.cat(
-            [
-                (values["root"] * sigmas["root"])[:, None],
-                values["pose"] * sigmas["pose"],
-                values["hands"] * sigmas["hands"],
-            ],
-            1,
-        )
-        counts = [1, body.shape[1], hands.shape[1]]
-        root, *others = torch.split(rotvec_to_rotmat(rotvecs), counts, dim=1)
-        rotated = torch.cat([root, body, hands], 1) @ torch.cat([first, *others], 1)
-        first, body, hands = torch.split(rotated, counts, dim=1)
+        rotvecs = torch.cat([values["root"][:, None], values["pose"], values["hands"]], 1) * self._turn_sigmas
+        rotated = self._before @ rotvec_to_rotmat(rotvecs) @ self._after
+        body, hands = torch.split(rotated, [FACE.start, rotated.shape[1] - FACE.start], dim=1)
         move = values["translation"] * sigmas["translation"]
-        z0 = self._pelvis[:, 2:]
-        z = z0 * torch.exp(move[:, 2:])
-        pelvis = torch.cat([(self._pelvis[:, :2] / z0 + move[:, :2]) * z, z], 1)
+        pelvis = (self._ray + move * self._across) * (self._pelvis[:, 2:] * torch.exp(move[:, 2:]))
         return Estimate(
-            torch.cat([first, body, face, hands], 1),
+            torch.cat([body, start.rotations[:, FACE], hands], 1),
             start.betas + values["betas"] * sigmas["betas"],
             start.transl + (pelvis - self._pelvis),
             values["scale"] * sigmas["scale"],

@@ -15,11 +15,11 @@ from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Ter
 from physic_core.engine.joint.terms.contact import ContactTerm
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["BalanceSettings", "BalanceTerm", "balance_energy"]
+__all__ = ["BalanceSettings", "BalanceTerm", "balance_energy", "level_direction"]
 
-# Left and right joints are adjacent: a slice gives a view, a list of indices a copy.
-_ANKLES, _TOES = (slice(left, right + 1) for left, right in (joint_pair("ankle"), joint_pair("foot")))
 _STANDING_POINT = 0.35  # position of the centre of mass between ankles (0) and balls of the feet (1) in quiet standing
+_FEET = [(1 - _STANDING_POINT) / 2] * 2 + [_STANDING_POINT / 2] * 2  # shares of both ankles and both toes
+_FOOT_JOINTS = [*joint_pair("ankle"), *joint_pair("foot")]
 _SLACK_M = 0.05  # metres around that point without a penalty
 _SIGMA_M = 0.04  # expected distance beyond the slack
 _LEAN_SHARE = 0.006  # of the skin, the size of a palm; a person with more contact above the knees leans on the scene
@@ -33,7 +33,18 @@ class BalanceSettings:
     """Weight of the term; 0 removes it."""
 
 
-def balance_energy(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
+def level_direction(up: Tensor) -> Tensor:
+    """Return the horizontal viewing direction (3,) over a floor with the normal ``up`` (3,).
+
+    The viewing direction of a camera that points straight down has no horizontal part: it is then 0.
+    """
+    forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
+    level = forward - (forward @ up) * up
+    unit: Tensor = level / level.norm().clamp(min=0.1)
+    return unit
+
+
+def balance_energy(mass: Tensor, joints: Tensor, level: Tensor, weight: Tensor, rho: RobustLoss) -> Tensor:
     """Return the balance energy of each person: ``w rho(max(0, |(m - f) . d| - 5 cm)^2 / sigma^2)``.
 
     m is the centre of mass, f a point between ankles and toes, d the horizontal viewing direction. Sideways balance is
@@ -42,16 +53,12 @@ def balance_energy(mass: Tensor, joints: Tensor, up: Tensor, weight: Tensor, rho
     Args:
         mass: (B, 3) centre of mass, metres.
         joints: (B, 55, 3) metres.
-        up: (3,) unit normal of the floor.
+        level: (3,) horizontal viewing direction, from :func:`level_direction`.
         weight: (B,), 0 for people who do not stand.
     """
-    ankles, toes = joints[:, _ANKLES].mean(1), joints[:, _TOES].mean(1)
-    feet = ankles + _STANDING_POINT * (toes - ankles)
-    forward = torch.stack([torch.zeros_like(up[0]), torch.zeros_like(up[0]), torch.ones_like(up[0])])
-    level = forward - (forward @ up) * up
-    # The viewing direction of a camera that points straight down has no horizontal part: the term is then 0.
-    level = level / level.norm().clamp(min=0.1)
-    lean = torch.relu(((mass - feet) @ level).abs() - _SLACK_M) / _SIGMA_M
+    at = torch.tensor(_FOOT_JOINTS, device=joints.device)
+    feet = (joints.index_select(1, at) @ level) @ level.new_tensor(_FEET)
+    lean = torch.relu((mass @ level - feet).abs() - _SLACK_M) / _SIGMA_M
     return weight * rho(lean.square())
 
 
@@ -64,6 +71,9 @@ class BalanceTerm(Term):
 
     def __init__(self, settings: BalanceSettings, context: JointContext, contact: ContactTerm) -> None:
         self._weight, self._context, self._contact = settings.weight, context, contact
+        up = context.problem.floor_normal
+        self._level = None if up is None else level_direction(up)
+        self._share = (context.area / context.area.sum(1, keepdim=True))[:, None]
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Select people who stand without contact above their knees."""
@@ -74,9 +84,8 @@ class BalanceTerm(Term):
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "balance"; nothing without a floor."""
-        up, area = self._context.problem.floor_normal, self._context.area
-        if not self._weight or up is None:
+        if not self._weight or self._level is None:
             return {}
-        mass = (area[:, None] @ bodies.vertices)[:, 0] / area.sum(1, keepdim=True)
-        rho = partial(robust_loss, "cauchy", c=1.0)
-        return {"balance": self._weight * balance_energy(mass, bodies.joints, up, self.weights["balance"], rho)}
+        mass, rho = (self._share @ bodies.vertices)[:, 0], partial(robust_loss, "cauchy", c=1.0)
+        energy = balance_energy(mass, bodies.joints, self._level, self.weights["balance"], rho)
+        return {"balance": self._weight * energy}
