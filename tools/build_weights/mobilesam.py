@@ -1,8 +1,8 @@
 """MobileSAM: the checkpoint and model definition of a source distribution to an encoder and a decoder in ONNX.
 
-The model definition is imported from the distribution, at build time only. Encoder: image float32 (1, 3, 1024, 1024), 0
-to 255, in the top left corner, and its size (h, w); normalisation and padding happen in the graph. Decoder: points and
-labels (1 on, 0 off, 2 and 3 corners of a box, -1 padding) and a mask to start from.
+The model definition is imported from the distribution, at build time only. Encoder: image float32 (1, 3, H, W), 0 to
+255, its longer side 1024 px; normalisation and padding happen in the graph. Decoder: points and labels (1 on, 0 off, 2
+and 3 corners of a box, -1 padding) and a mask to start from.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import sys
 import types
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,13 @@ import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
+from torch.nn import functional
 
 __all__ = ["constants_to_weights", "export_decoder", "export_encoder", "load", "share_bias_tables"]
 
-SIZE, GRID = 1024, 64
+SIZE, GRID, PATCH = 1024, 64, 16
+MARGIN = 64
+"""Least padding that the encoder computes beside a photo, px: features there change those of the photo."""
 
 
 def load(folder: Path, checkpoint: Path) -> Any:
@@ -62,16 +66,59 @@ def load(folder: Path, checkpoint: Path) -> Any:
 
 
 class _Encoder(nn.Module):
+    """TinyViT on the photo and a margin; the rest of the features are those of an empty image."""
+
     def __init__(self, sam: Any) -> None:
         super().__init__()
         self.e = sam.image_encoder
         self.register_buffer("mean", sam.pixel_mean.reshape(1, 3, 1, 1))
-        self.register_buffer("std", sam.pixel_std.reshape(1, 3, 1, 1))
+        with torch.no_grad():
+            self.e.patch_embed.seq[0].c.weight /= sam.pixel_std.reshape(1, 3, 1, 1)
+            self.register_buffer("empty", self._features(torch.zeros(1, 3, SIZE, SIZE)))
 
-    def forward(self, image: Tensor, size: Tensor) -> Any:
-        at = torch.arange(SIZE)
-        on = ((at[:, None] < size[0]) & (at[None] < size[1])).float()
-        return self.e((image - self.mean) / self.std * on)
+    def forward(self, image: Tensor) -> Any:
+        padding = (_padding(length) for length in reversed(image.shape[2:]))
+        features = self._features(functional.pad(image - self.mean, [p for end in padding for p in (0, end)]))
+        _, _, rows, columns = features.shape
+        beside, below = self.empty[:, :, :rows, columns:], self.empty[:, :, rows:]
+        return torch.cat([torch.cat([features, beside], 3), below], 2)
+
+    def _features(self, x: Tensor) -> Any:
+        """Features (1, 256, H / 16, W / 16) of a scaled image (1, 3, H, W)."""
+        x = self.e.patch_embed(x)
+        for block in self.e.layers[0].blocks:
+            x = block(x)
+        for before, layer in pairwise(self.e.layers):
+            merge = before.downsample
+            x = merge.conv3(merge.act(merge.conv2(merge.act(merge.conv1(x)))))
+            for block in layer.blocks:
+                x = _block(block, x)
+        return self.e.neck(x)
+
+
+def _padding(length: Any) -> Any:
+    """Pixels to add to a side of the photo."""
+    return torch.clamp((length + MARGIN + PATCH - 1) // PATCH * PATCH, max=SIZE) - length
+
+
+def _block(block: Any, x: Tensor) -> Tensor:
+    """Attention, convolution and MLP of one block on features (1, C, H, W)."""
+    tokens = x.permute(0, 2, 3, 1)
+    tokens = tokens + _window_attention(block, tokens)
+    convolved = block.local_conv(tokens.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
+    return (convolved + block.mlp(convolved)).permute(0, 3, 1, 2)
+
+
+def _window_attention(block: Any, tokens: Tensor) -> Tensor:
+    """Attention within square windows of tokens (1, H, W, C); zeros fill the last windows."""
+    size = block.window_size
+    _, height, width, channels = tokens.shape
+    padded = functional.pad(tokens, (0, 0, 0, -width % size, 0, -height % size))
+    rows, columns = padded.shape[1] // size, padded.shape[2] // size
+    windows = padded.reshape(rows, size, columns, size, channels).transpose(1, 2)
+    attended = block.attn(windows.reshape(rows * columns, size * size, channels))
+    joined = attended.reshape(rows, columns, size, size, channels).transpose(1, 2)
+    return joined.reshape(1, rows * size, columns * size, channels)[:, :height, :width]
 
 
 class _Decoder(nn.Module):
@@ -115,8 +162,8 @@ def _export(module: nn.Module, args: tuple[Tensor, ...], inputs: list[str], outp
 def export_encoder(sam: Any) -> onnx.ModelProto:
     """The image encoder, its attention tables shared."""
     encoder = _Encoder(sam).eval()
-    args = (torch.rand(1, 3, SIZE, SIZE) * 255, torch.tensor([1024, 768]))
-    model = _export(encoder, args, ["image", "size"], ["image_embeddings"], None)
+    dynamic = {"image": {2: "H", 3: "W"}}
+    model = _export(encoder, (torch.rand(1, 3, 1024, 683) * 255,), ["image"], ["image_embeddings"], dynamic)
     constants_to_weights(model)
     share_bias_tables(model, encoder)
     return model

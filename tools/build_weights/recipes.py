@@ -123,8 +123,8 @@ def _ade20k(cache: Cache) -> bytes:
 
 
 def _sam(part: str) -> Callable[[Cache], bytes | dict[str, bytes]]:
-    """One half of MobileSAM, float16; of the encoder, the matrices int8 with one graph for float32 and one for int8
-    products; of the decoder, the matrices of the widest layers int8."""
+    """One half of MobileSAM, float16; of the encoder, the matrices and the features of an empty image int8, with one
+    graph for float32 and one for int8 products; of the decoder, the matrices of the widest layers int8."""
 
     def build(cache: Cache) -> bytes | dict[str, bytes]:
         from tools.build_weights import mobilesam
@@ -138,7 +138,7 @@ def _sam(part: str) -> Callable[[Cache], bytes | dict[str, bytes]]:
         licence = "Apache-2.0 (MobileSAM)"
         if part == "encoder":
             model = mobilesam.export_encoder(sam)
-            store(model, products=factor_matrices(model))
+            store(model, lambda weight, _: 1 if weight == "empty" else None, products=factor_matrices(model))
             name = "mobilesam_encoder"
             graphs = {f"{name}.onnx": model, f"{name}_int8.onnx": multiply_in_int8(model)}
             return save_together(graphs, f"{name}.weights", source, licence)

@@ -222,6 +222,19 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     assert max(iou) > 0.96
 
 
+@pytest.mark.parametrize("shape", [(400, 600), (600, 400), (4, 900), (900, 1)])
+def test_features_far_from_a_photo_are_those_of_an_empty_image(shape: tuple[int, int]) -> None:
+    encoder = open_packaged_session("mobilesam_encoder_int8", threads=1)
+    noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
+    one, other = (encode_image(encoder, photo).features for photo in (noise, 255 - noise))
+    # A cell is 16 px of the frame; up to 79 px beside the photo are computed with it.
+    rows, columns = (-(-length * 64 // max(shape)) + 5 for length in shape)
+    assert one.shape == (1, 256, 64, 64)
+    for side in np.s_[:, :, rows:], np.s_[..., columns:]:
+        np.testing.assert_array_equal(one[side], other[side])
+    assert (one[:, :, : rows - 5, : columns - 5] != other[:, :, : rows - 5, : columns - 5]).mean() > 0.9
+
+
 def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back() -> None:
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64), np.float32), 256, 256, 4.0)
     left, right = np.full((256, 256), -5.0), np.full((256, 256), -5.0)

@@ -99,10 +99,7 @@ def encode_image(session: OnnxSession, image: NDArray[np.uint8]) -> ImageEmbeddi
     scale = FRAME_SIZE / max(h, w)
     nh, nw = max(1, round(h * scale)), max(1, round(w * scale))
     small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    frame = np.zeros((FRAME_SIZE, FRAME_SIZE, 3), np.float32)
-    frame[:nh, :nw] = small
-    size = np.array([nh, nw], np.int64)
-    (features,) = session.run(None, {"image": frame.transpose(2, 0, 1)[None], "size": size})
+    (features,) = session.run(None, {"image": small.transpose(2, 0, 1)[None].astype(np.float32)})
     return ImageEmbedding(features, h, w, scale)
 
 
