@@ -74,7 +74,9 @@ class RayCaster:
         else:
             found = self._run(start, way, output=True)
             face, uv = found["primID"].astype(np.int64), np.stack([found["u"], found["v"]], 1).astype(np.float64)
-            distance = np.where(face >= 0, self._refined(face, found["tfar"], start, way), np.inf)
+            hit = np.flatnonzero(face >= 0)
+            distance = np.full(len(face), np.inf)
+            distance[hit] = self._refined(face[hit], found["tfar"][hit], start[hit], way[hit])
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 

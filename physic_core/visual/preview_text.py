@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from PIL import ImageDraw, ImageFont
 
 __all__ = ["ALERT_RGB", "INK_RGB", "SOFT_RGB", "draw_text", "font", "wrap"]
@@ -12,6 +14,7 @@ INK_RGB, SOFT_RGB, ALERT_RGB = (32, 34, 38), (98, 102, 108), (178, 48, 34)
 _PLAIN = str.maketrans({"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."})
 
 
+@cache
 def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Return the font of the preview, size in px."""
     return ImageFont.load_default(size)

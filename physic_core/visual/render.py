@@ -232,12 +232,12 @@ def _cast_rays(
     hits = shapes.caster.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
     corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
-    spots = origins[hit] + hits.distance[hit, None] * directions[hit]
     base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
     color, distance = np.zeros((columns.size, 4), np.float32), np.full(columns.size, np.inf, np.float32)
     color[hit, :3], color[hit, 3] = _shade(normals, directions[hit], viewer.axes, base), 1.0
-    distance[hit] = viewer.project(spots)[:, 2]
+    ahead = viewer.axes[2]
+    distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (directions[hit] @ ahead)
     return color.reshape(*columns.shape, 4), distance.reshape(columns.shape)
 
 
