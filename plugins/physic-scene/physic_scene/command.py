@@ -121,24 +121,25 @@ def _cameras(given: tuple[str, ...], photos: int) -> list[tuple[float, ...] | No
 
 
 def _sized(photos: tuple[Path, ...], cameras: list[tuple[float, ...] | None]) -> list[Intrinsics | None] | None:
-    """Return the cameras with the sizes of their upright photos; None if no camera is known."""
-    if not any(cameras):
-        return None
-    from PIL import Image, ImageOps
+    """Return the cameras with the sizes of their upright photos; None if no camera is known.
 
+    Raises:
+        InputError: a photo cannot be read, which is known before the first one is reconstructed.
+    """
     from physic_core import Intrinsics
+    from physic_core.io.photo import read_photo
     from physic_core.types import CameraTrust
 
     found: list[Intrinsics | None] = []
-    for photo, camera in zip(photos, cameras, strict=True):
+    for path, camera in zip(photos, cameras, strict=True):
+        photo = read_photo(path)
+        width, height = photo.file_size or photo.image.shape[1::-1]
         if camera is None:
             found.append(None)
             continue
-        with Image.open(photo) as image:
-            width, height = ImageOps.exif_transpose(image).size
         fx, fy, cx, cy = camera
         found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN))
-    return found
+    return found if any(cameras) else None
 
 
 def _table(result: SceneResult) -> str:

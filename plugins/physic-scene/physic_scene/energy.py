@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.camera import Cameras
     from physic_core.geometry.floor import FloorEvidence, FloorSearch
 
-__all__ = ["KeypointSettings", "OtherViews", "ViewsPlacement", "with_other_views"]
+__all__ = ["KeypointSettings", "OtherViews", "ViewsPlacement", "require_default_engine", "with_other_views"]
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
@@ -137,14 +137,24 @@ class ViewsContact(ContactMethod):
         return Touch(torch.where(several, kind, own.kind), torch.where(several, probability, own.probability))
 
 
+def require_default_engine(settings: EngineSettings) -> None:
+    """Check that settings are of preset "default".
+
+    Raises:
+        ConfigError: they are of another preset.
+    """
+    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementMethod:
+        raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
+
+
 def with_other_views(settings: EngineSettings, views: OtherViews, errors: KeypointSettings) -> EngineSettings:
     """Return settings of preset "default" with other photos, and with these errors of keypoints.
 
     Raises:
         ConfigError: the settings are of another preset.
     """
-    if type(settings.joint) is not DefaultOptimisation or type(settings.placement) is not PlacementMethod:
-        raise ConfigError("physic scene solves with engine.preset 'default': leave engine.preset out")
+    require_default_engine(settings)
+    assert isinstance(settings.joint, DefaultOptimisation)
 
     def taken(part: object) -> dict[str, object]:
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import FitLimits, solve_cameras
-from physic_scene.energy import KeypointSettings
+from physic_scene.energy import KeypointSettings, require_default_engine
 from physic_scene.matching import MatchingSettings
 from physic_scene.observations import observe
 from physic_scene.people import people_of_scene
@@ -108,10 +108,12 @@ class Scene:
 
         Raises:
             InputError: there are too few or too many photos, or fewer than two show the same people.
+            ConfigError: ``engine.preset`` is not "default".
             PhysicError: a photo cannot be reconstructed alone; see :class:`physic_core.Pipeline`.
         """
         _check_number(len(photos), intrinsics)
-        known, names = known or KnownSizes(), [_name(photo, i) for i, photo in enumerate(photos)]
+        require_default_engine(self._pipeline.config.engine.settings())
+        known, names = known or KnownSizes(), _unique([_name(photo, i) for i, photo in enumerate(photos)])
 
         def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
             camera = None if intrinsics is None else intrinsics[i]
@@ -175,7 +177,7 @@ class Scene:
         """
         _check_number(len(results), None)
         step = progress or (lambda name, done, total: None)
-        names = list(names) if names is not None else [f"photo {i + 1}" for i in range(len(results))]
+        names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
         model = self._body()
         step("matching people", 0, 3)
         chosen = self._choose(results, names, model)
@@ -218,11 +220,15 @@ def reconstruct_scene(
 
 def _check_number(count: int, intrinsics: Sequence[object] | None) -> None:
     if not FEWEST <= count <= MOST:
-        raise InputError(
-            f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: choose the clearest ones"
-        )
+        cure = "choose the clearest ones" if count > MOST else "add others; `physic run` takes one photo"
+        raise InputError(f"a scene needs {FEWEST} to {MOST} photos of one moment, got {count}: {cure}")
     if intrinsics is not None and len(intrinsics) != count:
         raise InputError(f"give intrinsics for each of the {count} photos, None where unknown, got {len(intrinsics)}")
+
+
+def _unique(names: Sequence[str]) -> list[str]:
+    """Return the names of photos, such as files of two folders, with the numbers of those of the same name."""
+    return [f"{name} (photo {i + 1})" if names.count(name) > 1 else name for i, name in enumerate(names)]
 
 
 def _name(photo: object, index: int) -> str:

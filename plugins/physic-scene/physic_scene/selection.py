@@ -121,7 +121,11 @@ def select_photos(
         kept.append(photo)
         seen.append(background)
     if len(kept) < 2:
-        raise _no_common_person([photo.name for photo in kept], left)
+        rest = f"only {kept[0].name} is left" if kept else "none is left"
+        raise InputError(
+            f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: give two different "
+            "photos that show the same people"
+        )
     pairs = list(itertools.combinations(range(len(kept)), 2))
     pixels = {(a, b): match_background(seen[a], seen[b], (a, b), settings) for a, b in pairs}
     matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}

@@ -217,16 +217,53 @@ def test_a_photo_without_people_is_left_out(solver, alone):
     ]
 
 
-@pytest.mark.parametrize("count", [0, 1, 9])
-def test_a_scene_has_two_to_eight_photos(solver, alone, count):
-    with pytest.raises(InputError, match=f"a scene needs 2 to 8 photos of one moment, got {count}"):
+def test_two_different_photos_with_people_are_needed(solver, alone):
+    for results, rest, why in (
+        (
+            [alone[0], alone[0]],
+            "only a.png (photo 1) is left",
+            "a.png (photo 2) is left out: it is the same picture as a.png (photo 1)",
+        ),
+        (
+            [None, None],
+            "none is left",
+            "a.png (photo 1) is left out: nobody was found in it; a.png (photo 2) is left out: nobody was found in it",
+        ),
+    ):
+        with pytest.raises(InputError) as error:
+            solver.join(results, ["a.png", "a.png"])
+        assert str(error.value) == (
+            f"a moment needs two photos, and {rest}; {why}: give two different photos that show the same people"
+        )
+
+
+def test_photos_of_one_name_are_numbered(solver, alone):
+    found = solver.join(alone[:2], ["a.png", "a.png"])
+    assert [camera.photo for camera in found.cameras] == ["a.png (photo 1)", "a.png (photo 2)"]
+
+
+@pytest.mark.parametrize(
+    ("count", "cure"),
+    [
+        (0, "add others; `physic run` takes one photo"),
+        (1, "add others; `physic run` takes one photo"),
+        (9, "choose the clearest ones"),
+    ],
+)
+def test_a_scene_has_two_to_eight_photos(solver, alone, count, cure):
+    with pytest.raises(InputError) as error:
         solver.join([alone[0]] * count)
+    assert str(error.value) == f"a scene needs 2 to 8 photos of one moment, got {count}: {cure}"
 
 
 def test_another_energy_is_refused(alone):
     table = {"extends": "mock", "engine": {"preset": "paper"}}
     with Scene(table) as other, pytest.raises(ConfigError, match=r"physic scene solves with engine\.preset 'default'"):
         other.join(alone[:2])
+    message = "physic scene solves with engine.preset 'default': leave engine.preset out"
+    with Scene(table) as other, pytest.raises(ConfigError) as error:
+        other([None, None])  # before any photo is read
+    assert str(error.value) == message
 
 
 def test_the_reconstruction_has_the_cameras_and_the_people_of_each_photo(solved, alone, worlds):
@@ -285,6 +322,15 @@ def test_the_command_names_what_is_wrong(tmp_path):
     run = CliRunner().invoke(command, ["a.png", "b.png", "-o", str(tmp_path / "out")])
     assert isinstance(run.exception, InputError)
     assert str(run.exception) == "there is no file a.png: name two to eight photos of one moment"
+    Image.new("RGB", (80, 80)).save(tmp_path / "a.png")
+    (tmp_path / "b.png").write_text("no image")
+    photos = [str(tmp_path / name) for name in ("a.png", "b.png")]
+    for cameras in ([], ["--intrinsics", "99,99,40,40", "--intrinsics", "-"]):
+        run = CliRunner().invoke(command, [*photos, "-o", str(tmp_path / "out"), "--preset", "mock", *cameras])
+        assert str(run.exception) == (
+            f"cannot read the photo {photos[1]}: it is not an image, or of an unknown kind; give a JPEG, PNG, WebP, "
+            "AVIF or TIFF"
+        )
     run = CliRunner().invoke(command, ["a.png", "b.png", "-o", "out", "--intrinsics", "1,2,3,4"])
     assert "--intrinsics: give it once for each of the 2 photos, - where unknown" in run.output
 
