@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,7 +72,9 @@ def scene(
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     check_writable(out)
-    sized = _sized(photos, cameras)
+    sized, digests = _read(photos, cameras)
+    if not overwrite:
+        _check_result_there(out, digests)
 
     def progress(name: str, done: int, total: int) -> None:
         if not quiet:
@@ -120,26 +123,49 @@ def _cameras(given: tuple[str, ...], photos: int) -> list[tuple[float, ...] | No
     return found
 
 
-def _sized(photos: tuple[Path, ...], cameras: list[tuple[float, ...] | None]) -> list[Intrinsics | None] | None:
-    """Return the cameras with the sizes of their upright photos; None if no camera is known.
+def _read(
+    photos: tuple[Path, ...], cameras: list[tuple[float, ...] | None]
+) -> tuple[list[Intrinsics | None] | None, set[str]]:
+    """Return the cameras with the sizes of their upright photos, None if no camera is known, and the photos' digests.
 
     Raises:
         InputError: a photo cannot be read, which is known before the first one is reconstructed.
     """
     from physic_core import Intrinsics
-    from physic_core.io.photo import read_photo
+    from physic_core.io.photo import read_source
     from physic_core.types import CameraTrust
 
     found: list[Intrinsics | None] = []
+    digests: set[str] = set()
     for path, camera in zip(photos, cameras, strict=True):
-        photo = read_photo(path)
-        width, height = photo.file_size or photo.image.shape[1::-1]
+        photo = read_source(path)
+        digests.update(photo.digest.split())
         if camera is None:
             found.append(None)
             continue
+        width, height = photo.file_size or photo.image.shape[1::-1]
         fx, fy, cx, cy = camera
         found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN))
-    return found if any(cameras) else None
+    return found if any(cameras) else None, digests
+
+
+def _check_result_there(out: Path, digests: set[str]) -> None:
+    """Check that a folder has no result of other photos than those with these digests.
+
+    Raises:
+        OutputError: it has one, and saving would refuse to replace it after all photos are reconstructed.
+    """
+    from physic_core.errors import OutputError
+
+    try:
+        there = str(json.loads((out / "reconstruction.json").read_text("utf-8"))["photo"]).split()
+    except (OSError, ValueError, LookupError, TypeError):
+        return
+    if digests.isdisjoint(there):
+        raise OutputError(
+            f"cannot write results to {out}: it holds the result of another photo: name another folder, or replace "
+            "that result with --overwrite"
+        )
 
 
 def _table(result: SceneResult) -> str:

@@ -349,5 +349,12 @@ def test_the_command_writes_result_moment_and_page(worlds, tmp_path):
     assert lines[-1] == str(out)
     files = {path.name for path in out.iterdir()}
     assert {"reconstruction.json", "moment.json", "scene_points.ply", "preview.png", "report.html"} <= files
+    Image.fromarray(worlds[0].image[::-1]).save(tmp_path / "c.png")
+    others = [str(tmp_path / "c.png")] * 2
+    run = CliRunner().invoke(command, [*others, "-o", str(out), "--preset", "mock"])
+    assert str(run.exception) == (
+        f"cannot write results to {out}: it holds the result of another photo: name another folder, or replace that "
+        "result with --overwrite"
+    )
     page = (out / "report.html").read_text("utf-8")
     assert '"further":[{"name":"' in page
