@@ -80,7 +80,9 @@ class _Pose(torch.autograd.Function):
         shaped[:, :3, 0] = torch.addmm(skin.template.reshape(1, -1), shape, directions).view(batch, 3, count)
         joints = skinning.shape[1]
         columns = skin.blend(skinning.permute(0, 3, 2, 1).reshape(batch * 12, joints)).view(batch, 4, 3, count)
-        vertices = (columns * shaped).sum(1) + transl[..., None]
+        vertices = columns[:, 3] + transl[..., None]
+        for axis in range(3):
+            vertices.addcmul_(columns[:, axis], shaped[:, axis])
         ctx.save_for_backward(rotations, rest, world, skinning, shaped, columns)
         ctx.model = tree, skin, coefficients.shape[1]
         return vertices.transpose(1, 2).contiguous(), world[..., 3] + transl[:, None]
@@ -98,7 +100,9 @@ class _Pose(torch.autograd.Function):
         # Skinning: gradients of the bone motions (B, J, 3, 4) and of the shaped vertices.
         by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
         by_skinning = skin.blend_gradient(by_column).reshape(batch, 4, 3, joints).permute(0, 3, 2, 1)
-        by_shaped = (columns[:, :3] * by_vertex[:, None]).sum(2)
+        by_shaped = columns[:, :3, 0] * by_vertex[:, :1]
+        for axis in (1, 2):
+            by_shaped.addcmul_(columns[:, :3, axis], by_vertex[:, axis, None])
         count = num_shape if len(skin.directions) <= num_shape else len(skin.directions)
         by_shape = by_shaped.flatten(1) @ skin.directions[:count].flatten(1).T
 

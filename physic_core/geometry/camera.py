@@ -25,10 +25,8 @@ def project(points: Tensor, K: Tensor) -> Tensor:
         (..., 2) px.
     """
     K = K.to(points)
-    z = points[..., 2].clamp(min=_MIN_DEPTH)
-    u = K[..., 0, 0] * (points[..., 0] / z) + K[..., 0, 2]
-    v = K[..., 1, 1] * (points[..., 1] / z) + K[..., 1, 2]
-    return torch.stack((u, v), dim=-1)
+    focal = K[..., :2, :2].diagonal(dim1=-2, dim2=-1)
+    return focal * (points[..., :2] / points[..., 2:].clamp(min=_MIN_DEPTH)) + K[..., :2, 2]
 
 
 def unproject(uv: Tensor, depth: Tensor, K: Tensor) -> Tensor:

@@ -32,28 +32,25 @@ def rotvec_to_rotmat(rotvec: Tensor) -> Tensor:
 class _RotvecToRotmat(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, rotvec: Tensor) -> Tensor:
-        skew = _skew_basis(rotvec.device, rotvec.dtype)
         square = rotvec.square().sum(-1, keepdim=True)
         sine, versine = _sinc_and_versine(square)
         # R = cos(t) 1 + sin(t)/t [v] + (1 - cos(t))/t^2 v v^T
-        flat = sine * (rotvec @ skew) + versine * (rotvec[..., :, None] * rotvec[..., None, :]).flatten(-2)
+        flat = sine * (rotvec @ _skew_basis(rotvec.device, rotvec.dtype)) + versine * (
+            rotvec[..., :, None] * rotvec[..., None, :]
+        ).flatten(-2)
         flat[..., ::4] += 1 - versine * square
-        ctx.save_for_backward(rotvec, skew, square, sine, versine)
-        return flat.view(*rotvec.shape, 3)
+        matrix = flat.view(*rotvec.shape, 3)
+        ctx.save_for_backward(rotvec, matrix, square, sine, versine)
+        return matrix
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> Tensor:
-        rotvec, skew, square, sine, versine = ctx.saved_tensors
-        matrix = gradients[0]
-        flat = matrix.flatten(-2)
-        around = flat @ skew.T
-        both = ((matrix + matrix.transpose(-1, -2)) @ rotvec[..., None])[..., 0]
-        sine_slope, versine_slope = _sinc_and_versine_slopes(square, sine, versine)
-        along = sine_slope * (around * rotvec).sum(-1, keepdim=True)
-        along = along + 0.5 * versine_slope * (both * rotvec).sum(-1, keepdim=True)
-        along = along - sine * flat[..., ::4].sum(-1, keepdim=True)
-        slope: Tensor = sine * around + versine * both + along * rotvec
+        rotvec, matrix, square, sine, versine = ctx.saved_tensors
+        # dR = [J dv] R with the left Jacobian J = sin(t)/t 1 + (1 - cos(t))/t^2 [v] + (t - sin(t))/t^3 v v^T
+        turn = (gradients[0] @ matrix.transpose(-1, -2)).flatten(-2) @ _skew_basis(rotvec.device, rotvec.dtype).T
+        along = _jacobian_along(square, sine) * (turn * rotvec).sum(-1, keepdim=True)
+        slope: Tensor = sine * turn + versine * torch.linalg.cross(turn, rotvec) + along * rotvec
         return slope
 
 
@@ -65,19 +62,9 @@ def _sinc_and_versine(square: Tensor) -> tuple[Tensor, Tensor]:
     return t.sin() / t, 2 * half * half
 
 
-def _sinc_and_versine_slopes(square: Tensor, sine: Tensor, versine: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the derivatives of both quotients by the angle, divided by the angle."""
-    small = square < _small(square)
-    t2 = torch.where(small, torch.ones_like(square), square)
-    by_sine = torch.where(
-        small, -1 / 3 + square * (1 / 30 + square * (-1 / 840 + square / 45360)), (1 - versine * square - sine) / t2
-    )
-    by_versine = torch.where(
-        small, -1 / 12 + square * (1 / 180 + square * (-1 / 6720 + square / 453600)), (sine - 2 * versine) / t2
-    )
-    return by_sine, by_versine
-
-
-def _small(square: Tensor) -> float:
-    """Return the squared angle below which the series are exact to the last digit but one."""
-    return 1e-3 if square.dtype == torch.float64 else 0.25
+def _jacobian_along(square: Tensor, sine: Tensor) -> Tensor:
+    """Return (t - sin(t)) / t^3 of squared angles and their sin(t) / t."""
+    # The series is exact to the last digit but one below the limit; the quotient divides a difference of near numbers.
+    limit = 1e-3 if square.dtype == torch.float64 else 0.25
+    series = 1 / 6 + square * (-1 / 120 + square * (1 / 5040 - square / 362880))
+    return torch.where(square < limit, series, (1 - sine) / square.clamp(min=limit))

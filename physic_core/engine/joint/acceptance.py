@@ -43,7 +43,7 @@ class Energy(Protocol):
 
 def total_energy(energies: Mapping[str, Tensor]) -> Tensor:
     """Return the sum of all terms: ()."""
-    return torch.cat([value.reshape(-1) for value in energies.values()]).sum()
+    return torch.cat(tuple(energies.values())).sum()
 
 
 def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:

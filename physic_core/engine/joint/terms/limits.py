@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from physic_core.engine.bounds import NotNegative
@@ -31,7 +30,7 @@ def limit_energy(rotations: Tensor) -> Tensor:
     ``sum_h (max(0, -a_h)^2 + max(0, a_h - 2.7)^2) / sigma^2`` over knees and elbows.
     """
     angle = hinge_angles(rotations)
-    beyond = torch.relu(-angle) + torch.relu(angle - _MAX_FLEXION)
+    beyond = angle - angle.clamp(0.0, _MAX_FLEXION)
     return (beyond / _SIGMA).square().sum(-1)
 
 

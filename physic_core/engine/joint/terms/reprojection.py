@@ -67,17 +67,17 @@ class ReprojectionTerm(Term):
     """Reprojection term L_j2d of all keypoints, with the arguments of :func:`reprojection_energy`."""
 
     def __init__(self, context: JointContext, weight: float, unit: Tensor, rho: RobustLoss) -> None:
-        self._context, self._weight, self._unit, self._rho = context, weight, unit, rho
+        self._context, self._unit, self._rho = context, unit, rho
         self.weights = {"reprojection": context.keypoints.weight}
+        self._weight = weight * context.keypoints.weight if weight else None
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "reprojection"."""
-        if not self._weight:
+        if self._weight is None:
             return {}
-        keypoints = self._context.keypoints
         projected = project(bodies.keypoints, self._context.problem.K)
-        energy = reprojection_energy(projected, keypoints.points, keypoints.weight, self._unit, self._rho)
-        return {"reprojection": self._weight * energy}
+        observed = self._context.keypoints.points
+        return {"reprojection": reprojection_energy(projected, observed, self._weight, self._unit, self._rho)}
 
 
 def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
