@@ -10,14 +10,14 @@ import torch
 
 from physic_core import Pipeline
 from physic_core.body import load_body
-from physic_core.errors import InputError, NoPersonError
+from physic_core.errors import BackendError, InputError, NoPersonError
 from physic_core.types import KnownSizes
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
 from physic_scene.background import BackgroundSettings
 from physic_scene.bundle import BundleSettings
 from physic_scene.cameras import FitLimits, solve_cameras
 from physic_scene.energy import KeypointSettings, require_default_engine
-from physic_scene.matching import MatchingSettings
+from physic_scene.matching import MatchingSettings, joined_matches
 from physic_scene.observations import observe
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
@@ -125,13 +125,14 @@ class Scene:
         for i in range(len(photos)):
             results.append(alone(i, () if several else known.age))
             check_ages(known.age, names[0], results[0])
+        step = progress or (lambda name, done, total: None)
+        chosen = self._choose(results, names, step)
         if several:
             config = self._pipeline.config.photo
             prompted = bool(config.person or config.box or config.masks)
-            chosen = self._choose(results, names, self._body())
-            for i, age in ages_of_photos(known.age, chosen, prompted=prompted).items():
-                results[i] = alone(i, age)
-        return self.join(results, names, statures=known.stature, progress=progress)
+            ages = ages_of_photos(known.age, chosen, prompted=prompted)
+            chosen = self._with_results(chosen, {i: alone(i, age) for i, age in ages.items()})
+        return self._solve(chosen, known.stature, step)
 
     def alone(
         self,
@@ -178,28 +179,52 @@ class Scene:
         _check_number(len(results), None)
         step = progress or (lambda name, done, total: None)
         names = _unique(names if names is not None else [f"photo {i + 1}" for i in range(len(results))])
-        model = self._body()
-        step("matching people", 0, 3)
-        chosen = self._choose(results, names, model)
-        step("cameras", 1, 3)
-        solved = solve_cameras(chosen, statures, model, self._settings)
-        step("one solution", 2, 3)
-        people = people_of_scene(solved, model)
-        given = ReferenceInput.of(solved, people, model)
-        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos, model))
-        reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
-        return assemble(solved, people, reconstruction)
+        return self._solve(self._choose(results, names, step), statures, step)
 
     def _body(self) -> BodyModel:
         return load_body(self._pipeline.config.body_model.source).to(dtype=torch.float64)
 
-    def _choose(self, results: Sequence[Reconstruction | None], names: Sequence[str], model: BodyModel) -> ChosenPhotos:
+    def _choose(
+        self, results: Sequence[Reconstruction | None], names: Sequence[str], progress: Progress
+    ) -> ChosenPhotos:
+        progress("matching people", 0, 3)
+        model = self._body()
         photos = [
             Photo(i, name, result, observe(result, model))
             for i, (name, result) in enumerate(zip(names, results, strict=True))
             if result is not None
         ]
         return select_photos(photos, names, self._settings.matching, self._settings.background)
+
+    def _with_results(self, chosen: ChosenPhotos, results: Mapping[int, Reconstruction | None]) -> ChosenPhotos:
+        """Return the same people in the same photos, of which some have other results.
+
+        Raises:
+            BackendError: a photo does not show the same people as before.
+        """
+        photos, model = [], self._body()
+        for photo in chosen.photos:
+            result = results.get(photo.index, photo.result)
+            people = None if result is None else observe(result, model)
+            if result is None or people is None or people.rows != photo.people.rows:
+                raise BackendError(
+                    f"{photo.name} shows other people in its second run: its segmenter does not repeat its results"
+                )
+            photos.append(replace(photo, result=result, people=people))
+        everybody = [photo.people for photo in photos]
+        matches = joined_matches(everybody, chosen.matches, chosen.rows, self._settings.matching)
+        return replace(chosen, photos=tuple(photos), matches=matches)
+
+    def _solve(self, chosen: ChosenPhotos, statures: Sequence[float], progress: Progress) -> SceneResult:
+        model = self._body()
+        progress("cameras", 1, 3)
+        solved = solve_cameras(chosen, statures, model, self._settings)
+        progress("one solution", 2, 3)
+        people = people_of_scene(solved, model)
+        given = ReferenceInput.of(solved, people, model)
+        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos, model))
+        reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
+        return assemble(solved, people, reconstruction)
 
 
 def reconstruct_scene(
