@@ -36,7 +36,16 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
 
-__all__ = ["Bundle", "BundleSettings", "Observations", "PixelMatches", "PoseUncertainty", "adjust", "uncertainties"]
+__all__ = [
+    "Bundle",
+    "BundleSettings",
+    "Observations",
+    "PixelMatches",
+    "PoseUncertainty",
+    "adjust",
+    "energy",
+    "uncertainties",
+]
 
 _NEAREST_M = 0.1
 _KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
@@ -283,6 +292,13 @@ def adjust(
             if gain < 1e-5 * energy:
                 break
     return state
+
+
+def energy(
+    observations: Observations, state: Bundle, reference: int, settings: BundleSettings = BundleSettings()
+) -> float:
+    """Return the energy of cameras and points: twice the negative logarithm of their likelihood, up to a constant."""
+    return _normal_equations(observations, state, reference, settings)[2]
 
 
 def uncertainties(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from physic_scene.scene import SceneSettings
     from physic_scene.selection import ChosenPhotos
 
-__all__ = ["FitLimits", "SolvedScene", "solve_cameras"]
+__all__ = ["FitLimits", "SolvedScene", "reference_photo", "solve_cameras", "start_poses"]
 
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
@@ -130,10 +130,10 @@ class _Adjusted:
 
 
 def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], settings: SceneSettings) -> _Adjusted:
-    reference = _reference(rows)
+    reference = reference_photo(rows)
     people = [photo.people for photo in chosen.photos]
     observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, statures)
-    start = Bundle.start(observations, _start_poses(chosen, reference))
+    start = Bundle.start(observations, start_poses(chosen, reference))
     bundle = adjust(observations, start, reference, settings.bundle)
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
@@ -171,7 +171,7 @@ def keypoint_errors(observations: Observations, bundle: Bundle) -> FloatArray:
     return errors
 
 
-def _reference(rows: IntArray) -> int:
+def reference_photo(rows: IntArray) -> int:
     """Return the first photo that shows most people of the scene."""
     return int(np.argmax((rows >= 0).sum(0)))
 
@@ -185,7 +185,7 @@ def _view_that_does_not_fit(bad: BoolArray, errors: FloatArray) -> int | None:
     return int(np.argmax(np.where(wrong, np.nanmean(np.where(shown, errors, 0), axis=1), -1)))
 
 
-def _start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
+def start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
     """Return poses of all cameras, along the pairs of photos with the highest scores."""
     poses = {reference: Pose.identity()}
     while len(poses) < len(chosen.photos):

@@ -194,7 +194,8 @@ class Scene:
             for i, (name, result) in enumerate(zip(names, results, strict=True))
             if result is not None
         ]
-        return select_photos(photos, names, self._settings.matching, self._settings.background)
+        own = self._settings
+        return select_photos(photos, names, own.matching, own.background, own.bundle)
 
     def _with_results(self, chosen: ChosenPhotos, results: Mapping[int, Reconstruction | None]) -> ChosenPhotos:
         """Return the same people in the same photos, of which some have other results.

@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
 from physic_scene.background import Background, BackgroundSettings, background_turn, match_background, same_photo, sees
 from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, joined_matches, match_pair
+from physic_scene.mirrored import mirrored_by_adjustment, mirrored_by_matches, mirrored_photo
 from physic_scene.types import LeftOut
 
 if TYPE_CHECKING:
     from physic_core.types import IntArray, Reconstruction
-    from physic_scene.bundle import PixelMatches
+    from physic_scene.bundle import BundleSettings, PixelMatches
     from physic_scene.observations import PhotoPeople
 
 __all__ = ["ChosenPhotos", "Photo", "select_photos"]
 
+_MIRRORED = "it is mirrored: left and right are swapped in its people or background"
 _CLEARER = "add a photo from a direction between the others, or one in which people wear clothes of different colours"
 
 
@@ -92,7 +93,11 @@ class ChosenPhotos(ShortRepr):
 
 
 def select_photos(
-    photos: Sequence[Photo], names: Sequence[str], matching: MatchingSettings, settings: BackgroundSettings
+    photos: Sequence[Photo],
+    names: Sequence[str],
+    matching: MatchingSettings,
+    settings: BackgroundSettings,
+    bundle: BundleSettings,
 ) -> ChosenPhotos:
     """Return the photos that show the same people at the same moment.
 
@@ -101,6 +106,7 @@ def select_photos(
         names: of all photos, as they were given.
         matching: settings of the people's match.
         settings: of the background's match.
+        bundle: settings of the adjustment that compares photos with their mirror images.
 
     Raises:
         InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
@@ -129,15 +135,16 @@ def select_photos(
     pairs = list(itertools.combinations(range(len(kept)), 2))
     pixels = {(a, b): match_background(seen[a], seen[b], (a, b), settings) for a, b in pairs}
     matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}
-    turned = [(_mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
+    turned = [(mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
     mirrors = {(a, b): _match(kept[a], turned[b][0], (seen[a], turned[b][1]), matching, settings) for a, b in pairs}
     nobody = np.empty((0, len(kept)), np.int64)
     found = ChosenPhotos(tuple(kept), nobody, matches, tuple(m for m in pixels.values() if m is not None), tuple(left))
-    for view in reversed(_mirrored_views(len(kept), matches, mirrors, matching)):
-        found = found.without(
-            view, "mirrored", "it is mirrored: left and right are swapped in its people or background"
-        )
-    return _joined(found, matching)
+    for view in reversed(mirrored_by_matches(len(kept), matches, mirrors, matching)):
+        found = found.without(view, "mirrored", _MIRRORED)
+    found = _joined(found, matching)
+    while (turned_view := mirrored_by_adjustment(found, matching, bundle)) is not None:
+        found = _joined(found.without(turned_view, "mirrored", _MIRRORED), matching)
+    return found
 
 
 def _match(
@@ -150,57 +157,6 @@ def _match(
     """Match the people of two photos, with the evidence of their backgrounds."""
     turn = background_turn(*backgrounds, (one.people.K, two.people.K), settings)
     return match_pair(one.people, two.people, matching, turn)
-
-
-def _mirrored_views(
-    views: int,
-    matches: dict[tuple[int, int], PairMatch],
-    mirrors: dict[tuple[int, int], PairMatch],
-    settings: MatchingSettings,
-) -> tuple[int, ...]:
-    """Return the photos, less than half or the later of two, that are likeliest mirrored against the others.
-
-    Args:
-        views: number of photos.
-        matches: of each pair of photos a < b.
-        mirrors: the same with the mirror image of the second.
-        settings: of the matching.
-    """
-
-    def gain(chosen: tuple[int, ...]) -> float:
-        apart = [pair for pair in matches if (pair[0] in chosen) != (pair[1] in chosen)]
-        return sum(_evidence(mirrors[pair]) - _evidence(matches[pair]) for pair in apart)
-
-    subsets = (
-        tuple(sorted(chosen))
-        for count in range(views // 2 + 1)
-        for chosen in itertools.combinations(reversed(range(views)), count)
-    )
-    return max(subsets, key=lambda chosen: gain(chosen) - settings.mirrored * len(chosen))
-
-
-def _evidence(match: PairMatch) -> float:
-    """Return the score of two photos' people and background, or that of their background alone."""
-    by_background = 0.0 if match.background is None else max(match.background.llr, 0.0)
-    return match.score if match.pairs else by_background
-
-
-def _mirrored_photo(photo: Photo) -> Photo:
-    """Return the mirror image of a photo, as far as matching uses it."""
-    K = photo.people.K.copy()
-    K[0, 2] = photo.result.intrinsics.width - 1 - K[0, 2]
-    return replace(photo, people=replace(mirrored(photo.people), K=K))
-
-
-def mirrored(people: PhotoPeople) -> PhotoPeople:
-    """Return the people of the mirror image of a photo, as far as matching uses them."""
-    swap = [JOINT_NAMES.index(_other_side(name)) for name in JOINT_NAMES]
-    return replace(people, joints=people.joints[:, swap] * [-1, 1, 1])
-
-
-def _other_side(name: str) -> str:
-    side, _, rest = name.partition("_")
-    return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
 
 
 def _joined(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:

@@ -174,6 +174,13 @@ def test_a_mirrored_photo_is_left_out(solver, alone):
     assert found.left_out[0].message.startswith("mirrored.png is left out: it is mirrored")
 
 
+def test_of_two_photos_the_second_may_be_mirrored(solver, alone):
+    names = ["a.png", "mirrored.png"]
+    with pytest.raises(InputError, match=r"mirrored\.png is left out: it is mirrored"):
+        solver.join([alone[0], in_a_mirror(alone[1])], names)
+    assert not solver.join(alone[:2], names).left_out
+
+
 def stepped_aside(result, metres):
     """Return a result whose first person stands elsewhere, as far from the camera."""
     person, K = result.people[0], result.intrinsics.matrix
