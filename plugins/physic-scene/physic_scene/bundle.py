@@ -21,6 +21,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from physic_core.types.skeletons import SIDES
-from physic_scene.measured import measured_errors
+from physic_scene.measured import KeypointErrors, measured_errors
 from physic_scene.rigid import Pose
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from physic_scene.observations import PhotoPeople
 
 __all__ = [
+    "Block",
     "Bundle",
     "BundleSettings",
     "Observations",
@@ -44,6 +46,8 @@ __all__ = [
     "PoseUncertainty",
     "adjust",
     "energy",
+    "keypoint_block",
+    "robust_weights",
     "uncertainties",
 ]
 
@@ -243,7 +247,7 @@ class PoseUncertainty:
 
 
 @dataclass(frozen=True)
-class _Block:
+class Block:
     """Residuals (m, d) with their derivatives (m, d, k) by the parameters of columns (m, k).
 
     Residuals with the same number in ``group`` (m,) are outliers together, by their mean square; None is each alone.
@@ -329,19 +333,11 @@ def _normal_equations(
 ) -> tuple[csc_array, FloatArray, float]:
     """Return normal matrix, gradient and energy, with Cauchy weights."""
     size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
-    limit, energy, first = settings.outlier**2, 0.0, 0
+    energy, first = 0.0, 0
     values, rows, columns, residuals = [], [], [], []
     for block in _blocks(observations, state, reference, settings):
-        square = (block.residual**2).sum(1)
-        weight = np.ones(len(square))
-        if block.robust:
-            if block.group is not None:
-                total, count = (np.bincount(block.group, weights) for weights in (square, None))
-                square = (total / np.maximum(count, 1))[block.group]
-            weight = 1 / (1 + square / limit)
-            energy += float(limit * np.log1p(square / limit).sum())
-        else:
-            energy += float(square.sum())
+        weight, own = robust_weights(block, settings.outlier)
+        energy += own
         m, d, k = block.jacobian.shape
         root = np.sqrt(weight)[:, None]
         values.append((root[..., None] * block.jacobian).reshape(-1))
@@ -354,11 +350,11 @@ def _normal_equations(
     return csc_array(jacobian.T @ jacobian), jacobian.T @ np.concatenate(residuals), energy
 
 
-def _blocks(observations: Observations, state: Bundle, reference: int, settings: BundleSettings) -> list[_Block]:
+def _blocks(observations: Observations, state: Bundle, reference: int, settings: BundleSettings) -> list[Block]:
     views, people = observations.shown.shape
     joints = state.points.shape[1]
     errors = measured_errors()
-    own_errors = errors.of(observations.names)
+    own_errors = _errors_of(observations.names)
     first_point, first_turn = 7 * views, 7 * views + state.points.size
     first_place = first_turn + state.place.size
     blocks = [
@@ -376,16 +372,7 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         turned = np.concatenate([-_cross(local), np.broadcast_to(np.eye(3), (joints, 3, 3))], axis=2)
         local = local + state.translation[v]
         by_point = np.broadcast_to(state.rotation[v], (joints, 3, 3))
-        uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
-        confidence = observations.confidence[v, p]
-        unit = errors.keypoint_sigma(confidence) * observations.size_px[v, p]
-        weight = np.sqrt(own_errors.share) * (confidence > 0) / unit
-        seen = weight > 0
-        jacobian = np.concatenate([by_local @ turned, by_local @ by_point, by_focal[..., None]], axis=2)
-        columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
-        residual = weight[:, None] * (uv - observations.points[v, p])
-        keypoints = _Block(residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen])
-        blocks.append(replace(keypoints, group=observations.limb[seen]))
+        blocks.append(keypoint_block(observations, state, v, p))
         middle = observations.landmarks[v, p].mean(axis=0)
         body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
         away = local - body - middle - state.place[v, p]
@@ -394,15 +381,52 @@ def _blocks(observations: Observations, state: Bundle, reference: int, settings:
         columns = np.concatenate([camera, at, first_turn + own, first_place + own], axis=1)
         scaled = _along_and_across(middle, 1 / own_errors.along_m, 1 / own_errors.across_m)
         residual = np.einsum("jab,jb->ja", scaled, away)
-        blocks.append(_Block(residual, scaled @ jacobian, columns, group=observations.limb))
+        blocks.append(Block(residual, scaled @ jacobian, columns, group=observations.limb))
         about, tilt = 1 / np.radians(errors.turn_deg)
         turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
         vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
-        blocks.append(_Block((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
+        blocks.append(Block((turning[0] @ vector)[None], turning, first_turn + own[:1], robust=False))
     blocks.append(_bone_block(observations, state, first_point, errors.bone))
     blocks += _floor_blocks(observations, state, errors.floor_deg)
     blocks += [_epipolar_block(match, observations, state, settings) for match in observations.background]
     return blocks
+
+
+def keypoint_block(observations: Observations, state: Bundle, view: int, person: int) -> Block:
+    """Return the residuals of a person's keypoints in a photo; columns are camera (6), point (3) and focal length."""
+    views, joints = len(state.rotation), state.points.shape[1]
+    errors = measured_errors()
+    turned = state.points[person] @ state.rotation[view].T
+    uv, by_local, by_focal = _projection(turned + state.translation[view], observations.K[view], state.log_focal[view])
+    confidence = observations.confidence[view, person]
+    unit = errors.keypoint_sigma(confidence) * observations.size_px[view, person]
+    weight = np.sqrt(_errors_of(observations.names).share) * (confidence > 0) / unit
+    seen = weight > 0
+    jacobian = np.concatenate(
+        [by_local @ -_cross(turned), by_local, by_local @ state.rotation[view], by_focal[..., None]], axis=2
+    )
+    point = 7 * views + 3 * (person * joints + np.arange(joints))[:, None] + np.arange(3)
+    camera = np.broadcast_to(np.arange(6 * view, 6 * view + 6), (joints, 6))
+    columns = np.concatenate([camera, point, np.full((joints, 1), 6 * views + view)], axis=1)
+    residual = weight[:, None] * (uv - observations.points[view, person])
+    return Block(residual[seen], (weight[:, None, None] * jacobian)[seen], columns[seen], group=observations.limb[seen])
+
+
+@cache
+def _errors_of(names: tuple[str, ...]) -> KeypointErrors:
+    return measured_errors().of(names)
+
+
+def robust_weights(block: Block, outlier: float) -> tuple[FloatArray, float]:
+    """Return the Cauchy weights (m,) of residuals that are outliers beyond a size, and their energy."""
+    square = (block.residual**2).sum(1)
+    if not block.robust:
+        return np.ones(len(square)), float(square.sum())
+    if block.group is not None:
+        total, count = (np.bincount(block.group, weights) for weights in (square, None))
+        square = (total / np.maximum(count, 1))[block.group]
+    share = square / outlier**2
+    return 1 / (1 + share), float(outlier**2 * np.log1p(share).sum())
 
 
 def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
@@ -413,7 +437,7 @@ def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) 
     return scaled
 
 
-def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> _Block:
+def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Block:
     """Return the residuals of the logarithms of focal lengths (V,), whose errors have a part in common."""
     common, own = np.square(measured_errors().focal)
     share = common / (common + own)
@@ -425,7 +449,7 @@ def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> _Block
     covariance[known, known] = sigma[known] ** 2
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     columns = first + np.arange(len(sigma))
-    return _Block((white @ log_focal)[None], white[None], columns[None], robust=False)
+    return Block((white @ log_focal)[None], white[None], columns[None], robust=False)
 
 
 def _limb(name: str) -> int:
@@ -438,14 +462,14 @@ def _limb(name: str) -> int:
     return 1 + SIDES.index(side) + 2 * leg if arm or leg else 0
 
 
-def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> _Block:
+def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> Block:
     """Return the residuals of parameters (n,) from 0; their columns begin at ``first``."""
     n = len(values)
     slope = np.broadcast_to(1 / np.asarray(sigma, np.float64), (n,))
-    return _Block((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
+    return Block((values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False)
 
 
-def _bone_block(observations: Observations, state: Bundle, first_point: int, bone: float) -> _Block:
+def _bone_block(observations: Observations, state: Bundle, first_point: int, bone: float) -> Block:
     """Return the residuals of bone lengths."""
     people, joints, _ = state.points.shape
     a, b = observations.bones.T
@@ -457,10 +481,10 @@ def _bone_block(observations: Observations, state: Bundle, first_point: int, bon
     person = joints * np.arange(people)[:, None]
     columns = first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
     jacobian = np.concatenate([-slope, slope], axis=-1)
-    return _Block(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
+    return Block(residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6))
 
 
-def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -> list[_Block]:
+def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -> list[Block]:
     """Return the residuals of the floors' normals of each two photos."""
     known = np.flatnonzero(np.isfinite(observations.up).all(1))
     # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they count as n floors.
@@ -471,7 +495,7 @@ def _floor_blocks(observations: Observations, state: Bundle, floor_deg: float) -
         turned = motion @ observations.up[a]
         jacobian = np.hstack([motion @ _cross(observations.up[a]), -_cross(turned)]) / unit
         columns = np.concatenate([np.arange(6 * a, 6 * a + 3), np.arange(6 * b, 6 * b + 3)])
-        blocks.append(_Block((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
+        blocks.append(Block((turned - observations.up[b])[None] / unit, jacobian[None], columns[None]))
     return blocks
 
 
@@ -499,7 +523,7 @@ def _cross(vectors: FloatArray) -> FloatArray:
     return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=-2)
 
 
-def _epipolar_block(match: PixelMatches, observations: Observations, state: Bundle, settings: BundleSettings) -> _Block:
+def _epipolar_block(match: PixelMatches, observations: Observations, state: Bundle, settings: BundleSettings) -> Block:
     """Return the distances of matched pixels from their epipolar lines (Sampson), with derivatives by differences."""
     views = len(state.rotation)
     a, b = match.views
@@ -515,7 +539,7 @@ def _epipolar_block(match: PixelMatches, observations: Observations, state: Bund
     # All pixels of a pair together count as much as a few people: their errors have common causes.
     unit *= max(1.0, np.sqrt(len(base) / 40))
     every = np.broadcast_to(columns, (len(base), len(columns)))
-    return _Block(base[:, None] / unit, jacobian[:, None] / unit, every)
+    return Block(base[:, None] / unit, jacobian[:, None] / unit, every)
 
 
 def sampson(match: PixelMatches, K: FloatArray, state: Bundle) -> FloatArray:

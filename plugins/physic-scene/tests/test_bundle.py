@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_scene.bundle import Bundle, Observations, PixelMatches, adjust, uncertainties
+from physic_scene.bundle import Bundle, BundleSettings, Observations, PixelMatches, adjust, uncertainties
+from physic_scene.elsewhere import likeliest_elsewhere
 from physic_scene.rigid import Pose, angle_deg, fit_rotation, mean_rotation
 
 WIDTH, FOCAL = 1000, 900.0
@@ -69,6 +70,21 @@ def test_cameras_and_points_are_recovered_from_a_rough_start(moment):
         assert angle_deg(found.rotation[v], pose.rotation) < 0.5
         assert np.linalg.norm(found.pose(v).centre - pose.centre) < 0.06
     assert np.linalg.norm(found.points - points, axis=-1).max() < 0.08
+
+
+@pytest.mark.parametrize("moved_m", [0.0, 0.7])
+def test_a_photo_that_shows_a_person_elsewhere_is_found(moment, moved_m):
+    points, poses = moment
+    rng = np.random.default_rng(4)
+    seen, after = (
+        observations(p, poses, np.random.default_rng(2), noise_px=4.0)
+        for p in (points, points + moved_m * poses[2].rotation[0])
+    )
+    for name in ("points", "landmarks"):
+        getattr(seen, name)[2, 1] = getattr(after, name)[2, 1]
+    found = adjust(seen, Bundle.start(seen, rough(poses, rng)), 0)
+    one = likeliest_elsewhere(seen, found, 0, BundleSettings(), 10.0)
+    assert one == ((2, 1) if moved_m else None)
 
 
 def test_one_limb_of_wrong_keypoints_changes_little(moment):
