@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.scene.stature import betas_with_stature
 from physic_scene.rigid import mean_rotation
 
 if TYPE_CHECKING:
@@ -47,7 +48,12 @@ class MeanBodies:
 
 
 def mean_bodies(
-    people: Sequence[PhotoPeople], rows: IntArray, observations: Observations, bundle: Bundle, model: BodyModel
+    people: Sequence[PhotoPeople],
+    rows: IntArray,
+    observations: Observations,
+    bundle: Bundle,
+    model: BodyModel,
+    statures: FloatArray,
 ) -> MeanBodies:
     """Return the mean body of each person, moved onto the points of the bundle.
 
@@ -57,8 +63,10 @@ def mean_bodies(
         observations: of the same people.
         bundle: cameras and points.
         model: body model, float64.
+        statures: (P,) metres, of the bodies; NaN for those of the mean bodies.
     """
     rotations, betas = _mean_parameters(people, rows, bundle)
+    betas = betas_with_stature(model, betas, torch.from_numpy(statures))
     weight = torch.from_numpy(observations.confidence).amax(0)[..., None].clamp(min=1e-3)
     with torch.inference_mode():
         body = model(rotations, betas, betas.new_zeros(len(betas), 3))

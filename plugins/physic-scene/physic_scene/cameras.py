@@ -61,6 +61,7 @@ class SolvedScene(ShortRepr):
         sigmas: uncertainty of each camera.
         bodies: of the solved people.
         errors: (V, P) median distance of keypoints, as a share of the stature in px; NaN where not shown.
+        statures: (P,) metres, known ones of the solved people, NaN where unknown.
     """
 
     chosen: ChosenPhotos
@@ -73,6 +74,7 @@ class SolvedScene(ShortRepr):
     sigmas: tuple[PoseUncertainty, ...]
     bodies: MeanBodies
     errors: FloatArray
+    statures: FloatArray
 
 
 def solve_cameras(
@@ -120,27 +122,41 @@ def solve_cameras(
     seen = found.observations
     sigmas = uncertainties(seen, found.bundle, found.reference, settings.bundle)
     bundle = found.bundle.scaled(_scale(seen, found.bundle))
-    bodies = mean_bodies(people, rows, seen, bundle, model)
-    return SolvedScene(chosen, found.reference, rows, elsewhere, moved, seen, bundle, sigmas, bodies, found.errors)
+    bodies = mean_bodies(people, rows, seen, bundle, model, found.statures)
+    return SolvedScene(
+        chosen=chosen,
+        reference=found.reference,
+        rows=rows,
+        elsewhere=elsewhere,
+        moved=moved,
+        observations=seen,
+        bundle=bundle,
+        sigmas=sigmas,
+        bodies=bodies,
+        errors=found.errors,
+        statures=found.statures,
+    )
 
 
 @dataclass(frozen=True)
 class _Adjusted:
-    """Cameras and points of the people who are taken to hold still; errors as in :class:`SolvedScene`."""
+    """Cameras and points of the people who are taken to hold still; errors and statures as in :class:`SolvedScene`."""
 
     reference: int
     observations: Observations
     bundle: Bundle
     errors: FloatArray
+    statures: FloatArray
 
 
 def _adjusted(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float], settings: SceneSettings) -> _Adjusted:
     reference = reference_photo(rows)
     people = [photo.people for photo in chosen.photos]
-    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, statures)
+    known = _known_statures(chosen, rows, statures)
+    observations = _with_statures(Observations.of(people, rows, chosen.background), chosen, rows, known)
     start = Bundle.start(observations, start_poses(chosen, reference))
     bundle = adjust(observations, start, reference, settings.bundle)
-    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
+    return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle), known)
 
 
 def _scale(observations: Observations, bundle: Bundle) -> float:
@@ -227,25 +243,27 @@ def start_poses(chosen: ChosenPhotos, reference: int) -> list[Pose]:
     return [poses[v] for v in range(len(poses))]
 
 
-def _with_statures(
-    observations: Observations, chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float]
-) -> Observations:
-    """Return the observations with the bone lengths of people of known stature."""
-    if not any(statures):
-        return observations
-    first = chosen.first("statures") if len(statures) > 1 else chosen.photos[0]
+def _known_statures(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[float]) -> FloatArray:
+    """Return the known stature of each person (P,), metres, NaN where unknown."""
+    if len(statures) < 2:
+        return np.full(len(rows), statures[0] if any(statures) else np.nan)
+    first = chosen.first("statures")
     people = first.people
     order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows])
     known = np.zeros(len(people))
-    known[order] = statures if len(statures) == len(people) else np.resize(statures, len(people))
+    known[order] = np.resize(statures, len(people))
+    found = np.where(rows[:, 0] >= 0, known[rows[:, 0]], 0.0)
+    return np.where(found > 0, found, np.nan)
+
+
+def _with_statures(observations: Observations, chosen: ChosenPhotos, rows: IntArray, known: FloatArray) -> Observations:
+    """Return the observations with the sizes and bone lengths of people of known stature (P,)."""
     bone_m, sigma = observations.bone_m.copy(), observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()
-    for p, row in enumerate(rows[:, 0]):
-        if row >= 0 and known[row] > 0:
-            estimated = np.mean(
-                [photo.people.stature[i] for photo, i in zip(chosen.photos, rows[p], strict=True) if i >= 0]
-            )
-            bone_m[p] *= known[row] / estimated
-            landmarks[:, p] *= known[row] / estimated
-            sigma[p] = _KNOWN_BONE
+    for p in np.flatnonzero(np.isfinite(known)).tolist():
+        shown = np.flatnonzero(rows[p] >= 0)
+        estimated = np.array([chosen.photos[v].people.stature[rows[p, v]] for v in shown])
+        bone_m[p] *= known[p] / estimated.mean()
+        landmarks[shown, p] *= (known[p] / estimated)[:, None, None]
+        sigma[p] = _KNOWN_BONE
     return replace(observations, landmarks=landmarks, bone_m=bone_m, bone_sigma=sigma)

@@ -24,6 +24,7 @@ from physic_core.types import (
     DepthMap,
     Intrinsics,
     Keypoints,
+    KnownSizes,
     PeoplePrompt,
 )
 from physic_core.types.per_person import select_people
@@ -65,6 +66,7 @@ class ReferenceInput(ShortRepr):
         depth: of its scene, at the solved scale.
         views: what the other photos show of these people.
         alone: what all photos alone say of their contact, and of the floor.
+        statures: (N,) metres, known ones, NaN where unknown.
         ages: of the people; None if nothing is known of them.
     """
 
@@ -76,6 +78,7 @@ class ReferenceInput(ShortRepr):
     depth: DepthMap
     views: tuple[View, ...]
     alone: OtherViews
+    statures: FloatArray
     ages: AgeEstimates | None = None
 
     @classmethod
@@ -113,12 +116,18 @@ class ReferenceInput(ShortRepr):
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
             alone=_alone(solved, people, parameters, model),
+            statures=np.array(
+                [solved.statures[one.number] if one.solved and one.number is not None else np.nan for one in people]
+            ),
         )
 
     def complete(self, estimates: Estimates) -> Estimates:
         """Return the estimates of the photo with the other photos, and with people whom only these show."""
         guess = estimates.scale_guess or ("" if self.ages is None else self.ages.scale_guess())
         estimates = replace(estimates, views=self.views, ages=self.ages, scale_guess=guess)
+        if np.isfinite(self.statures).any():
+            known = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
+            estimates = replace(estimates, known=known, statures=self.statures)
         if self.shown.all():
             return estimates
         before, own = len(estimates.people), self.shown[: len(estimates.people)]

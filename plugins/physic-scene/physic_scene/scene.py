@@ -98,9 +98,9 @@ class Scene:
             photos: two to eight photos of the moment, each as for :class:`physic_core.Pipeline`. People may hold still
                 between photos.
             intrinsics: camera of each upright photo, px, or None where unknown; None if no camera is known.
-            known: sizes that are known in the first photo; its statures give the scale of the scene. One age is that of
-                all people of all photos. Several are those of the people of the first photo, from left to right: the
-                photos are reconstructed without them, to find these people, and then with them.
+            known: sizes that are known in the first photo; its statures give the scale of the scene. One age or stature
+                is that of all people of all photos; several are those of the people of the first photo from left to
+                right. With several ages, the photos are reconstructed first without them, to find these people.
             progress: called when each stage begins.
 
         Returns:
@@ -117,7 +117,8 @@ class Scene:
 
         def alone(i: int, age: tuple[float, ...]) -> Reconstruction | None:
             camera = None if intrinsics is None else intrinsics[i]
-            sizes = replace(known if i == 0 else KnownSizes(), age=age)
+            stature = known.stature if len(known.stature) == 1 else ()
+            sizes = replace(known, age=age) if i == 0 else KnownSizes(stature=stature, age=age)
             return self.alone(photos[i], intrinsics=camera, known=sizes or None, progress=progress)
 
         several = len(known.age) > 1

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
-from physic_core.body import JOINT_NAMES
+from physic_core.body import JOINT_NAMES, load_body
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
@@ -76,6 +77,17 @@ def test_the_reference_result_is_a_complete_reconstruction(solved, alone):
     assert any(person.contact.any() for person in result.people)
     assert all(person.grade is not None for person in result.people)
     assert len(solved.points) == len(solved.colors) > 1000
+
+
+@pytest.mark.parametrize("statures", [(1.65, 0.0), (1.65,)])
+def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
+    result = solver.join(alone, ["a.png", "b.png", "c.png"], statures=statures).reconstruction
+    people = sorted(result.people, key=lambda person: person.box[0] + person.box[2])
+    betas = torch.tensor(np.concatenate([person.parameters.betas for person in people]))
+    found = load_body("embedded").stature(betas).tolist()
+    for stature, given in zip(found, statures if len(statures) > 1 else 2 * statures, strict=True):
+        assert not given or stature == pytest.approx(given, rel=0.005)
+    assert [size["given"] for size in result.diagnostics["known_sizes"]] == [1.65] * (3 - len(statures))
 
 
 def test_the_same_photo_twice_is_one_view(solver, alone):
