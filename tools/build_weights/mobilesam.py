@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import sys
 import types
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -79,9 +80,10 @@ class _Encoder(nn.Module):
     def forward(self, image: Tensor) -> Any:
         padding = (_padding(length) for length in reversed(image.shape[2:]))
         features = self._features(functional.pad(image - self.mean, [p for end in padding for p in (0, end)]))
-        _, _, rows, columns = features.shape
-        beside, below = self.empty[:, :, :rows, columns:], self.empty[:, :, rows:]
-        return torch.cat([torch.cat([features, beside], 3), below], 2)
+        rows, columns = features.shape[2:]
+        cells = torch.arange(GRID)
+        computed = (cells[:, None] < rows) & (cells < columns)
+        return torch.where(computed, functional.pad(features, (0, GRID - columns, 0, GRID - rows)), self.empty)
 
     def _features(self, x: Tensor) -> Any:
         """Features (1, 256, H / 16, W / 16) of a scaled image (1, 3, H, W)."""
@@ -91,8 +93,9 @@ class _Encoder(nn.Module):
         for before, layer in pairwise(self.e.layers):
             merge = before.downsample
             x = merge.conv3(merge.act(merge.conv2(merge.act(merge.conv1(x)))))
+            windows = _Windows.of(layer.blocks[0], x)
             for block in layer.blocks:
-                x = _block(block, x)
+                x = _block(block, x, windows)
         return self.e.neck(x)
 
 
@@ -101,24 +104,57 @@ def _padding(length: Any) -> Any:
     return torch.clamp((length + MARGIN + PATCH - 1) // PATCH * PATCH, max=SIZE) - length
 
 
-def _block(block: Any, x: Tensor) -> Tensor:
+@dataclass(frozen=True)
+class _Windows:
+    """Square windows of features (1, C, height, width), the last ones filled with zeros.
+
+    All blocks of a layer share them, so that the graph computes each of its shapes once.
+    """
+
+    side: int
+    channels: int
+    height: Any
+    width: Any
+    columns: Any
+
+    @classmethod
+    def of(cls, block: Any, features: Tensor) -> _Windows:
+        height, width = features.shape[2:]
+        side = block.window_size
+        return cls(side, block.dim, height, width, (width + side - 1) // side)
+
+    def split(self, tokens: Tensor) -> Tensor:
+        """The tokens (1, height, width, C) of each window, (windows, side * side, C)."""
+        side, channels = self.side, self.channels
+        padded = functional.pad(tokens, (0, 0, 0, -self.width % side, 0, -self.height % side))
+        windows = padded.reshape(-1, side, self.columns, side, channels).transpose(1, 2)
+        return windows.reshape(-1, side * side, channels)
+
+    def join(self, windows: Tensor) -> Tensor:
+        """Reverse ``split``."""
+        side, channels = self.side, self.channels
+        rows = windows.reshape(-1, self.columns, side, side, channels).transpose(1, 2)
+        return rows.reshape(1, -1, self.columns * side, channels)[:, : self.height, : self.width]
+
+
+def _block(block: Any, x: Tensor, windows: _Windows) -> Tensor:
     """Attention, convolution and MLP of one block on features (1, C, H, W)."""
     tokens = x.permute(0, 2, 3, 1)
-    tokens = tokens + _window_attention(block, tokens)
+    tokens = tokens + windows.join(_attention(block.attn, windows.split(tokens), windows.side**2))
     convolved = block.local_conv(tokens.permute(0, 3, 1, 2)).permute(0, 2, 3, 1)
     return (convolved + block.mlp(convolved)).permute(0, 3, 1, 2)
 
 
-def _window_attention(block: Any, tokens: Tensor) -> Tensor:
-    """Attention within square windows of tokens (1, H, W, C); zeros fill the last windows."""
-    size = block.window_size
-    _, height, width, channels = tokens.shape
-    padded = functional.pad(tokens, (0, 0, 0, -width % size, 0, -height % size))
-    rows, columns = padded.shape[1] // size, padded.shape[2] // size
-    windows = padded.reshape(rows, size, columns, size, channels).transpose(1, 2)
-    attended = block.attn(windows.reshape(rows * columns, size * size, channels))
-    joined = attended.reshape(rows, columns, size, size, channels).transpose(1, 2)
-    return joined.reshape(1, rows * size, columns * size, channels)[:, :height, :width]
+def _attention(attention: Any, x: Tensor, count: int) -> Any:
+    """Attention within windows (windows, count, C)."""
+    parts = attention.qkv(attention.norm(x)).reshape(
+        -1, count, attention.num_heads, 2 * attention.key_dim + attention.d
+    )
+    query, key, value = (
+        part.transpose(1, 2) for part in parts.split([attention.key_dim, attention.key_dim, attention.d], 3)
+    )
+    weights = (query @ key.transpose(2, 3) * attention.scale + attention.ab).softmax(-1)
+    return attention.proj((weights @ value).transpose(1, 2).reshape(-1, count, attention.dh))
 
 
 class _Decoder(nn.Module):
