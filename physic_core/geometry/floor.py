@@ -23,6 +23,7 @@ from physic_core.geometry.floor_ransac import (
     plane_inlier_shares,
 )
 from physic_core.geometry.gravity import estimate_up
+from physic_core.geometry.tensors import all_finite, select_pixels
 
 __all__ = [
     "MIN_INLIER_SHARE",
@@ -197,23 +198,23 @@ def _steep_up(view: _InverseDepthMap) -> Tensor | None:
     normal = -plane / torch.linalg.vector_norm(plane)
     if float(-normal[1]) > _STEEP_COSINE:
         return None
-    estimate = estimate_up(view.normals[view.valid], normal)
+    estimate = estimate_up(select_pixels(view.valid, view.normals)[0], normal)
     return estimate.up if estimate is not None and estimate.confidence >= MIN_UP_CONFIDENCE else None
 
 
 def _inverse_depth_map(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None
 ) -> _InverseDepthMap | FloorReason:
-    valid = valid & torch.isfinite(points).all(-1) & (points[..., 2] > 0)
+    valid = valid & all_finite(points) & (points[..., 2] > 0)
     inverse = torch.where(valid, 1 / points[..., 2], 0.0)
     rays = torch.where(valid[..., None], points * inverse[..., None], 0.0)
-    known = inverse[valid]
+    (known,) = select_pixels(valid, inverse)
     if len(known) < FEWEST_SAMPLES:
         return "no_pixels"
     spread = _percentile_range(known)
     if not TOLERANCE * spread > 0:
         return "no_consensus"
-    shown = None if normals is None else estimate_up(normals[valid])
+    shown = None if normals is None else estimate_up(select_pixels(valid, normals)[0])
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
     return _InverseDepthMap(rays, inverse, valid, TOLERANCE * spread, _LEAST_RISE * spread, evidence, normals, up)
 

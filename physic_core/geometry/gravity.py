@@ -37,10 +37,10 @@ def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | No
     The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by 45 degrees, which a
     camera that looks down steeply exceeds. None if there are too few normals.
     """
-    known = normals[normals.square().sum(-1) > 0.5].double()
-    if len(known) < _FEWEST:
+    rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
+    if len(rows) < _FEWEST:
         return None
-    known = known[:: max(1, len(known) // _SAMPLES)]
+    known = normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
     up = known.new_tensor([0.0, -1.0, 0.0]) if start is None else start.to(known)
     values = known.new_ones(3)
     for degrees, times in _ROUNDS:

@@ -96,4 +96,4 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
 
 def _percentile(x: Tensor, share: float) -> Tensor:
     """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large inputs."""
-    return x.sort(dim=0).values[round(share * (len(x) - 1))]
+    return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values

@@ -12,7 +12,7 @@ import torch
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["tensor", "to_device"]
+__all__ = ["all_finite", "select_pixels", "tensor", "to_device"]
 
 Record = TypeVar("Record")
 
@@ -24,6 +24,21 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
     """
     kind = np.float32 if array.dtype.kind == "f" else array.dtype
     return torch.from_numpy(np.require(array, kind, ["C", "W"]))
+
+
+def select_pixels(mask: torch.Tensor, *maps: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """Return the values (M, ...) of maps (H, W, ...) at the M pixels of a mask (H, W), row by row.
+
+    ``map[mask]`` takes four times as long.
+    """
+    rows = mask.flatten().nonzero()[:, 0]
+    return tuple(values.flatten(0, 1).index_select(0, rows) for values in maps)
+
+
+def all_finite(points: torch.Tensor) -> torch.Tensor:
+    """Return whether all coordinates of points (..., 3) are finite: (...) bool."""
+    # A matrix product sums three columns several times faster than a reduction.
+    return torch.isfinite(points @ points.new_ones(3))
 
 
 def to_device(record: Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> Record:

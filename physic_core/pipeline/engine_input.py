@@ -21,7 +21,7 @@ from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
-from physic_core.geometry.tensors import tensor
+from physic_core.geometry.tensors import select_pixels, tensor
 from physic_core.pipeline.estimate import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
 
@@ -134,6 +134,7 @@ def joint_problem(
     """
     scene, photo, bodies, detections = placed.scene, placed.photo, placed.bodies, given.detections
     agrees = photo.alignment.inlier_share > 0
+    points, normals = scene.surface
     return JointProblem(
         model=bodies.model,
         rotations0=bodies.rotations,
@@ -145,8 +146,8 @@ def joint_problem(
         skeleton=detections.skeleton,
         K=scene.K,
         masks=detections.masks,
-        scene_points=scene.points[scene.valid],
-        scene_normals=scene.normals[scene.valid],
+        scene_points=points,
+        scene_normals=normals,
         contact_probability=given.contact_probability,
         observed=placed.observed,
         scene_depth=scene.depth,
@@ -202,11 +203,13 @@ def contact_input(
 
 def _classify_points(estimates: Estimates, scene: SceneState) -> ClassifiedPoints:
     """Return the classes of the valid scene points, all unknown if the segmenter labels no surfaces."""
-    surfaces, seen = estimates.people.surfaces, ~tensor(estimates.hole)[scene.valid]
-    uncarved = None if scene.uncarved is None else (scene.uncarved[0][scene.valid], scene.uncarved[1][scene.valid])
+    surfaces, hole = estimates.people.surfaces, tensor(estimates.hole)
+    (inpainted, *uncarved) = select_pixels(scene.valid, hole, *(scene.uncarved or ()))
+    before = (uncarved[0], uncarved[1]) if uncarved else None
     if surfaces is None:
-        return ClassifiedPoints(("unknown",), torch.zeros_like(seen, dtype=torch.int64), seen, uncarved)
-    return ClassifiedPoints(surfaces.names, tensor(surfaces.labels).long()[scene.valid], seen, uncarved)
+        return ClassifiedPoints(("unknown",), torch.zeros_like(inpainted, dtype=torch.int64), ~inpainted, before)
+    (labels,) = select_pixels(scene.valid, tensor(surfaces.labels))
+    return ClassifiedPoints(surfaces.names, labels.long(), ~inpainted, before)
 
 
 def _foot_gaps(problem: JointProblem) -> Tensor | None:

@@ -16,6 +16,7 @@ from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.behind_bodies import move_behind_bodies
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import pointmap_normals
+from physic_core.geometry.tensors import select_pixels
 
 __all__ = ["finalize_scene"]
 
@@ -37,10 +38,11 @@ def finalize_scene(
     finite = torch.isfinite(result.vertices).flatten(1).all(1)
     if settings.carve_m and bool(finite.any()):
         scene = _carved(scene, result.vertices[finite] / s, problem.model.faces, problem.masks[finite], hole, settings)
+    points, normals = scene.surface
     problem = replace(
         problem,
-        scene_points=scene.points[scene.valid].to(problem.scene_points),
-        scene_normals=scene.normals[scene.valid].to(problem.scene_normals),
+        scene_points=points.to(problem.scene_points),
+        scene_normals=normals.to(problem.scene_normals),
         scene_depth=None if problem.scene_depth is None else scene.depth.to(problem.scene_depth),
     )
     if scene.floor_normal is None and settings.floor_under_people and bool(finite.any()):
@@ -95,7 +97,7 @@ def _with_floor(scene: SceneState, normal: Tensor, offset: float, ankles: Tensor
     points = sample_plane(
         up,
         offset,
-        scene.points[scene.valid],
+        select_pixels(scene.valid, scene.points)[0],
         centres=ankles.to(up) - (ankles.to(up) @ up + offset)[:, None] * up,
     )
     diagnostics = {**scene.diagnostics, "floor": {**scene.diagnostics["floor"], "source": "people"}}

@@ -15,6 +15,7 @@ from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.alignment import Alignment, align, apply_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
+from physic_core.geometry.tensors import all_finite
 from physic_core.types import AffineAmbiguity
 
 __all__ = [
@@ -73,7 +74,7 @@ class AlignedPhoto:
     @property
     def depth(self) -> Tensor:
         """Depth map (H, W), metres along z, NaN where unknown."""
-        return torch.where(self.valid & torch.isfinite(self.points).all(-1), self.points[..., 2], torch.nan)
+        return torch.where(self.valid & all_finite(self.points), self.points[..., 2], torch.nan)
 
 
 def align_photo(photo: PhotoPoints, scene: SceneState, masks: Tensor, method: PlacementMethod) -> AlignedPhoto:
@@ -143,7 +144,7 @@ def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementM
     if box is None:
         return points.new_zeros((0, 3))
     cloud, inside = points[box], mask[box]
-    known = valid[box] & torch.isfinite(cloud).all(-1) & (cloud[..., 2] > 0)
+    known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
 

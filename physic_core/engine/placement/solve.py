@@ -118,7 +118,7 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.transl - posed.transl)[:, None]
-    rejected = wrong_floor(scene.floor, vertices, output.joints, scene.normals[scene.valid])
+    rejected = wrong_floor(scene.floor, vertices, output.joints, scene.surface[1])
     if rejected is not None:
         scene = without_floor(scene, rejected)
         kept = [None if person.on_floor else person for person in placed.people]

@@ -22,6 +22,7 @@ from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
+from physic_core.geometry.tensors import all_finite, select_pixels
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
@@ -85,6 +86,12 @@ class SceneState(ShortRepr):
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     @property
+    def surface(self) -> tuple[Tensor, Tensor]:
+        """Points and normals (M, 3) of the valid pixels."""
+        points, normals = select_pixels(self.valid, self.points, self.normals)
+        return points, normals
+
+    @property
     def depth(self) -> Tensor:
         """Depth map (H, W) along z, metres; NaN at invalid pixels."""
         return torch.where(self.valid, self.points[..., 2], torch.nan)
@@ -123,7 +130,8 @@ def solve_scene(given: SceneInput, method: SceneMethod) -> SceneState:
         floor_points = placed.new_zeros((0, 3))
     else:
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        floor_points = method.sample_floor(floor, placed[known], placed[clean], feet)
+        all_points, clean_points = (select_pixels(pixels, placed)[0] for pixels in (known, clean))
+        floor_points = method.sample_floor(floor, all_points, clean_points, feet)
     return SceneState(
         points=placed,
         normals=surface,
@@ -175,7 +183,7 @@ def _metric_points(given: SceneInput, alignment: Alignment, method: SceneMethod)
     else:
         camera = scene_camera(given.points, given.valid, given.cameras)
         placed, known = depth_to_pointmap(given.metric_depth, camera), _positive(given.metric_depth)
-    known = known & torch.isfinite(placed).all(-1) & (placed[..., 2] > 0)
+    known = known & all_finite(placed) & (placed[..., 2] > 0)
     placed, camera = method.place_on_rays(placed, known, given.cameras)
     placed = torch.where(known[..., None], placed, 0.0)
     return placed, known & (placed[..., 2] <= method.far_m), camera
