@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["AgeEstimates", "AgeEvidence", "AgeSettings", "age_evidence", "estimate_ages"]
 
-_FEET, _ANKLES = joint_pair("foot"), joint_pair("ankle")
+_FEET, _ANKLES, _KNEES = joint_pair("foot"), joint_pair("ankle"), joint_pair("knee")
 _SCALE_STEP = 0.03  # of the grid of log scale
 _BIAS, _SLOPE = (grid.ravel() for grid in np.meshgrid(*2 * [np.linspace(-2.1, 2.1, 7)]))  # standard deviations
 
@@ -172,8 +172,10 @@ def age_evidence(bodies: Bodies, model: BodyModel, hints: Hints) -> AgeEvidence:
         by_floor = np.log(np.where(feet & (drop > 0), drop, np.nan) / hints.floor.offset)
     if hints.original is not None:
         depth = np.where(hints.original.valid, hints.original.points[..., 2], np.nan)
+        # Without a leg in sight the size of an estimated body is a guess.
+        legs = np.ones(count, bool) if seen is None else np.any(seen[:, _KNEES] | seen[:, _ANKLES], axis=1)
         for i, mask in enumerate(hints.people.masks):
-            shown = depth[mask & np.isfinite(depth)]
+            shown = depth[mask & np.isfinite(depth) & legs[i]]
             if len(shown) and (near := float(np.median(shown))) > 0:
                 by_points[i] = math.log(max(float(np.median(vertices[i, :, 2])), 1e-6) / near)
     return AgeEvidence(

@@ -11,8 +11,9 @@ import torch
 from physic_core import KnownSizes, load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
-from physic_core.pipeline.ages import AgeEvidence, AgeSettings, estimate_ages, resize_children
-from physic_core.types import AgeEstimate, AgeEstimates, Bodies, BodyParameters
+from physic_core.body.joints import joint_pair
+from physic_core.pipeline.ages import AgeEvidence, AgeSettings, age_evidence, estimate_ages, resize_children
+from physic_core.types import AgeEstimate, AgeEstimates, Bodies, BodyParameters, Hints, People, Plane, Pointmap
 from physic_testing.worlds import build_world
 
 NAN = np.nan
@@ -111,25 +112,44 @@ def test_only_children_make_the_scale_a_guess():
     assert estimated(evidence(1.0, 1.7)).scale_guess() == ""
 
 
-def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
-    model = load_body("embedded")
-    zero = BodyParameters(
-        **{
-            name: np.zeros((2, size), np.float32)
-            for name, size in {
-                "global_orient": 3,
-                "body_pose": 63,
-                "left_hand_pose": 45,
-                "right_hand_pose": 45,
-                "jaw_pose": 3,
-                "leye_pose": 3,
-                "reye_pose": 3,
-                "betas": 16,
-                "expression": 0,
-            }.items()
-        },
+def two_adults():
+    """Bodies beside each other, 3 m and 5 m away, whose head is towards +y."""
+    sizes = {
+        "global_orient": 3,
+        "body_pose": 63,
+        "left_hand_pose": 45,
+        "right_hand_pose": 45,
+        "jaw_pose": 3,
+        "leye_pose": 3,
+        "reye_pose": 3,
+        "betas": 16,
+        "expression": 0,
+    }
+    return BodyParameters(
+        **{name: np.zeros((2, size), np.float32) for name, size in sizes.items()},
         transl=np.array([[0.0, 0.1, 3.0], [0.5, 0.2, 5.0]], np.float32),
     )
+
+
+def test_a_person_without_a_leg_in_sight_shows_no_size():
+    masks = np.zeros((2, 4, 6), bool)
+    masks[0, :, :3] = masks[1, :, 3:] = True
+    seen = np.ones((2, 55), bool)
+    seen[1, [*joint_pair("knee"), *joint_pair("ankle")]] = False
+    people = People(masks, np.array([[0, 0, 3, 4], [3, 0, 6, 4]], np.float32), np.ones(2, np.float32))
+    points = Pointmap(np.full((4, 6, 3), 2.0, np.float32), np.ones((4, 6), bool), "scale")
+    shown = age_evidence(
+        Bodies(two_adults(), "embedded", observed=seen),
+        load_body("embedded"),
+        Hints(people=people, original=points, floor=Plane(np.array([0.0, 1.0, 0.0]), 1.0)),
+    )
+    assert np.exp(shown.by_points[0]) == pytest.approx(1.5, rel=0.05)
+    assert np.isfinite(shown.by_floor[0])
+    assert np.isnan([shown.by_points[1], shown.by_floor[1]]).all()
+
+
+def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
+    model, zero = load_body("embedded"), two_adults()
     values = {name: np.array([NAN, value]) for name, value in (("years", 3.5), ("years_sigma", 1.0), ("stature", 1.0))}
     ages = AgeEstimates(child_probability=np.array([0.0, 1.0]), stature_sigma=np.array([0.06, 0.1]), **values)
     found = resize_children(Bodies(zero, "embedded"), model, ages)
