@@ -48,8 +48,6 @@ class AgeSettings:
         child_share: share of people under 16 years among the people of photos; 0 takes all people for adults.
         least_probability: from which a person is taken for a child; photos with adults alone are the rule, and a wrong
             child spoils one of them.
-        camera_height_m: usual height of the camera over the floor of a relative point map, which lies too near.
-        camera_height_sigma: standard deviation of its logarithm.
         floor_sigma: error of log size from the soles on the floor, besides that of the scale.
         off_floor: share of people whose seen feet are not on the floor that was found.
         wrong_points: share of people whose points are those of something else.
@@ -64,8 +62,6 @@ class AgeSettings:
 
     child_share: float = 0.1
     least_probability: float = 0.8
-    camera_height_m: float = 1.0
-    camera_height_sigma: float = 0.5
     floor_sigma: float = 0.08
     off_floor: float = 0.15
     wrong_points: float = 0.1
@@ -211,10 +207,8 @@ def estimate_ages(
     bias, slope = (bias_mean + bias_sigma * _BIAS)[None], (settings.depth_slope * _SLOPE)[None]
     prior = -(_BIAS**2 + _SLOPE**2)[None] / 2 + 0 * log_scale
     nearness = np.log(evidence.depth / np.exp(np.log(evidence.depth).mean()))
-    if evidence.floor_height is not None:
-        usual = math.log(camera_height_m or settings.camera_height_m)
-        spread = 0.03 if camera_height_m else settings.camera_height_sigma
-        prior = prior + _log_normal(log_scale + math.log(evidence.floor_height), usual, spread)
+    if evidence.floor_height is not None and camera_height_m:
+        prior = prior + _log_normal(log_scale + math.log(evidence.floor_height), math.log(camera_height_m), 0.03)
     people = []
     for i, stature in enumerate(evidence.stature):
         by_floor, by_points = evidence.by_floor[i], evidence.by_points[i]
