@@ -4,8 +4,8 @@
     python -m benchmarks.children table OUT
 
 ``run`` keeps one JSON file a world and column in folders of OUT, and an interrupted run continues. The columns:
-"adults" takes all people for adults, "default" has the default settings, "half" is for photos of which half of the
-people are children, and "age known" gives the ages of the children.
+"default" takes all people of unknown age for adults, "half" is for photos of which half of the people are children,
+and "age known" gives the ages of the children.
 ``table`` prints a Markdown table of the columns. Errors are means of absolute relative ones with a bootstrap interval
 of 95 % over worlds; people who were not found are left out and counted.
 """
@@ -23,8 +23,7 @@ import numpy as np
 
 _ALONE = ("child_stands", "child_sits")
 _COLUMNS: dict[str, dict[str, Any]] = {
-    "adults": {"child_share": 0.0},
-    "default": {"child_share": 0.1},
+    "default": {"child_share": 0.0},
     "half": {"child_share": 0.5},
     "age known": {},
 }

@@ -46,8 +46,7 @@ class AgeSettings:
 
     Attributes:
         child_share: share of people under 16 years among the people of photos; 0 takes all people for adults.
-        least_probability: from which a person is taken for a child; photos with adults alone are the rule, and a wrong
-            child spoils one of them.
+        least_probability: from which a person is taken for a child.
         floor_sigma: error of log size from the soles on the floor, besides that of the scale.
         off_floor: share of people whose seen feet are not on the floor that was found.
         wrong_points: share of people whose points are those of something else.
@@ -60,7 +59,7 @@ class AgeSettings:
             deviation.
     """
 
-    child_share: float = 0.1
+    child_share: float = 0.0
     least_probability: float = 0.8
     floor_sigma: float = 0.08
     off_floor: float = 0.15
