@@ -36,14 +36,14 @@ class MomentPhoto:
     result: Reconstruction | None
 
 
-def require_moments() -> None:
-    """Check that an installed plugin joins photos of one moment, without importing it.
+def require_moments() -> Installed[MomentRecord]:
+    """Return the installed record that joins photos of one moment, without importing its plugin.
 
     Raises:
         PackageMissingError: no plugin does.
         ConfigError: several do.
     """
-    _find()
+    return find_only_record(MomentRecord, "photos of one moment are joined by", _DISTRIBUTION)
 
 
 def reconstruct_moment(
@@ -61,7 +61,7 @@ def reconstruct_moment(
     """
     from physic_core.types import Reconstruction
 
-    found, photos = _find(), []
+    found, photos = require_moments(), []
     for one in (item, *item.others):
         try:
             result = reconstruct(one.path, one.settings)
@@ -76,7 +76,3 @@ def reconstruct_moment(
             f"{type(joined).__name__}"
         )
     return joined, files
-
-
-def _find() -> Installed[MomentRecord]:
-    return find_only_record(MomentRecord, "photos of one moment are joined by", _DISTRIBUTION)

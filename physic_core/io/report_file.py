@@ -32,7 +32,9 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
     """
     path = Path(path)
     _check_own(path)
-    _write(path, report_html(reconstruction, title))
+    page = report_html(reconstruction, title).encode()
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_bytes(page)
     return path
 
 
@@ -81,8 +83,3 @@ def _check_own(path: Path) -> None:
         raise OutputError(f"cannot write {path}: {error.strerror}; name another file") from error
     if not own:
         raise OutputError(f"cannot write {path}: the file there is not a page of PhySIC; move it away, or name another")
-
-
-def _write(path: Path, page: str) -> None:
-    with atomic_write(check_writable(path.parent)) as temporary:
-        temporary(path.name).write_bytes(page.encode())

@@ -213,11 +213,7 @@ def _write(
 
 
 def add_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write further files to the folder of a result, and their names and digests to its document, if that can be read.
-
-    Args:
-        folder: of the result.
-        files: name -> content.
+    """Write files (name -> content) to the folder of a result, and list them in its document, if that can be read.
 
     Raises:
         OutputError: a file cannot be written.
