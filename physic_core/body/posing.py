@@ -24,7 +24,6 @@ class JointTree:
     Attributes:
         kinematics: joints of a shape and their motion.
         family: (J, J), 1 where column d is row j or one of its descendants.
-        heirs: (J, J), the same without j itself.
         incidence: (J, J), 1 at each joint itself and -1 at its parent: a bone as a difference of joints.
     """
 
@@ -40,8 +39,14 @@ class JointTree:
             reach = reach + step @ reach
             step = step @ step
         self.family = (reach.T > 0).to(like)
-        self.heirs = self.family - eye
         self.incidence = eye - eye[parents] * (torch.arange(len(parents), device=like.device) > 0)[:, None]
+
+
+def _across_joints(matrix: Tensor, values: Tensor) -> Tensor:
+    """Return ``matrix @ values`` of each body, (J, J) and (B, J, k), by one product for all bodies."""
+    batch, joints, columns = values.shape
+    product = matrix @ values.transpose(0, 1).reshape(joints, batch * columns)
+    return product.view(joints, batch, columns).transpose(0, 1)
 
 
 def pose_vertices(
@@ -116,11 +121,11 @@ class _Pose(torch.autograd.Function):
 
         # Along the tree. With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j G_j^T,
         # C_j = S_j + sum over its children of C_c + b_c (p_c - p_j)^T.
-        pull = tree.family @ (by_joint + by_shift)
-        bones = tree.incidence @ place
+        pull = _across_joints(tree.family, by_joint + by_shift)
+        bones = place - place.index_select(1, kinematics.parents)
         own = by_turn @ turn.transpose(-1, -2)
         lever = pull[..., None] * bones[..., None, :]
-        twist = (tree.family @ own.flatten(2) + tree.heirs @ lever.flatten(2)).view_as(own)
+        twist = _across_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
         upper = turn.index_select(1, kinematics.parents)
         upper = torch.cat([torch.eye(3, dtype=turn.dtype, device=turn.device).expand(batch, 1, 3, 3), upper[:, 1:]], 1)
         by_rotations = upper.transpose(-1, -2) @ twist @ turn
@@ -129,7 +134,7 @@ class _Pose(torch.autograd.Function):
         if kinematics.bind_rot is not None:
             turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(0, kinematics.parents[1:])
             by_offset = torch.cat([by_offset[:, :1], turned[:, :, 0]], 1)
-        by_rest = by_rest + tree.incidence.T @ by_offset
+        by_rest = by_rest + _across_joints(tree.incidence.T, by_offset)
         by_coefficients = by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
         if count > num_shape:
             by_rotations[:, 1:] += by_shape[:, num_shape:].view(batch, joints - 1, 3, 3)
