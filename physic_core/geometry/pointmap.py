@@ -95,37 +95,48 @@ def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tens
 
 def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:
     """Return :func:`pointmap_normals` of a strip; those of its first and last row lack the neighbours outside of it."""
-    dtype, points = points.dtype, points.double()  # the last digits of float32 differ from CPU to CPU
+    dtype = points.dtype
+    # By planes of coordinates: reductions over a last axis of three take twice as long. The last digits of float32
+    # differ from CPU to CPU.
+    x, y, z = planes = points.movedim(-1, 0).to(torch.float64, memory_format=torch.contiguous_format)
     # Two steps of one pixel span the 3 x 3 window.
     limit = math.sqrt(ratio)
-    across, has_across = _tangent(points, valid, 1, limit)
-    down, has_down = _tangent(points, valid, 0, limit)
-    normal = torch.linalg.cross(across, down)
-    length = torch.linalg.vector_norm(normal, dim=-1)
-    facing = -torch.sign((normal * points).sum(dim=-1))
+    across, has_across = _tangent(planes, valid, 2, limit)
+    down, has_down = _tangent(planes, valid, 1, limit)
+    normal = torch.linalg.cross(across, down, dim=0)
+    u, v, w = normal
+    length = torch.sqrt(u * u + v * v + w * w)
+    facing = -torch.sign(u * x + v * y + w * z)
     reliable = has_across & has_down & (length > 0) & (facing != 0)
     factor = torch.where(reliable, facing / length.clamp(min=torch.finfo(length.dtype).tiny), 0.0)
-    return torch.where(reliable[..., None], normal * factor[..., None], 0.0).to(dtype)
+    return torch.where(reliable, normal * factor, 0.0).to(dtype).movedim(0, -1).contiguous()
 
 
-def _tangent(points: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Tensor, Tensor]:
-    """Return the sum of the usable differences along an image axis, over depth, and whether there is any."""
-    n = points.shape[dim]
-    tangent = torch.zeros_like(points)
+def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Tensor, Tensor]:
+    """Return the sum of the usable differences along an image axis, over depth, and whether there is any.
+
+    Args:
+        planes: (3, h, W) coordinates.
+        valid: (h, W) bool.
+        dim: 1 or 2, of the coordinates.
+        limit: depth ratio of neighbours.
+    """
+    n = planes.shape[dim]
+    tangent = torch.zeros_like(planes)
     has = torch.zeros_like(valid)
     if n < 2:
         return tangent, has
-    near, far = points.narrow(dim, 0, n - 1), points.narrow(dim, 1, n - 1)
-    z_near, z_far = near[..., 2], far[..., 2]
-    usable = valid.narrow(dim, 0, n - 1) & valid.narrow(dim, 1, n - 1)
+    near, far = planes.narrow(dim, 0, n - 1), planes.narrow(dim, 1, n - 1)
+    z_near, z_far = near[2], far[2]
+    usable = valid.narrow(dim - 1, 0, n - 1) & valid.narrow(dim - 1, 1, n - 1)
     if math.isfinite(limit):
         usable = usable & (z_far <= limit * z_near) & (z_near <= limit * z_far)
     # Over the depth, so that the cross product neither under- nor overflows in any unit.
-    step = torch.where(usable[..., None], (far - near) / z_near[..., None], 0.0)
+    step = torch.where(usable, (far - near) / z_near, 0.0)
     tangent.narrow(dim, 0, n - 1).add_(step)
     tangent.narrow(dim, 1, n - 1).add_(step)
-    has.narrow(dim, 0, n - 1).logical_or_(usable)
-    has.narrow(dim, 1, n - 1).logical_or_(usable)
+    has.narrow(dim - 1, 0, n - 1).logical_or_(usable)
+    has.narrow(dim - 1, 1, n - 1).logical_or_(usable)
     return tangent, has
 
 
