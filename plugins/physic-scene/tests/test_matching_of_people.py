@@ -9,8 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core import Pipeline
+from physic_core.body import JOINT_INDEX
 from physic_core.errors import InputError
+from physic_core.types import skeleton_named
 from physic_scene.background import BackgroundSettings, BackgroundTurn
+from physic_scene.bundle import BundleSettings
 from physic_scene.matching import MatchingSettings, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import Pose, angle_deg
@@ -23,23 +26,26 @@ HALF_TURN = Rotation.from_euler("y", 180, degrees=True).as_matrix()
 
 
 def photo(joints: np.ndarray) -> PhotoPeople:
-    """Return people in like clothes with joints (N, 55, 3); the matching uses no keypoints."""
-    n = len(joints)
+    """Return people in like clothes with joints (N, 55, 3), and the keypoints that a photo of 120 x 90 px shows."""
+    n, skeleton = len(joints), skeleton_named("coco17")
+    landmarks = joints[:, [JOINT_INDEX.get(name, JOINT_INDEX["head"]) for name in skeleton.names]]
+    K = np.array([[100.0, 0.0, 59.5], [0.0, 100.0, 44.5], [0.0, 0.0, 1.0]])
+    pixels = landmarks @ K.T
     return PhotoPeople(
         rows=tuple(range(n)),
-        K=np.eye(3),
+        K=K,
         focal_sigma=0.1,
-        skeleton=None,
-        points=np.zeros((n, 0, 2)),
-        confidence=np.zeros((n, 0)),
-        landmarks=np.zeros((n, 0, 3)),
+        skeleton=skeleton,
+        points=pixels[..., :2] / pixels[..., 2:],
+        confidence=np.ones(landmarks.shape[:2]),
+        landmarks=landmarks,
         joints=joints,
         rotations=np.zeros((n, 55, 3, 3)),
         betas=np.zeros((n, 10)),
         stature=np.full(n, 1.75),
         colours=np.full((n, len(COLOUR_GROUPS), 3), 40.0),
         pattern=np.ones(n),
-        size_px=np.full(n, 400.0),
+        size_px=np.full(n, 45.0),
         up=np.full(3, np.nan),
     )
 
@@ -102,7 +108,7 @@ def choose():
             Photo(i, name, replace(result, image=picture), one)
             for i, (name, picture, one) in enumerate(zip(names, pictures, people, strict=False))
         ]
-        return select_photos(photos, names, MatchingSettings(), BackgroundSettings())
+        return select_photos(photos, names, MatchingSettings(), BackgroundSettings(), BundleSettings())
 
     return chosen
 
