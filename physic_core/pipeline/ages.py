@@ -322,7 +322,7 @@ def _mixtures(
         elif np.isfinite(years) or np.isfinite(stature):
             weight[i, 1:] = -np.inf
         if np.isfinite(stature):
-            sigma[i] = 0.01
+            mean[i], sigma[i] = own[i], 0.01
     return weight, mean, sigma
 
 

@@ -86,6 +86,12 @@ def test_a_child_of_known_age_has_the_stature_of_that_age_and_gives_the_scale():
     assert np.log(alone.stature[0]) == pytest.approx(load_ages().at_age(4.5)[0], abs=1e-3)
 
 
+def test_a_child_of_known_age_and_stature_keeps_the_stature():
+    found = estimated(evidence(1.0, stature=0.95), years=(4.5,), stature=(0.95,))
+    assert found.stature[0] == pytest.approx(0.95, rel=0.01)
+    assert found.years[0] == 4.5
+
+
 def test_a_person_of_known_adult_age_or_stature_is_no_child():
     assert estimated(evidence(1.0, 1.7), years=(NAN, 40)).child_probability[1] == pytest.approx(0)
     assert estimated(evidence(1.0, 1.7), stature=(NAN, 1.7)).child_probability[1] == pytest.approx(0)
