@@ -108,16 +108,18 @@ def open_session(
     def create(content: bytes | str, options: SessionOptions) -> InferenceSession:
         return ort.InferenceSession(content, options, providers=providers)
 
-    def optimise(part: Path) -> InferenceSession:
-        options = _session_options(path, threads, chosen)
-        options.optimized_model_filepath = str(part)
+    def optimise(graph: Path, weights: str) -> InferenceSession:
+        options = _session_options(path.parent, threads, chosen)
+        options.optimized_model_filepath = str(graph)
+        options.add_session_config_entry("session.optimized_model_external_initializers_file_name", weights)
+        options.add_session_config_entry("session.optimized_model_external_initializers_min_size_in_bytes", "1024")
         return create(read_compared(path, sha256, broken), options)
 
     session = None
     kept = KeptGraph.of(path.stem, sha256) if keep and chosen.name == "CPU" else None
     if kept is not None:
         if (content := kept.read()) is not None:
-            options = _session_options(path, threads, chosen)
+            options = _session_options(kept.folder, threads, chosen)
             options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
             try:
                 session = create(content, options)
@@ -127,7 +129,7 @@ def open_session(
     if session is None:
         source = read_compared(path, sha256, broken) if sha256 else str(path)
         try:
-            session = create(source, _session_options(path, threads, chosen))
+            session = create(source, _session_options(path.parent, threads, chosen))
         except Exception as cause:
             raise _open_error(path, chosen, cause, broken) from cause
     running = session.get_providers()
@@ -142,7 +144,7 @@ def open_session(
     return OnnxSession(session, chosen)
 
 
-def _session_options(path: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:
+def _session_options(weights_folder: Path, threads: int, provider: ExecutionProvider) -> SessionOptions:
     import onnxruntime as ort
 
     options = ort.SessionOptions()
@@ -156,7 +158,7 @@ def _session_options(path: Path, threads: int, provider: ExecutionProvider) -> S
         # without fixed sizes.
         options.enable_mem_reuse = False
     options.add_session_config_entry("session.use_env_allocators", "1")
-    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(path.parent))
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(weights_folder))
     # Threads that wait for work in a loop take processor time from others, and finish later themselves.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return options

@@ -1,10 +1,16 @@
-"""Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time."""
+"""Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time.
+
+A file has the weights, which onnxruntime maps into memory, then the graph, its size and a checksum of both.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import mmap
 import platform
 import secrets
+import shutil
+import struct
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,19 +28,21 @@ if TYPE_CHECKING:
 __all__ = ["MAX_BYTES", "KeptGraph"]
 
 MAX_BYTES = 1 << 30
-"""All kept graphs have at most this size; those of all packaged networks have .17 GB."""
+"""All kept graphs have at most this size; those of all packaged networks have .2 GB."""
+_END = struct.Struct("<QI")
+"""Size of the graph and checksum of weights and graph, at the end of a file."""
 
 
 @dataclass(frozen=True)
 class KeptGraph:
     """The optimised form of one ONNX graph for this onnxruntime and this processor.
 
-    A file is named for what it was made of and for a checksum of its content: no other version is taken for it, and
-    damage is noticed. Files are renamed when they are complete: any number of processes may write.
+    A file is named for what it was made of, and its checksum shows damage: no other version is taken for it. Files are
+    renamed when they are complete: any number of processes may write.
 
     Attributes:
         folder: of the cache.
-        name: of the file, without the checksum of its content.
+        name: of the file, without the random number at its end.
     """
 
     folder: Path
@@ -46,17 +54,16 @@ class KeptGraph:
         import onnxruntime as ort
 
         folder = graphs_folder()
-        made_of = f"{sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
+        made_of = f"mapped weights {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
         return None if folder is None else cls(folder, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
 
     def read(self) -> bytes | None:
-        """Return the graph, if it is kept; a damaged file is deleted."""
+        """Return the graph, whose weights are in a file of ``folder``, if it is kept; a damaged file is deleted."""
         for path in self._files():
             with suppress(OSError):
-                content = path.read_bytes()
-                if path.name == self._file_name(content):
+                if (graph := _graph_of(path)) is not None:
                     mark_used(path)
-                    return content
+                    return graph
                 path.unlink()
         return None
 
@@ -66,34 +73,57 @@ class KeptGraph:
             with suppress(OSError):
                 path.unlink()
 
-    def write(self, optimise: Callable[[Path], InferenceSession]) -> InferenceSession | None:
-        """Keep the graph that ``optimise`` writes to a path, and return its session; None if nothing can be written."""
-        part = self.folder / f".{self.name}{GRAPH_SUFFIX}.{secrets.token_hex(4)}.physic-part"
+    def write(self, optimise: Callable[[Path, str], InferenceSession]) -> InferenceSession | None:
+        """Keep the graph that ``optimise`` writes, and return its session; None if nothing can be written.
+
+        Args:
+            optimise: writes a graph to a path and its weights to a file of a name beside it.
+        """
+        token = secrets.token_hex(4)
+        part = self.folder / f".{self.name}{GRAPH_SUFFIX}.{token}.physic-part"
+        complete = self.folder / f"{self.name}-{token}{GRAPH_SUFFIX}"
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            part.touch()
+            part.mkdir(parents=True)
         except OSError:  # such as a cache that may only be read
             return None
         try:
-            session = optimise(part)
+            graph, weights = part / "graph", part / complete.name
+            session = optimise(graph, weights.name)
             with suppress(OSError):
-                if (
-                    not self._files()
-                ):  # else another process was faster; onnxruntime writes the same graph in many orders
-                    part.rename(self.folder / self._file_name(part.read_bytes()))
+                if not self._files():  # else another process was faster
+                    _append_graph(weights, graph.read_bytes())
+                    weights.rename(complete)
                 trim_folder(self.folder, MAX_BYTES, GRAPH_SUFFIX)
             return session
         except Exception:  # onnxruntime raises it for a full disk, too; the caller opens the graph again
             return None
         finally:
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
+            shutil.rmtree(part, ignore_errors=True)
 
     def _files(self) -> list[Path]:
         return list(self.folder.glob(f"{self.name}-*{GRAPH_SUFFIX}"))
 
-    def _file_name(self, content: bytes) -> str:
-        return f"{self.name}-{zlib.crc32(content):08x}{GRAPH_SUFFIX}"
+
+def _append_graph(weights: Path, graph: bytes) -> None:
+    """Write a graph to the end of the file of its weights."""
+    with weights.open("ab+") as file:
+        file.write(graph)
+        file.flush()
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            checksum = zlib.crc32(content)
+        file.write(_END.pack(len(graph), checksum))
+
+
+def _graph_of(path: Path) -> bytes | None:
+    """Return the graph in a file, or None if the file is damaged."""
+    size = path.stat().st_size - _END.size
+    if size <= 0:
+        return None
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        length, checksum = _END.unpack(content[size:])
+        with memoryview(content) as every, every[:size] as covered:
+            undamaged = zlib.crc32(covered) == checksum and length <= size
+        return content[size - length : size] if undamaged else None
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -90,7 +91,10 @@ def _files(folder: Path, pattern: str) -> list[CacheFile]:
 
 def _remove(file: CacheFile) -> bool:
     try:
-        file.path.unlink()
+        if file.path.is_dir():  # an incomplete file with its parts
+            shutil.rmtree(file.path)
+        else:
+            file.path.unlink()
     except OSError:
         return False
     return True

@@ -49,6 +49,10 @@ def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder:
     put(folder, ".9.answer.npz.0a.physic-part", 10, 4000)
     put(folder, ".8.answer.npz.0b.physic-part", 10, 4)
     put(folder, ".scene.glb.0c.physic-part", 10, 4000)
+    in_parts = folder / ".7.answer.npz.0d.physic-part"
+    in_parts.mkdir()
+    put(in_parts, "part", 10, 4000)
+    os.utime(in_parts, (0, 0))
     shelf.trim_folder(folder, 1000)
     assert [name for name in names(folder) if name.startswith(".")] == [
         ".8.answer.npz.0b.physic-part",
