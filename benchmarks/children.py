@@ -40,18 +40,19 @@ def main() -> int:
     run.add_argument("out", type=Path)
     run.add_argument("--seed", type=int, required=True)
     run.add_argument("--worlds", type=int, default=40)
+    run.add_argument("--depth-noise", type=float, default=1.0, help="factor on the errors of both depth maps")
     table = commands.add_parser("table")
     table.add_argument("out", type=Path)
     given = parser.parse_args()
     if given.command == "table":
         print(table_of([given.out / column for column in _COLUMNS]))
         return 0
-    run_worlds(given.out, given.seed, given.worlds)
+    run_worlds(given.out, given.seed, given.worlds, given.depth_noise)
     return 0
 
 
-def run_worlds(out: Path, seed: int, count: int) -> None:
-    """Reconstruct all worlds whose files are missing."""
+def run_worlds(out: Path, seed: int, count: int, depth_noise: float = 1.0) -> None:
+    """Reconstruct all worlds whose files are missing, with the errors of both depth maps times ``depth_noise``."""
     import torch
 
     from physic_core import Pipeline, load_config
@@ -62,6 +63,8 @@ def run_worlds(out: Path, seed: int, count: int) -> None:
     torch.set_num_threads(1)
     settings: dict[str, Any] = {name: {"options": {"version": 4}} for name in INTERFACES}
     settings["segmenter"]["options"] |= {"surfaces": True}
+    for name in ("relative_pointmap", "metric_depth"):
+        settings[name]["options"] |= {"noise": depth_noise}
     with Pipeline(load_config(preset="mock", flags={"benchmark": settings})) as pipeline:
         for number, (name, own) in enumerate(benchmark_worlds(count, seed, CHILD_WORLDS)):
             for column, photo in _COLUMNS.items():
