@@ -115,10 +115,12 @@ def _connected(points: np.ndarray, normals: np.ndarray, label: np.ndarray, groun
     if not len(points):
         return np.zeros(0, np.int64)
     group = np.where(ground, -2, label)
-    key = np.concatenate([np.floor(points / _CELL_M).astype(np.int64), group[:, None]], axis=1)
-    # Cells of one class are joined; without a class, cells whose normals agree.
-    _, first, cell = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    cell = cell.reshape(-1)
+    at = np.floor(points / _CELL_M).astype(np.int64)
+    x, y, z = (at - at.min(axis=0)).T
+    wide, groups = int(np.ptp(at, axis=0).max()) + 1, int(group.max()) + 3
+    # Cells of one class are joined; without a class, cells whose normals agree. Unique rows take ten times as long.
+    number = ((x * wide + y) * wide + z) * groups + group + 2
+    _, first, cell = np.unique(number, return_index=True, return_inverse=True)
     pairs = cKDTree(points[first]).query_pairs(2 * _CELL_M, output_type="ndarray")
     a, b = first[pairs[:, 0]], first[pairs[:, 1]]
     agree = (normals[a] * normals[b]).sum(1) > _SAME_SURFACE_COSINE
