@@ -116,10 +116,14 @@ class BodyModel:
         """(V, most) int64 indices of the faces at each vertex, padded with F."""
         return faces_of_vertices(self.faces, self.num_vertices)
 
-    @cached_property
+    @property
     def double(self) -> BodyModel:
         """The model in float64, with its own cached properties."""
-        return self if self.dtype == torch.float64 else self.to(dtype=torch.float64)
+        return self if self.dtype == torch.float64 else self._converted
+
+    @cached_property
+    def _converted(self) -> BodyModel:
+        return self.to(dtype=torch.float64)
 
     @cached_property
     def coarse(self) -> CoarseMesh:
