@@ -61,6 +61,7 @@ def scene(
     ages = _numbers(age, "--age") if age is not None else ()
     from physic_core import KnownSizes, load_config
     from physic_core.cli.output import echo
+    from physic_core.cli.result_summary import print_summary
     from physic_core.errors import InputError
     from physic_core.files.atomic import check_writable
     from physic_scene.scene import Scene
@@ -68,7 +69,7 @@ def scene(
     try:
         known = KnownSizes(stature=statures, age=ages)
     except ValueError as error:  # which names the size
-        raise InputError(f"--stature, --age: {error}") from error
+        raise InputError(str(error)) from error
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     check_writable(out)
@@ -86,9 +87,12 @@ def scene(
     _write_page(result, out, quiet=quiet)
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
-    if not quiet:
+    if quiet:
+        for text in result.reconstruction.warnings:
+            echo(f"warning: {text}", err=True)
+    else:
         echo(_table(result))
-        echo(str(out))
+        print_summary(out)
 
 
 def _write_page(result: SceneResult, out: Path, *, quiet: bool) -> None:
@@ -169,10 +173,10 @@ def _check_result_there(out: Path, digests: set[str]) -> None:
 
 
 def _table(result: SceneResult) -> str:
-    """Return a line for each camera."""
+    """Return a line for each camera, with its people as they are numbered in the saved result."""
     rows = [("photo", "people", "rotation +-", "position +-", "keypoints off")]
     for camera in result.cameras:
-        known = [str(person) for person in camera.people if person is not None]
+        known = [str(result.people[person].row) for person in camera.people if person is not None]
         own = camera.index == result.reference
         rows.append(
             (

@@ -133,7 +133,7 @@ def test_in_a_batch_each_photo_of_the_moment_has_its_ages(alone):
     ("age", "message"),
     [
         ("old", "--age old: give numbers with commas between them"),
-        ("38,-1", "--stature, --age: an age should be 0 to 120 years, 0 where unknown (got -1)"),
+        ("38,-1", "an age should be 0 to 120 years, 0 where unknown (got -1)"),
     ],
 )
 def test_the_command_names_a_wrong_age(worlds, tmp_path, age, message):
