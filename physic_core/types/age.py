@@ -53,7 +53,8 @@ class AgeEstimates(ShortRepr):
         """Return a sentence about each child."""
         return [
             f"person {i} is {'' if sigma == 0 else 'probably '}a child of "
-            f"{years:.0f}{'' if sigma == 0 else f' ± {sigma:.0f}'} years and {stature:.2f} m"
+            f"{f'{years:g}' if sigma == 0 else f'{years:.0f} ± {sigma:.0f}'} years, "
+            f"{stature:.2f} m tall before the joint fit"
             for i, (years, sigma, stature) in enumerate(zip(self.years, self.years_sigma, self.stature, strict=True))
             if math.isfinite(years)
         ]
