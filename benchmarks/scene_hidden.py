@@ -109,7 +109,7 @@ def _counts(results: Sequence[Any], shown: Sequence[list[int]]) -> dict[str, int
         "people whom no match has": len(anywhere - others),
         "added": len(set(found) - others - {-1}),
         "added who are in the result": len(found) - len(set(found) - others),
-        "added who are nobody": found.count(-1),
+        "added, in place of no person of the world": found.count(-1),
     }
 
 

@@ -137,8 +137,8 @@ def select_photos(
     matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}
     turned = [(mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
     mirrors = {(a, b): _match(kept[a], turned[b][0], (seen[a], turned[b][1]), matching, settings) for a, b in pairs}
-    nobody = np.empty((0, len(kept)), np.int64)
-    found = ChosenPhotos(tuple(kept), nobody, matches, tuple(m for m in pixels.values() if m is not None), tuple(left))
+    no_rows = np.empty((0, len(kept)), np.int64)
+    found = ChosenPhotos(tuple(kept), no_rows, matches, tuple(m for m in pixels.values() if m is not None), tuple(left))
     for view in reversed(mirrored_by_matches(len(kept), matches, mirrors, matching)):
         found = found.without(view, "mirrored", _MIRRORED)
     found = _joined(found, matching)
