@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.output import echo
 from physic_core.errors import InputError, PhysicError
 from physic_evaluate.datasets import DATA_SETS, data_set
 from physic_evaluate.wording import counted
@@ -56,7 +57,7 @@ def list_() -> None:
     """List the data sets."""
     width = max(map(len, DATA_SETS))
     for name, summary in DATA_SETS.items():
-        click.echo(f"{name.ljust(width)}  {summary}")
+        echo(f"{name.ljust(width)}  {summary}")
 
 
 @evaluate.command()
@@ -67,10 +68,10 @@ def readers() -> None:
 
     for name in READERS:
         found = reader_class(name)
-        click.echo(f"{name}: {found.summary}\n  files: {found.layout}\n  read as: {ALTERNATIVES[found.assumed][0]}")
-    click.echo("\nFrames of reference for --results-frame METHOD=FRAME:")
+        echo(f"{name}: {found.summary}\n  files: {found.layout}\n  read as: {ALTERNATIVES[found.assumed][0]}")
+    echo("\nFrames of reference for --results-frame METHOD=FRAME:")
     for name, (words, _) in ALTERNATIVES.items():
-        click.echo(f"  {name}: {words}")
+        echo(f"  {name}: {words}")
 
 
 @evaluate.command()
@@ -85,7 +86,7 @@ def pose2sim(project: Path, out: Path, frames: str) -> None:
     if not numbers:
         raise click.UsageError(f"--frames is numbers with commas between them, such as 10,60,110 (got '{frames}')")
     for path in convert_project(project, out, numbers):
-        click.echo(f"wrote {path}")
+        echo(f"wrote {path}")
 
 
 @evaluate.command()
@@ -95,17 +96,17 @@ def show(name: str, root: Path | None) -> None:
     """Show what a data set needs: what to get where, under which terms, the folders, and what is missing in ROOT."""
     chosen = data_set(name)
     about = chosen.describe()
-    click.echo(f"{name}: {about.title}\n\nWhat to get:")
+    echo(f"{name}: {about.title}\n\nWhat to get:")
     for source in about.sources:
-        click.echo(f"  {source.what}\n    from   {source.where}\n    terms  {source.terms}")
-    click.echo(f"\nFolders:\n{_indented(about.tree)}\n\nHow it is measured:")
+        echo(f"  {source.what}\n    from   {source.where}\n    terms  {source.terms}")
+    echo(f"\nFolders:\n{_indented(about.tree)}\n\nHow it is measured:")
     for note in about.notes:
-        click.echo(f"  - {note}")
+        echo(f"  - {note}")
     if root is not None:
         missing = chosen.check(root, chosen.Options())
-        click.echo(f"\nMissing in {root}:" if missing else f"\nNothing is missing in {root}.")
+        echo(f"\nMissing in {root}:" if missing else f"\nNothing is missing in {root}.")
         for sentence in missing:
-            click.echo(f"  {sentence}")
+            echo(f"  {sentence}")
 
 
 def _indented(text: str) -> str:
@@ -246,9 +247,9 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         raise InputError(
             f"no frame of {given.root} can be evaluated: {next(iter(found.left_out.values()), 'it is empty')}"
         )
-    click.echo(counted(len(found.frames), "frame"), err=True)
+    echo(counted(len(found.frames), "frame"), err=True)
     for note in found.notes:
-        click.echo(note, err=True)
+        echo(note, err=True)
     if given.from_release is not None:
         methods += _release_methods(chosen.name, found.frames, given, bodies, errors)
     require_any_truth(found.frames, given.root)
@@ -256,7 +257,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         methods.insert(0, _own_method(found.frames, how, given.out, bodies))
     rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
     evaluation = evaluate_methods(
-        chosen, found, methods, rules, given.root, given.workers, lambda text: click.echo(text, err=True), given.out
+        chosen, found, methods, rules, given.root, given.workers, lambda text: echo(text, err=True), given.out
     )
     header = _header(chosen, options, given, len(found.frames), total)
     settings = {
@@ -267,13 +268,13 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     }
     _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
     files += chosen.write_more(evaluation, given.out, rules.carrier)
-    click.echo((given.out / "table.txt").read_text(encoding="utf-8"))
+    echo((given.out / "table.txt").read_text(encoding="utf-8"))
     for file in files:
         if file.parent == given.out:
-            click.echo(f"wrote {file}")
+            echo(f"wrote {file}")
     errors += evaluation.errors
     if errors:
-        click.echo("".join(error.traceback for error in errors), nl=False, err=True)
+        echo("".join(error.traceback for error in errors), nl=False, err=True)
         raise PhysicError(_words_of(errors))
 
 
@@ -343,7 +344,7 @@ def _release_methods(
             continue
         with atomic_write(folder) as temporary, temporary(target.name).open("wb") as stream:
             np.savez(stream, **arrays)
-        click.echo(f"[{i}/{len(frames)}] engine on {frame.id}", err=True)
+        echo(f"[{i}/{len(frames)}] engine on {frame.id}", err=True)
     ours = Method("engine from init", open_reader("plain", folder, bodies), failures=failures)
     init = Method("release init", open_reader("physic-release-init", given.from_release, bodies))
     if name == "physic-release":
@@ -366,7 +367,7 @@ def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodie
     from physic_evaluate.run import Method
 
     folder = out / "reconstructions"
-    failures = reconstruct(frames, folder, how, lambda text: click.echo(text, err=True))
+    failures = reconstruct(frames, folder, how, lambda text: echo(text, err=True))
     name = f"physic {how.preset or 'embedded'}"
     return Method(name, open_reader("physic", folder, bodies), failures=failures)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,17 @@ def test_results_of_another_data_set_are_refused(root: Path):
 def test_a_reader_that_there_is_not(root: Path):
     text = call(root, f"other=plian:{root}", fails=True)
     assert text.startswith("no reader is named 'plian': choose one of physic, plain, physic-release, ")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere no file has such a name")
+def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
+    name = "p\x1b]0;OWNED\x07"
+    (root / "p0.png").rename(root / f"{name}.png")
+    truth = (root / "truth.json").read_text()
+    (root / "truth.json").write_text(truth.replace('"p0.png"', json.dumps(f"{name}.png")))
+    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one", (1, 2)))
+    assert r"p\x1b]0;OWNED\x07 (no result)" in done.output
+    assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
 
 
 def test_missing_frames_are_counted_and_named(root: Path):

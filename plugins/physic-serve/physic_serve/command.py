@@ -15,6 +15,7 @@ import click
 
 from physic_core import BackendError, ConfigError
 from physic_core.cli.arguments import configuration_options
+from physic_core.cli.output import echo
 
 __all__ = ["exposure_warning", "is_loopback", "serve"]
 
@@ -86,7 +87,7 @@ def serve(
     try:
         require_report()
     except ConfigError as error:
-        click.echo(f"results are shown without their page: {error}", err=True)
+        echo(f"results are shown without their page: {error}", err=True)
     parent = Path(tempfile.gettempdir()) if folder is None else folder
     parent.mkdir(parents=True, exist_ok=True)
     _end_at_signals()
@@ -97,17 +98,17 @@ def serve(
         stack.callback(jobs.close)
         stack.callback(_ignore_signals)
         jobs.start()
-        click.echo("loading the models", err=True)
+        echo("loading the models", err=True)
         if refused := jobs.wait_until_open():
             raise BackendError(refused)
         if not is_loopback(host):
-            click.echo(exposure_warning(host), err=True)
+            echo(exposure_warning(host), err=True)
         names = {name.lower() for name in ("localhost", host, *allow_host)}
         server = make_server(make_app(jobs, frozenset(names)), host, port, limits)
         sockets = [server.config.bind_socket()]
         sockets[0].listen()  # clients may connect as soon as they read the address
         address = f"[{host}]" if ":" in host else host
-        click.echo(f"http://{address}:{sockets[0].getsockname()[1]}/  (Ctrl-C ends it)")
+        echo(f"http://{address}:{sockets[0].getsockname()[1]}/  (Ctrl-C ends it)")
         server.run(sockets)
 
 

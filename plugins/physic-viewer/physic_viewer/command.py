@@ -10,6 +10,8 @@ from time import sleep
 
 import click
 
+from physic_core.cli.output import echo
+
 __all__ = ["view"]
 
 _LOOK_S = 2.0  # seconds between two looks for new results
@@ -44,9 +46,9 @@ def view(results: tuple[Path, ...], host: str, port: int, follow: bool, show: bo
 
     viewer = Viewer(sources, host, port)
     try:
-        click.echo(f"showing {', '.join(source.title for source in sources)} at {viewer.address}  (Ctrl-C ends it)")
+        echo(f"showing {', '.join(source.title for source in sources)} at {viewer.address}  (Ctrl-C ends it)")
         if host not in _LOCAL:
-            click.echo(f"warning: whoever reaches {host} can see these photos; --host 127.0.0.1 is this machine only")
+            echo(f"warning: whoever reaches {host} can see these photos; --host 127.0.0.1 is this machine only")
         if has_display() if show is None else show:
             webbrowser.open(viewer.address)
         while True:
@@ -54,7 +56,7 @@ def view(results: tuple[Path, ...], host: str, port: int, follow: bool, show: bo
             if follow:
                 viewer.refresh()
     except KeyboardInterrupt:
-        click.echo("")
+        echo("")
     finally:
         viewer.stop()
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.cli.output import echo
 from physic_core.errors import ConfigError, PhysicError
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
         preset=preset,
         size=size,
         seed=seed,
-        progress=lambda title: click.echo(title, err=True),
+        progress=lambda title: echo(title, err=True),
     )
     if file is not None:
         import json
@@ -185,7 +186,7 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
 
         with atomic_write(file.parent) as temporary:
             temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
-    click.echo(format_report(report))
+    echo(format_report(report))
 
 
 @bench.command()
@@ -206,7 +207,7 @@ def photo(path: Path, repeats: int, preset: str, no_report: bool, as_json: bool)
     if as_json:
         echo_json(asdict(cost))
     else:
-        click.echo(format_cost(cost))
+        echo(format_cost(cost))
 
 
 def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
@@ -263,14 +264,14 @@ def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path,
     results: Results = summarise_records(records, cases, work, settings)
     paths = [*write_results(results, out)]
     if records:
-        click.echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
+        echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
         try:
             paths.append(draw_plot(results, out / "ablation.png"))
             diagram = draw_reliability(results, out / "reliability.png")
             paths += [] if diagram is None else [diagram]
         except PhysicError as error:  # the results are already written
-            click.echo(f"note: {error}", err=True)
-    click.echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
+            echo(f"note: {error}", err=True)
+    echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
     if isinstance(stopped, PhysicError):
         raise stopped
     if stopped is not None:
@@ -286,7 +287,7 @@ def _progress(total: int) -> Iterator[Callable[[str], None]]:
         def say(title: str) -> None:
             nonlocal done
             done += 1
-            click.echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
+            echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
 
         yield say
         return

@@ -9,6 +9,7 @@ import click
 
 from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
+from physic_core.cli.output import echo, echo_json
 
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
@@ -33,8 +34,6 @@ def check(
     NAME is a backend, DISTRIBUTION:BACKEND, or PACKAGE.MODULE:CLASS. Ends with code 5 if a check fails, and with
     4 if the backend could not be tried because something is missing on this machine.
     """
-    import json
-
     from physic_core.discovery.plugins import discover
     from physic_testing.conformance import check_backend
 
@@ -47,9 +46,9 @@ def check(
     for own in interfaces:
         reports.append(check_backend(name, own, options=given, registry=registry, device=device))
         if not as_json:
-            click.echo(reports[-1].text + "\n")
+            echo(reports[-1].text + "\n")
     if as_json:
-        click.echo(json.dumps([report.as_dict() for report in reports], indent=2))
+        echo_json([report.as_dict() for report in reports])
     if any(report.failures for report in reports):
         ctx.exit(BACKEND)
     ctx.exit(WEIGHTS if any(report.not_run_reason for report in reports) else 0)
@@ -66,8 +65,6 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
 
     Each of NAMES may carry options as a TOML table: 'mock{noise=2}'.
     """
-    import json
-
     from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
     from physic_testing.worlds import CHILD_WORLDS, CONTACT_WORLDS, RAISED_FEET_WORLDS, WORLDS
@@ -79,7 +76,10 @@ def compare(interface: str, names: tuple[str, ...], worlds: tuple[str, ...], dev
         if name not in known:
             raise click.UsageError(f"no world named '{name}'; there are: {', '.join(known)}")
     found = compared(interface, [_with_options(name) for name in names], worlds=chosen, device=device)
-    click.echo(json.dumps(found.as_dict(), indent=2) if as_json else found.text)
+    if as_json:
+        echo_json(found.as_dict())
+    else:
+        echo(found.text)
 
 
 def interfaces_of(registry: Registry, name: str) -> list[str]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
-from importlib.metadata import Distribution, distributions
+from importlib.metadata import Distribution, distributions  # noqa: TID251 -- those that registered nothing, too
 
 from physic_core.discovery.plugins import GROUP
 from physic_core.discovery.registry import Origin, canonicalize_name
