@@ -55,14 +55,14 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
 
 def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, export):
     mujoco = pytest.importorskip("mujoco")
-    result = with_table(result)
+    result, table = with_table(result)
     text = export("a.xml", of=result, rigid=True).files[0].read_text()  # people with joints can fall onto the box
     points = upright_points(result).reshape(-1, 3)
     points = points[np.isfinite(points).all(1)]
     obstacles = np.concatenate([points[points[:, 2] > 0.05], *(p.reshape(-1, 3) for p in people_points(result))])
     low = points[np.abs(points[:, 2]) < 0.02]
     free = low[np.argmax(cKDTree(obstacles[:, :2]).query(low[:, :2])[0])]
-    seat = flat_spot(points, people_points(result))
+    seat = middle_of_table(upright_points(result)[table])
     places = {"floor": (free[0], free[1], 0.6), "seat": (seat[0], seat[1], seat[2] + 0.2)}
     shapes = {"floor": f'type="sphere" size="{RADIUS}"', "seat": f'type="box" size="{RADIUS} {RADIUS} {RADIUS}"'}
     balls = "".join(
@@ -77,8 +77,8 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
     assert data.body("seat").xpos[2] == pytest.approx(seat[2] + RADIUS, abs=0.04)
 
 
-def with_table(result: Reconstruction, height: float = 0.5) -> Reconstruction:
-    """A result whose scene shows a table in front of the people, over the whole width of the photo."""
+def with_table(result: Reconstruction, height: float = 0.5) -> tuple[Reconstruction, np.ndarray]:
+    """A result with a table in front of the people, over the whole width of the photo, and its pixels (H, W)."""
     scene, camera = result.scene, result.intrinsics
     assert scene.floor is not None
     rows, columns = np.indices(scene.valid.shape)
@@ -88,15 +88,13 @@ def with_table(result: Reconstruction, height: float = 0.5) -> Reconstruction:
     nearest = min(float(person.vertices[:, 2].min()) for person in result.people)
     table = (depth > 0.4 * nearest) & (depth < nearest - 0.4)
     assert table.sum() > 500
-    return replace(
-        result,
-        scene=replace(
-            scene,
-            points=np.where(table[..., None], rays * depth[..., None], scene.points).astype(np.float32),
-            normals=np.where(table[..., None], scene.floor.normal, scene.normals).astype(np.float32),
-            valid=scene.valid | table,
-        ),
+    furnished = replace(
+        scene,
+        points=np.where(table[..., None], rays * depth[..., None], scene.points).astype(np.float32),
+        normals=np.where(table[..., None], scene.floor.normal, scene.normals).astype(np.float32),
+        valid=scene.valid | table,
     )
+    return replace(result, scene=furnished), table
 
 
 def people_points(result: Reconstruction) -> list[np.ndarray]:
@@ -104,13 +102,10 @@ def people_points(result: Reconstruction) -> list[np.ndarray]:
     return [transform_points(matrix, person.vertices) for person in result.people]
 
 
-def flat_spot(points: np.ndarray, people: list[np.ndarray]) -> np.ndarray:
-    """The point over 0.2 m whose neighbours within 10 cm are flattest, away from people."""
-    tree, bodies = cKDTree(points[:, :2]), cKDTree(np.concatenate(people)[:, :2])
-    candidates = points[(points[:, 2] > 0.2) & (points[:, 2] < 1.0)]
-    candidates = candidates[bodies.query(candidates[:, :2])[0] > 0.15][::5]
-    spread = [np.ptp(points[tree.query_ball_point(spot[:2], 0.1), 2]) for spot in candidates]
-    return candidates[int(np.argmin(spread))]
+def middle_of_table(points: np.ndarray) -> np.ndarray:
+    """The point (3,) of a level, convex table with points (n, 3) that is farthest from all edges."""
+    edges = ConvexHull(points[:, :2]).equations
+    return points[np.argmin((points[:, :2] @ edges[:, :2].T + edges[:, 2]).max(axis=1))]
 
 
 def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
