@@ -128,15 +128,17 @@ class Site:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def install(self, distribution: str, source: str, version: str = "1.0", entry: str = "") -> str:
-        """Add a distribution with one plugin module; return the module's name."""
+    def install(
+        self, distribution: str, source: str, version: str = "1.0", entry: str = "", group: str = "physic.plugins"
+    ) -> str:
+        """Add a distribution with one plugin module and one group of entry points; return the module's name."""
         module = distribution.replace("-", "_")
         (self.folder / f"{module}.py").write_text(source)
         info = self.folder / f"{module}-{version}.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
         entry = entry or f"{distribution.split('-')[-1]} = {module}"
-        (info / "entry_points.txt").write_text(f"[physic.plugins]\n{entry}\n")
+        (info / "entry_points.txt").write_text(f"[{group}]\n{entry}\n")
         return module
 
     def offer(self, distribution: str, interface: str, name: str, version: str = "1.0", api: int = 1) -> str:

@@ -28,15 +28,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.exporters import find_exporter, find_exporters
     from physic_core.discovery.hookspecs import hookimpl
     from physic_core.discovery.plugins import discover
-    from physic_core.discovery.records import (
-        BackendRecord,
-        CommandRecord,
-        EnergyRecord,
-        ExecutorRecord,
-        ExporterRecord,
-        MomentRecord,
-        ReportRecord,
-    )
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExporterRecord
     from physic_core.discovery.registry import Registry
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
@@ -68,8 +60,6 @@ __all__ = [
     "Config",
     "ConfigError",
     "DeviceError",
-    "EnergyRecord",
-    "ExecutorRecord",
     "ExportRequest",
     "ExportedFiles",
     "ExporterRecord",
@@ -77,7 +67,6 @@ __all__ = [
     "Intrinsics",
     "KnownLength",
     "KnownSizes",
-    "MomentRecord",
     "NoPersonError",
     "OutputError",
     "PeoplePrompt",
@@ -86,7 +75,6 @@ __all__ = [
     "Pipeline",
     "Reconstruction",
     "Registry",
-    "ReportRecord",
     "Scene",
     "WeightsMissingError",
     "discover",
@@ -115,9 +103,7 @@ _NAMES = {
     "physic_core.discovery.exporters": "find_exporter find_exporters",
     "physic_core.discovery.hookspecs": "hookimpl",
     "physic_core.discovery.plugins": "discover",
-    "physic_core.discovery.records": (
-        "BackendRecord CommandRecord EnergyRecord ExecutorRecord ExporterRecord MomentRecord ReportRecord"
-    ),
+    "physic_core.discovery.records": "BackendRecord CommandRecord ExporterRecord",
     "physic_core.discovery.registry": "Registry",
     "physic_core.io.report_file": "save_report",
     "physic_core.io.results": "load_people load_reconstruction save_reconstruction",

@@ -1,4 +1,4 @@
-"""The executors of ``physic batch``: worker processes on this machine, and those of plugins."""
+"""The executors of ``physic batch``: worker processes on this machine, and those of the group ``physic.executors``."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from physic_core.batch.machine import default_workers
 from physic_core.batch.run import run_locally
 from physic_core.batch.workers import WorkerSettings
 from physic_core.discovery.catalog import EXECUTORS
-from physic_core.discovery.installed import find_record, import_target
-from physic_core.discovery.records import ExecutorRecord
+from physic_core.discovery.installed import find_entry, import_target
+from physic_core.discovery.registration import EXECUTORS_GROUP
 from physic_core.errors import ConfigError, PluginError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == LOCAL:
         return _local(settings)
-    found = find_record(ExecutorRecord, name, "executor", own=LOCAL, known=EXECUTORS)
+    found = find_entry(EXECUTORS_GROUP, name, "executor", own=LOCAL, known=EXECUTORS)
     executor: Executor = import_target(found, "executor")(settings)
     if not callable(executor):
         raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")

@@ -1,4 +1,4 @@
-"""Photos of one moment in a batch: each is reconstructed alone, and a plugin joins them (hook ``physic_moments``)."""
+"""Photos of one moment in a batch: each is reconstructed alone, and a plugin joins them (group ``physic.moments``)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.discovery.installed import Installed, call_target, find_only_record
-from physic_core.discovery.records import MomentRecord
+from physic_core.discovery.installed import Installed, call_target, find_only_entry
+from physic_core.discovery.records import TargetRecord
+from physic_core.discovery.registration import MOMENTS_GROUP
 from physic_core.errors import NoPersonError, PluginError
 
 if TYPE_CHECKING:
@@ -36,20 +37,24 @@ class MomentPhoto:
     result: Reconstruction | None
 
 
-def require_moments() -> Installed[MomentRecord]:
-    """Return the installed record that joins photos of one moment, without importing its plugin.
+def require_moments() -> Installed[TargetRecord]:
+    """Return the entry point that joins photos of one moment, without importing its plugin.
 
     Raises:
         PackageMissingError: no plugin does.
         ConfigError: several do.
     """
-    return find_only_record(MomentRecord, "photos of one moment are joined by", _DISTRIBUTION)
+    return find_only_entry(MOMENTS_GROUP, "photos of one moment are joined by", _DISTRIBUTION)
 
 
 def reconstruct_moment(
     item: PhotoItem, config: Config, reconstruct: Callable[[str, Mapping[str, Any]], Reconstruction]
 ) -> tuple[Reconstruction, Mapping[str, bytes]]:
     """Reconstruct all photos of a moment; return the result, and the content of each file to write beside it.
+
+    The function of the plugin gets a sequence of :class:`MomentPhoto` and the configuration of the batch, and returns
+    one :class:`physic_core.Reconstruction` with ``cameras``, or a tuple of it and a mapping from names to contents
+    (bytes) of files that belong beside it.
 
     Args:
         item: the first photo, with the others.

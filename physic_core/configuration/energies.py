@@ -1,12 +1,13 @@
-"""Presets of the engine by name: the core's "default", and the energies of installed plugins."""
+"""Presets of the engine by name: the core's "default", and those of plugins (group ``physic.energies``)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.catalog import ENERGIES
-from physic_core.discovery.installed import Installed, find_installed, find_record, import_target
-from physic_core.discovery.records import EnergyRecord
+from physic_core.discovery.installed import Installed, find_entries, find_entry, import_target
+from physic_core.discovery.records import TargetRecord
+from physic_core.discovery.registration import ENERGIES_GROUP
 from physic_core.errors import PluginError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ DEFAULT_ENERGY = "default"
 
 def engine_preset_names() -> tuple[str, ...]:
     """Return the names of the core's preset and of those of installed plugins, sorted."""
-    return tuple(sorted({DEFAULT_ENERGY, *(energy.record.name for energy in find_installed(EnergyRecord))}))
+    return tuple(sorted({DEFAULT_ENERGY, *(energy.record.name for energy in find_entries(ENERGIES_GROUP))}))
 
 
 def check_engine_preset(name: str) -> None:
@@ -39,7 +40,7 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
     Raises:
         ConfigError: no preset has this name, or several plugins offer it.
-        PluginError: the plugin cannot be imported, or its record names no settings.
+        PluginError: the plugin cannot be imported, or its entry point names no settings.
     """
     # The terms of stage 3 import torch, which a configuration without engine settings does not need.
     from physic_core.engine.presets import DEFAULT
@@ -56,5 +57,5 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
     return settings
 
 
-def _find(name: str) -> Installed[EnergyRecord]:
-    return find_record(EnergyRecord, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)
+def _find(name: str) -> Installed[TargetRecord]:
+    return find_entry(ENERGIES_GROUP, name, "engine preset", own=DEFAULT_ENERGY, known=ENERGIES)

@@ -17,6 +17,7 @@ from physic_core.discovery.offers import BackendOffer, BrokenPlugin, Manifest, O
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.records import RECORD_HOOKS, BackendRecord
 from physic_core.discovery.registration import (
+    PLUGINS_GROUP,
     PLUGINS_VARIABLE,
     InvalidPluginError,
     distribution_of,
@@ -59,11 +60,11 @@ def find_plugins(
 
     Args:
         installed: entry points; None for those of this Python.
-        environment: if it has ``PHYSIC_PLUGINS=a,b``, only the distributions or entry points of these names are
-            imported; none if it is empty.
+        environment: if it has ``PHYSIC_PLUGINS=a,b``, only the distributions of these names are imported; none
+            if it is empty.
         clock: returns the time in seconds.
     """
-    entries, unknown = select_entry_points(installed, environment)
+    entries, unknown = select_entry_points(PLUGINS_GROUP, installed, environment)
     broken = [BrokenPlugin(Origin("", name), f"named in {PLUGINS_VARIABLE} but not installed") for name in unknown]
     offers: list[BackendOffer] = []
     manifests: list[Manifest] = []

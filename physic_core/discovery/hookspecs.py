@@ -1,4 +1,4 @@
-"""Hooks that a plugin may implement: they return its backends, weight manifests, commands, exporters and the like.
+"""Hooks that a plugin may implement: they return its backends, weight manifests, commands and exporters.
 
 A plugin is a distribution with an entry point in the group ``physic.plugins`` that names a module. The
 hooks of that module return its backends::
@@ -24,19 +24,6 @@ A plugin adds a subcommand to ``physic`` with a ``click.Command``, which is impo
     def physic_commands():
         return [CommandRecord("my-command", "my_pkg.commands:my_command", summary="Does ...")]
 
-A plugin adds a preset of the engine with an :class:`physic_core.engine.settings.EngineSettings`, which is imported when
-the preset is used::
-
-    @hookimpl
-    def physic_energies():
-        return [EnergyRecord("my-energy", "my_pkg.presets:MY_ENERGY", summary="Minimises ...")]
-
-A plugin adds a value of ``physic batch --executor`` with a function, which is imported when it is used::
-
-    @hookimpl
-    def physic_executors():
-        return [ExecutorRecord("my-cluster", "my_pkg.cluster:my_executor", summary="Runs on ...")]
-
 A plugin adds a format of ``physic export`` with a function, which is imported when a result is exported. The function
 gets an :class:`physic_core.ExportRequest` and returns :class:`physic_core.ExportedFiles`::
 
@@ -44,18 +31,21 @@ gets an :class:`physic_core.ExportRequest` and returns :class:`physic_core.Expor
     def physic_exporters():
         return [ExporterRecord("my-format", (".my",), "my_pkg.export:export_my_format", audience="My program")]
 
-A plugin joins the results of photos of one moment to one, for ``physic batch``, with a function, which is imported when
-a table has such photos::
+What else a plugin adds needs no hook. It is an entry point, whose value is imported when it is used:
 
-    @hookimpl
-    def physic_moments():
-        return [MomentRecord("my-moments", "my_pkg.moments:join", summary="Matches ...")]
+- ``physic.energies``: its name is a value of ``engine.preset``, and its value an
+  :class:`physic_core.engine.settings.EngineSettings`.
+- ``physic.executors``: its name is a value of ``physic batch --executor``, and its value a function that gets
+  :class:`physic_core.batch.executors.ExecutorSettings` and returns an :data:`physic_core.batch.run.Executor`.
+- ``physic.moments``: its value is a function that joins the results of photos of one moment, for ``physic batch``
+  (:func:`physic_core.batch.moments.reconstruct_moment`).
+- ``physic.pages``: its value is a function that makes ``report.html``, the page of a result
+  (:func:`physic_core.visual.report.report_html`).
 
-A plugin makes ``report.html``, the page of a result, with a function, which is imported when a page is written::
+As in ``pyproject.toml``::
 
-    @hookimpl
-    def physic_reports():
-        return [ReportRecord("my-page", "my_pkg.page:my_page", summary="Shows ...")]
+    [project.entry-points."physic.energies"]
+    my-energy = "my_pkg.presets:MY_ENERGY"
 """
 
 from __future__ import annotations
@@ -68,26 +58,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from physic_core.discovery.records import (
-        BackendRecord,
-        CommandRecord,
-        EnergyRecord,
-        ExecutorRecord,
-        ExporterRecord,
-        MomentRecord,
-        ReportRecord,
-    )
+    from physic_core.discovery.records import BackendRecord, CommandRecord, ExporterRecord
 
 __all__ = [
     "PROJECT",
     "hookimpl",
     "physic_backends",
     "physic_commands",
-    "physic_energies",
-    "physic_executors",
     "physic_exporters",
-    "physic_moments",
-    "physic_reports",
     "physic_weights",
 ]
 
@@ -108,28 +86,8 @@ def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
 
 
 @hookspec
-def physic_energies() -> Sequence[EnergyRecord]:  # type: ignore[empty-body]
-    """Return the presets of the engine that this plugin adds."""
-
-
-@hookspec
-def physic_executors() -> Sequence[ExecutorRecord]:  # type: ignore[empty-body]
-    """Return the executors that this plugin adds to ``physic batch``."""
-
-
-@hookspec
 def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
     """Return the formats that this plugin adds to ``physic export``."""
-
-
-@hookspec
-def physic_moments() -> Sequence[MomentRecord]:  # type: ignore[empty-body]
-    """Return how this plugin joins photos of one moment."""
-
-
-@hookspec
-def physic_reports() -> Sequence[ReportRecord]:  # type: ignore[empty-body]
-    """Return the page of a result that this plugin makes."""
 
 
 @hookspec

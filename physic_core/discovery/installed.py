@@ -1,4 +1,4 @@
-"""Find the commands, energies, executors, exporters, moments and pages that installed plugins add."""
+"""Find what installed plugins add: commands and exporters by hooks, the rest by entry points of a group of its own."""
 
 from __future__ import annotations
 
@@ -11,16 +11,8 @@ from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.records import (
-    RECORD_HOOKS,
-    CommandRecord,
-    EnergyRecord,
-    ExecutorRecord,
-    ExporterRecord,
-    MomentRecord,
-    ReportRecord,
-)
-from physic_core.discovery.registration import load_plugin, records_of_hook, select_entry_points
+from physic_core.discovery.records import RECORD_HOOKS, CommandRecord, ExporterRecord, TargetRecord
+from physic_core.discovery.registration import PLUGINS_GROUP, load_plugin, records_of_hook, select_entry_points
 from physic_core.errors import ConfigError, PackageMissingError, PhysicError, PluginError
 
 if TYPE_CHECKING:
@@ -30,19 +22,18 @@ __all__ = [
     "Installed",
     "call_target",
     "explain_absence",
+    "find_entries",
+    "find_entry",
     "find_installed",
-    "find_only_record",
-    "find_record",
+    "find_only_entry",
     "import_target",
 ]
 
-_Record = TypeVar(
-    "_Record", bound=CommandRecord | EnergyRecord | ExecutorRecord | ExporterRecord | MomentRecord | ReportRecord
-)
+_Record = TypeVar("_Record", bound=CommandRecord | ExporterRecord | TargetRecord)
 
 
 class Installed(NamedTuple, Generic[_Record]):
-    """A record, and the entry point of the plugin that returned it."""
+    """A record, and the entry point that it is or comes from."""
 
     record: _Record
     entry: EntryPoint
@@ -63,25 +54,31 @@ def find_installed(
     No backend is checked and no metadata is read, so that ``physic --help`` is fast.
 
     Args:
-        kind: class of the records.
+        kind: class of the records, of :data:`RECORD_HOOKS`.
         installed: entry points; None for those of this Python.
         environment: may restrict the plugins with ``PHYSIC_PLUGINS``.
     """
     found: list[Installed[_Record]] = []
-    for entry in sorted(select_entry_points(installed, environment)[0], key=lambda e: e.value):
+    for entry in sorted(select_entry_points(PLUGINS_GROUP, installed, environment)[0], key=lambda e: e.value):
         with suppress(Exception), plugin_code(), redirect_stdout(sys.stderr):
             records = records_of_hook(load_plugin(entry), RECORD_HOOKS[kind], kind)
             found += [Installed(record, entry) for record in records]
     return tuple(found)
 
 
-def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: Mapping[str, str]) -> Installed[_Record]:
-    """Return the record of a name.
+def find_entries(group: str) -> tuple[Installed[TargetRecord], ...]:
+    """Return the entry points of a group without hooks, sorted by value; none is imported."""
+    found = sorted(select_entry_points(group, None, os.environ)[0], key=lambda entry: entry.value)
+    return tuple(Installed(TargetRecord(entry.name, entry.value), entry) for entry in found)
+
+
+def find_entry(group: str, name: str, role: str, *, own: str, known: Mapping[str, str]) -> Installed[TargetRecord]:
+    """Return the entry point of a name.
 
     Args:
-        kind: class of the record.
-        name: of the record.
-        role: what the record is, for the messages, such as "executor".
+        group: without hooks.
+        name: of the entry point.
+        role: what it is, for the messages, such as "executor".
         own: name that the core itself offers, which the messages list, too.
         known: distribution of each known name.
 
@@ -90,7 +87,7 @@ def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: M
     """
     from physic_core.discovery.close_names import did_you_mean
 
-    installed = find_installed(kind)
+    installed = find_entries(group)
     found = [one for one in installed if one.record.name == name]
     if len(found) == 1:
         return found[0]
@@ -103,11 +100,11 @@ def find_record(kind: type[_Record], name: str, role: str, *, own: str, known: M
     raise ConfigError(f"no {role} named '{name}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
 
 
-def find_only_record(kind: type[_Record], what: str, distribution: str) -> Installed[_Record]:
-    """Return the one record of a kind.
+def find_only_entry(group: str, what: str, distribution: str) -> Installed[TargetRecord]:
+    """Return the one entry point of a group.
 
     Args:
-        kind: class of the record.
+        group: without hooks.
         what: start of the messages, such as "report.html is made by".
         distribution: that usually has it.
 
@@ -115,7 +112,7 @@ def find_only_record(kind: type[_Record], what: str, distribution: str) -> Insta
         PackageMissingError: no plugin has one.
         ConfigError: several have.
     """
-    found = find_installed(kind)
+    found = find_entries(group)
     if not found:
         raise PackageMissingError(f"{what} {explain_absence(distribution)}")
     if len(found) > 1:

@@ -1,4 +1,4 @@
-"""Records of backends, commands, energies, executors, exporters, moments and pages, which plugin hooks return."""
+"""Records of backends, commands and exporters, which hooks of plugins return."""
 
 from __future__ import annotations
 
@@ -15,11 +15,8 @@ __all__ = [
     "RECORD_HOOKS",
     "BackendRecord",
     "CommandRecord",
-    "EnergyRecord",
-    "ExecutorRecord",
     "ExporterRecord",
-    "MomentRecord",
-    "ReportRecord",
+    "TargetRecord",
 ]
 
 
@@ -55,58 +52,31 @@ class BackendRecord:
 
 
 @dataclass(frozen=True)
-class _TargetRecord:
-    """What a plugin adds by a function or an object of its own.
+class TargetRecord:
+    """An entry point of a group without hooks.
 
     Attributes:
-        name: of what is added.
-        target: "package.module:name" of the function or object, imported when it is used.
-        summary: one line for ``--help`` and messages.
+        name: of the entry point.
+        target: "package.module:name" of a function or object, imported when it is used.
+    """
+
+    name: str
+    target: str
+
+
+@dataclass(frozen=True)
+class CommandRecord:
+    """A command that a plugin adds to ``physic``.
+
+    Attributes:
+        name: the words after ``physic``, such as "bench" or "plugins check".
+        target: "package.module:name" of a ``click.Command``, imported when the command runs.
+        summary: one line for ``--help``.
     """
 
     name: str
     target: str
     summary: str = ""
-
-
-class CommandRecord(_TargetRecord):
-    """A command that a plugin adds to ``physic``; its name is the words after it, such as "bench" or "plugins check".
-
-    The target is a ``click.Command``.
-    """
-
-
-class EnergyRecord(_TargetRecord):
-    """A preset of the engine; its name is the value of ``engine.preset``, in lower case with hyphens.
-
-    The target is a :class:`physic_core.engine.settings.EngineSettings`.
-    """
-
-
-class ExecutorRecord(_TargetRecord):
-    """A way to run ``physic batch``, such as on a cluster; its name is the value of ``--executor``, in lower case.
-
-    The target is a function that gets :class:`physic_core.batch.executors.ExecutorSettings` and returns an
-    :data:`physic_core.batch.run.Executor`.
-    """
-
-
-class MomentRecord(_TargetRecord):
-    """How ``physic batch`` joins photos of one moment; only one installed plugin may do it.
-
-    The target is a function that gets a sequence of :class:`physic_core.batch.moments.MomentPhoto` and the
-    :class:`physic_core.Config` of the batch, and returns one :class:`physic_core.Reconstruction` with ``cameras``, or a
-    tuple of it and a mapping from names to contents (bytes) of files that belong beside it.
-    """
-
-
-class ReportRecord(_TargetRecord):
-    """The page of a result, ``report.html``; only one installed plugin may make it.
-
-    The target is a function that gets a :class:`physic_core.Reconstruction`, or the :class:`physic_core.InputError`
-    that says why it cannot be read, and a title, and returns HTML as text. The HTML has
-    :data:`physic_core.visual.report.PAGE_MARK` in its first 500 bytes.
-    """
 
 
 @dataclass(frozen=True)
@@ -163,12 +133,5 @@ class ExporterRecord:
         return tuple(package for package in self.packages if find_spec(package) is None)
 
 
-RECORD_HOOKS: dict[type[Any], str] = {
-    CommandRecord: "physic_commands",
-    EnergyRecord: "physic_energies",
-    ExecutorRecord: "physic_executors",
-    ExporterRecord: "physic_exporters",
-    MomentRecord: "physic_moments",
-    ReportRecord: "physic_reports",
-}
+RECORD_HOOKS: dict[type[Any], str] = {CommandRecord: "physic_commands", ExporterRecord: "physic_exporters"}
 """The hook that returns each kind of record but backends."""

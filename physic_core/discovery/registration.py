@@ -18,7 +18,12 @@ from physic_core.discovery import hookspecs
 from physic_core.discovery.records import RECORD_HOOKS
 
 __all__ = [
-    "GROUP",
+    "ENERGIES_GROUP",
+    "EXECUTORS_GROUP",
+    "GROUPS",
+    "MOMENTS_GROUP",
+    "PAGES_GROUP",
+    "PLUGINS_GROUP",
     "PLUGINS_VARIABLE",
     "InvalidPluginError",
     "load_plugin",
@@ -27,7 +32,14 @@ __all__ = [
     "select_entry_points",
 ]
 
-GROUP = "physic.plugins"
+PLUGINS_GROUP = "physic.plugins"
+ENERGIES_GROUP = "physic.energies"
+EXECUTORS_GROUP = "physic.executors"
+MOMENTS_GROUP = "physic.moments"
+PAGES_GROUP = "physic.pages"
+GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, MOMENTS_GROUP, PAGES_GROUP)
+"""All groups of entry points that are read; only modules of the first have hooks."""
+
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
 _Record = TypeVar("_Record")
 _HOOKS = ("physic_backends", *RECORD_HOOKS.values(), "physic_weights")
@@ -52,28 +64,37 @@ class _PluginManager(pluggy.PluginManager):
 
 
 def select_entry_points(
-    installed: Iterable[EntryPoint] | None, environment: Mapping[str, str]
+    group: str, installed: Iterable[EntryPoint] | None, environment: Mapping[str, str]
 ) -> tuple[list[EntryPoint], list[str]]:
-    """Return the entry points to load, and the names in ``PHYSIC_PLUGINS`` that are not installed.
+    """Return the entry points of a group, and the names in ``PHYSIC_PLUGINS`` that are not installed.
 
     Args:
+        group: one of :data:`GROUPS`.
         installed: entry points; None for those of this Python.
-        environment: if it has ``PHYSIC_PLUGINS=a,b``, only the distributions, modules or entry points of these names
-            are select_entry_points; none if it is empty.
+        environment: if it has ``PHYSIC_PLUGINS=a,b``, only distributions of which the name, a package or an entry
+            point has one of these names are kept; none if it is empty.
     """
-    found = list(entry_points(group=GROUP) if installed is None else installed)
     names = requested_plugins(environment)
+    read = (group,) if names is None else GROUPS
+    if installed is None:
+        found = [entry for each in read for entry in entry_points(group=each)]
+    else:
+        found = [entry for entry in installed if entry.group in read]
     if names is None:
         return found, []
     from physic_core.discovery.offers import canonicalize_name
 
-    kept, fitting = [], set()
+    kept, fitting = set(), set()
     for entry in found:
-        own = {canonicalize_name(n) for n in (entry.name, module_of(entry), distribution_of(entry)[0])}
+        package = module_of(entry).partition(".")[0]
+        own = {canonicalize_name(n) for n in (entry.name, package, distribution_of(entry)[0])}
         if own & names.keys():
-            kept.append(entry)
+            kept.add(distribution_of(entry))
             fitting |= own
-    return kept, [text for name, text in names.items() if name not in fitting]
+    return (
+        [entry for entry in found if entry.group == group and distribution_of(entry) in kept],
+        [text for name, text in names.items() if name not in fitting],
+    )
 
 
 def requested_plugins(environment: Mapping[str, str]) -> dict[str, str] | None:

@@ -1,12 +1,13 @@
-"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (hook ``physic_reports``)."""
+"""The page of a result, ``report.html``, which physic-viewer or another plugin makes (group ``physic.pages``)."""
 
 from __future__ import annotations
 
 import warnings
 from typing import TYPE_CHECKING
 
-from physic_core.discovery.installed import Installed, call_target, find_only_record
-from physic_core.discovery.records import ReportRecord
+from physic_core.discovery.installed import Installed, call_target, find_only_entry
+from physic_core.discovery.records import TargetRecord
+from physic_core.discovery.registration import PAGES_GROUP
 from physic_core.errors import PluginError
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ def __getattr__(name: str) -> str:
 
 def report_html(reconstruction: Reconstruction | InputError, title: str = "") -> str:
     """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file, without a network.
+
+    The function of the plugin gets the arguments of this one, and returns HTML with :data:`PAGE_MARK` in its first 500
+    bytes.
 
     Args:
         reconstruction: what to show, or the reason why it cannot be read.
@@ -67,5 +71,5 @@ def require_report() -> None:
     _find()
 
 
-def _find() -> Installed[ReportRecord]:
-    return find_only_record(ReportRecord, "report.html is made by", _DISTRIBUTION)
+def _find() -> Installed[TargetRecord]:
+    return find_only_entry(PAGES_GROUP, "report.html is made by", _DISTRIBUTION)

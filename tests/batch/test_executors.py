@@ -12,16 +12,10 @@ from physic_core.batch.executors import ExecutorSettings, open_executor
 from physic_core.cli import main
 from physic_core.errors import ConfigError, PluginError
 
-PLUGIN = """
-from physic_core import ExecutorRecord, hookimpl
-
-@hookimpl
-def physic_executors():
-    return [
-        ExecutorRecord("queue", "physic_queue_executor:queue_executor", "Rows without work."),
-        ExecutorRecord("lost", "physic_queue_nowhere:lost"),
-        ExecutorRecord("number", "physic_queue_executor:number"),
-    ]
+ENTRIES = """
+queue = physic_queue:queue_executor
+lost = physic_queue_nowhere:lost
+number = physic_queue:number
 """
 EXECUTOR = """
 from physic_core.batch.process import failed_row
@@ -57,8 +51,7 @@ def photos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def plugin(site: Any) -> Any:
-    site.install("physic-queue", PLUGIN)
-    (site.folder / "physic_queue_executor.py").write_text(EXECUTOR)
+    site.install("physic-queue", EXECUTOR, entry=ENTRIES, group="physic.executors")
     return site
 
 
@@ -126,7 +119,7 @@ def test_a_broken_executor_names_its_plugin(plugin: Any, name: str, message: str
 
 
 def test_a_name_that_two_plugins_offer_is_refused(plugin: Any):
-    plugin.install("physic-other", PLUGIN)
+    plugin.install("physic-other", EXECUTOR, entry=ENTRIES, group="physic.executors")
     with pytest.raises(ConfigError) as error:
         open_executor("queue", ExecutorSettings())
     assert str(error.value) == "the executor 'queue' is offered by physic-other and physic-queue: uninstall one of them"

@@ -21,13 +21,6 @@ from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, NoPersonError
 
-PLUGIN = """
-from physic_core import MomentRecord, hookimpl
-
-@hookimpl
-def physic_moments():
-    return [MomentRecord("first", "physic_first_moment:join")]
-"""
 JOIN = """
 from dataclasses import replace
 from physic_core.errors import InputError
@@ -46,8 +39,7 @@ def join(photos, config):
 
 @pytest.fixture
 def joined(site: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    site.install("physic-first", PLUGIN)
-    site.install("physic-first-moment", JOIN)
+    site.install("physic-first", JOIN, entry="first = physic_first:join", group="physic.moments")
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-first,physic-mock")
 
 

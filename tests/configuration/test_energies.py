@@ -11,9 +11,7 @@ from physic_core import engine_preset, engine_preset_names, load_config
 from physic_core.cli import main
 from physic_core.discovery.catalog import ENERGIES
 from physic_core.errors import ConfigError, PluginError
-from physic_paper import physic_energies
 
-HOOK = "from physic_core import EnergyRecord, hookimpl\n@hookimpl\ndef physic_energies():\n"
 PRESET = """
 from dataclasses import replace
 from physic_core import engine_preset
@@ -23,11 +21,10 @@ SOFT = replace(engine_preset(), scene=replace(engine_preset().scene, far_m=7.0))
 
 
 def install(site: Any, distribution: str, name: str, target: str) -> None:
-    site.install(distribution, f"{HOOK}    return [EnergyRecord({name!r}, {target!r})]\n")
+    site.install(distribution, "", entry=f"{name} = {target}", group="physic.energies")
 
 
 def test_the_catalog_lists_the_energies_of_physic_paper() -> None:
-    assert {record.name: "physic-paper" for record in physic_energies()} == ENERGIES
     assert set(engine_preset_names()) == {"default", *ENERGIES}
 
 

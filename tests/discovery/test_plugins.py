@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from physic_core import engine_preset_names
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import Registry
 from physic_core.errors import BackendError
@@ -73,8 +74,7 @@ def test_a_misspelt_hook_is_found(site):
     site.install("physic-bad", HOOK.replace("physic_backends", "physic_backend") + "    return []\n")
     assert causes(found(site)) == [
         "physic-bad 1.0 (there is no hook named 'physic_backend'; "
-        "there are 'physic_backends', 'physic_commands', 'physic_energies', 'physic_executors', 'physic_exporters', "
-        "'physic_moments', 'physic_reports', 'physic_weights')"
+        "there are 'physic_backends', 'physic_commands', 'physic_exporters', 'physic_weights')"
     ]
 
 
@@ -160,6 +160,16 @@ def test_a_restriction_leaves_the_named_plugins_and_does_not_import_the_others(s
         assert names(registry) == ["good"]
         assert registry.broken == ()
         assert registry.restriction == written
+
+
+def test_a_restriction_keeps_all_entry_points_of_a_distribution(site, monkeypatch):
+    """Its energies too, by the name of any of its entry points."""
+    site.install("physic-soft", "", entry="soft = physic_soft:SOFT\nhard = physic_soft:HARD", group="physic.energies")
+    site.install("physic-other", "", entry="other = physic_other:SOFT", group="physic.energies")
+    for written in ("physic-soft", "hard"):
+        monkeypatch.setenv("PHYSIC_PLUGINS", written)
+        assert engine_preset_names() == ("default", "hard", "soft")
+        assert discover().broken == ()
 
 
 def test_a_restriction_to_what_is_not_there_is_reported(site):

@@ -16,16 +16,7 @@ from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
 from physic_core.visual.report import PAGE_MARK, report_html
 
-PAGE = """
-from physic_core import ReportRecord, hookimpl
-
-@hookimpl
-def physic_reports():
-    return [ReportRecord("plain", "{module}:page")]
-
-def page(result, title):
-    {body}
-"""
+PAGE = "def page(result, title):\n    {body}\n"
 PLAIN = f"return '{PAGE_MARK}<h1>' + title + '</h1>' + str(result)"
 HIDDEN = "physic-mock"
 MISSING = (
@@ -45,6 +36,10 @@ def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     save_reconstruction(make(people=0), tmp_path / "results" / "a", preview=False, glb=False)
     return tmp_path / "results" / "a"
+
+
+def install(site: Any, body: str) -> None:
+    site.install("physic-page", PAGE.format(body=body), entry="plain = physic_page:page", group="physic.pages")
 
 
 def physic(*arguments: object) -> Result:
@@ -78,7 +73,7 @@ def test_a_contact_sheet_needs_no_plugin(folder: Path):
 
 
 def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypatch: pytest.MonkeyPatch):
-    site.install("physic-page", PAGE.format(module="physic_page", body=PLAIN))
+    install(site, PLAIN)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
     assert (
@@ -110,7 +105,7 @@ def test_the_page_of_another_plugin_is_written(folder: Path, site: Any, monkeypa
 def test_a_page_that_breaks_the_contract_is_refused(
     make: Any, site: Any, monkeypatch: pytest.MonkeyPatch, body: str, message: str
 ):
-    site.install("physic-page", PAGE.format(module="physic_page", body=body))
+    install(site, body)
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
     with pytest.raises(PluginError) as error:
         report_html(make(people=0))

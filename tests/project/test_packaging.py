@@ -12,6 +12,8 @@ import pytest
 from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
+from physic_core.discovery.catalog import ENERGIES, EXECUTORS
+from physic_core.discovery.registration import GROUPS
 from physic_core.interfaces import INTERFACES
 
 ROOT = Path(__file__).parents[2]
@@ -129,10 +131,20 @@ def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
 
 
 @pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
-def test_a_plugin_registers_one_module_of_its_own(name: str):
-    (module,) = project(PROJECTS[name])["entry-points"]["physic.plugins"].values()
-    assert module == name.replace("-", "_")
-    assert f"{module}/__init__.py" in wheel_files(PROJECTS[name])
+def test_a_plugin_registers_modules_of_its_own(name: str):
+    groups, package = project(PROJECTS[name])["entry-points"], name.replace("-", "_")
+    assert groups.keys() <= set(GROUPS)
+    assert set(groups.get("physic.plugins", {}).values()) <= {package}
+    modules = {target.partition(":")[0] for entries in groups.values() for target in entries.values()}
+    assert {module.partition(".")[0] for module in modules} == {package}
+    paths = {module.replace(".", "/") for module in modules}
+    assert {path for path in paths if not {f"{path}.py", f"{path}/__init__.py"} & wheel_files(PROJECTS[name])} == set()
+
+
+@pytest.mark.parametrize(("group", "known"), [("physic.energies", ENERGIES), ("physic.executors", EXECUTORS)])
+def test_the_catalog_says_what_the_distributions_register(group: str, known: dict[str, str]):
+    found = {entry: name for name in ALL for entry in project(ALL[name]).get("entry-points", {}).get(group, {})}
+    assert found == known
 
 
 MEGABYTES = {"physic-core": 15, "physic-embedded": 105}

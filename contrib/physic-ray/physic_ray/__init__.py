@@ -4,19 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from physic_core import ExecutorRecord, hookimpl
-
 if TYPE_CHECKING:
     from physic_ray.dataset import reconstruct
     from physic_ray.resources import Resources
 
-__all__ = ["Resources", "physic_executors", "reconstruct"]
-
-
-@hookimpl
-def physic_executors() -> list[ExecutorRecord]:
-    """Return the executor "ray"; nothing of Ray is imported."""
-    return [ExecutorRecord("ray", "physic_ray.executor:ray_executor", "Actors of a Ray cluster.")]
+__all__ = ["Resources", "reconstruct"]
 
 
 def __getattr__(name: str) -> Any:

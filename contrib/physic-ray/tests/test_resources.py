@@ -8,20 +8,14 @@ from pathlib import Path
 
 import pytest
 
-import physic_ray
 from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.process import BatchJob
 from physic_core.batch.saving import Saving
 from physic_core.configuration.model import load_config
-from physic_core.discovery.catalog import EXECUTORS
 from physic_core.errors import ConfigError
 from physic_ray.executor import ray_executor
 from physic_ray.resources import Resources
 from physic_ray.worker import JsonActor, WorkerPlan, decode_item, encode_item
-
-
-def test_the_plugin_registers_the_executor_that_the_core_knows_by_name():
-    assert [record.name for record in physic_ray.physic_executors()] == [n for n, d in EXECUTORS.items()]
 
 
 def test_options_are_attributes_of_resources():

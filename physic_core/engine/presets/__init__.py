@@ -1,4 +1,4 @@
-"""Preset "default" of the engine. Plugins add others (hook ``physic_energies``)."""
+"""Preset "default" of the engine. Plugins add others (group ``physic.energies``)."""
 
 from __future__ import annotations
 

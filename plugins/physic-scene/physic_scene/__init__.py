@@ -5,13 +5,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from physic_core import CommandRecord, MomentRecord, hookimpl
+from physic_core import CommandRecord, hookimpl
 
 if TYPE_CHECKING:
     from physic_scene.scene import Scene, reconstruct_scene
     from physic_scene.types import CameraPose, LeftOut, SceneResult
 
-__all__ = ["CameraPose", "LeftOut", "Scene", "SceneResult", "physic_commands", "physic_moments", "reconstruct_scene"]
+__all__ = ["CameraPose", "LeftOut", "Scene", "SceneResult", "physic_commands", "reconstruct_scene"]
 
 _NAMES = {
     "CameraPose": "types",
@@ -26,12 +26,6 @@ _NAMES = {
 def physic_commands() -> list[CommandRecord]:
     """Return the record of ``physic scene``."""
     return [CommandRecord("scene", "physic_scene.command:scene", "Reconstruct one moment from two to eight photos.")]
-
-
-@hookimpl
-def physic_moments() -> list[MomentRecord]:
-    """Return how ``physic batch`` joins the photos of a moment."""
-    return [MomentRecord("scene", "physic_scene.moments:join_photos", "Two to eight photos by their people.")]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Find distributions that look like plugins, but have no entry point in the group ``physic.plugins``."""
+"""Find distributions that look like plugins, but have no entry point in a group that is read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.metadata import Distribution, distributions  # noqa: TID251 -- those that registered nothing, too
 
-from physic_core.discovery.plugins import GROUP
+from physic_core.discovery.plugins import GROUPS, PLUGINS_GROUP
 from physic_core.discovery.registry import Origin, canonicalize_name
 
 __all__ = ["MisregisteredPlugin", "find_misregistered"]
@@ -18,12 +18,12 @@ _CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class MisregisteredPlugin:
-    """A distribution that looks like a plugin, but has no entry point in the group ``physic.plugins``.
+    """A distribution that looks like a plugin, but has no entry point in a group that is read.
 
     Attributes:
         origin: the distribution.
         cause: the error and its remedy, one line.
-        group: group of its entry points, if the name is similar to ``physic.plugins``; else empty.
+        group: group of its entry points, if the name is similar to one that is read; else empty.
     """
 
     origin: Origin
@@ -58,15 +58,15 @@ def _is_named_ours(group: str) -> bool:
 
 
 def _is_close(group: str) -> bool:
-    return bool(get_close_matches(group, [GROUP], cutoff=0.8))
+    return bool(get_close_matches(group, GROUPS, cutoff=0.8))
 
 
 def _misregistered(found: Distribution, name: str) -> MisregisteredPlugin | None:
     groups = sorted({entry.group for entry in found.entry_points})
-    if GROUP in groups:
+    if not set(GROUPS).isdisjoint(groups):
         return None
     origin = Origin("", name, found.metadata["Version"] or "")
-    cure = f'write [project.entry-points."{GROUP}"] in its pyproject.toml, and install it again'
+    cure = f'write [project.entry-points."{PLUGINS_GROUP}"] in its pyproject.toml, and install it again'
     uses_core = any(_CORE.match(line) for line in found.requires or ())
     for group in groups:
         if _is_named_ours(group) or (uses_core and _is_close(group)):
@@ -75,6 +75,6 @@ def _misregistered(found: Distribution, name: str) -> MisregisteredPlugin | None
             )
     if canonicalize_name(name).startswith("physic-"):
         return MisregisteredPlugin(
-            origin, f"it has no entry point in the group '{GROUP}', so that no backend of it is found: {cure}"
+            origin, f"it has no entry point in the group '{PLUGINS_GROUP}', so that no backend of it is found: {cure}"
         )
     return None

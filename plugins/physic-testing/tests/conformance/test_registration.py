@@ -42,7 +42,9 @@ def offer(site, monkeypatch: pytest.MonkeyPatch):
         path.write_text(f"{first}\n{path.read_text().replace(f'{module}:B', f'{module}_backend:B')}")
         (Path(site.folder) / f"{module}_backend.py").write_text(DEPTH.format(metres=metres))
         entries = [*TESTING, *site.entries()]
-        monkeypatch.setattr("physic_core.discovery.registration.entry_points", lambda group: entries)
+        monkeypatch.setattr(
+            "physic_core.discovery.registration.entry_points", lambda group: [e for e in entries if e.group == group]
+        )
         return discover()
 
     return install
