@@ -27,6 +27,9 @@ CANNOT_RUN_CODE = {
     "an upload to `physic serve`": (
         "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone"
     ),
+    "a page of another site, while `physic view` or `physic serve` runs": (
+        "plugins/physic-viewer/tests/test_viewer.py::test_the_websocket_of_another_site_gets_no_result"
+    ),
     "`report.html`, made from names and results of others": (
         "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run"
     ),

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ipaddress
-import re
 from typing import TYPE_CHECKING
 
 from starlette.requests import Request
 
+from physic_core.cli.web_requests import refuse_foreign
 from physic_serve.answers import answer
 
 if TYPE_CHECKING:
@@ -19,15 +18,10 @@ __all__ = ["Guard"]
 
 # A stricter policy would make browsers send forms with the origin "null".
 _HEADERS = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"same-origin"))
-_HOST = re.compile(r"(\[[0-9a-f:.]+\]|[a-z0-9._-]+)(:[0-9]+)?", re.IGNORECASE)
-_ORIGIN = re.compile(rf"[a-z][a-z0-9+.-]*://(?P<host>{_HOST.pattern})|null", re.IGNORECASE)
 
 
 class Guard:
     """Refuse requests that a page of another site sends, foreign host names, large bodies and too many requests.
-
-    A web page can make its reader's browser send requests to 127.0.0.1, and a name server can give 127.0.0.1 a name
-    of its owner's choice. It cannot do so with an address, so every address is allowed.
 
     Args:
         app: gets all other requests. It counts bodies without a stated length.
@@ -62,28 +56,12 @@ class Guard:
             self._requests -= 1
 
     def _refusal(self, request: Request) -> tuple[int, str] | None:
-        host, origin = request.headers.get("host", ""), request.headers.get("origin")
-        if not (named := _HOST.fullmatch(host)):
-            return 400, f"the header Host must be a name or an address, and may have a port; got '{host[:80]}'"
-        name = named[1].strip("[]").lower()
-        if name not in self._hosts and not _is_address(name):
-            return 421, f"this server is not called '{name[:80]}': the option --allow-host of physic serve adds a name"
-        if origin is not None:
-            if not (site := _ORIGIN.fullmatch(origin)):
-                return 400, f"the header Origin must be like http://name:port or null; got '{origin[:80]}'"
-            if (site["host"] or "").lower() != host.lower():
-                return 403, "a page of another site sent this request"
-        length = request.headers.get("content-length", "0")
+        headers = request.headers
+        if refusal := refuse_foreign(headers.get("host", ""), headers.get("origin"), self._hosts):
+            return refusal
+        length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > self._limits.upload_mb * 1e6:
             return 413, "the photo is too large"
         if self._requests > self._limits.connections:
             return 503, "the server has too many requests: try again later"
         return None
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

@@ -166,7 +166,7 @@ def test_a_setting_out_of_its_range_is_refused(serve: Serve, text: str):
         (
             {"host": "evil.example:80"},
             421,
-            "this server is not called 'evil.example': the option --allow-host of physic serve adds a name",
+            "this server is not called 'evil.example': the option --allow-host adds a name",
         ),
     ],
 )

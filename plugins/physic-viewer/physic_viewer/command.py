@@ -22,9 +22,12 @@ _LOCAL = ("127.0.0.1", "localhost", "::1")
 @click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on; 0.0.0.0 for all.")
 @click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="Or the next free one.")
+@click.option("--allow-host", metavar="NAME", multiple=True, help="A name of this machine; may be repeated.")
 @click.option("--follow/--no-follow", default=True, show_default=True, help="Show new and changed results.")
 @click.option("--open/--no-open", "show", default=None, help="Open a browser.  [default: where there is a display]")
-def view(results: tuple[Path, ...], host: str, port: int, follow: bool, show: bool | None) -> None:
+def view(
+    results: tuple[Path, ...], host: str, port: int, allow_host: tuple[str, ...], follow: bool, show: bool | None
+) -> None:
     """Show results OUT live in the browser, several side by side; Ctrl-C ends it.
 
     OUT is the folder of a result, or a folder of results, such as that of a batch that is running.
@@ -44,7 +47,7 @@ def view(results: tuple[Path, ...], host: str, port: int, follow: bool, show: bo
                 raise InputError(f"no result in {source.folder}: name the folder of a finished run, or let it follow")
     from physic_viewer.viewer import Viewer
 
-    viewer = Viewer(sources, host, port)
+    viewer = Viewer(sources, host, port, allow_host)
     try:
         echo(f"showing {', '.join(source.title for source in sources)} at {viewer.address}  (Ctrl-C ends it)")
         if host not in _LOCAL:

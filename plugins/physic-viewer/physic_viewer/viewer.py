@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import viser
 
 from physic_viewer.drawing import PARTS
+from physic_viewer.own_page import local_address, start_server
 from physic_viewer.report.people import people_records
 from physic_viewer.slot import Slot
 from physic_viewer.text import legend_html, person_text
@@ -41,11 +41,16 @@ class Viewer:
         sources: folders that were named, one slot each.
         host: address to listen on.
         port: to listen on; the next free one if it is taken.
+        names: further names under which browsers reach the server.
+
+    Raises:
+        BackendError: the server would answer pages of other sites.
     """
 
-    def __init__(self, sources: Sequence[Source], host: str = "127.0.0.1", port: int = 8080) -> None:
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner, which verbose=False leaves
-            self.server = viser.ViserServer(host=host, port=port, label="PhySIC", verbose=False)
+    def __init__(
+        self, sources: Sequence[Source], host: str = "127.0.0.1", port: int = 8080, names: Sequence[str] = ()
+    ) -> None:
+        self.server = start_server(host, port, frozenset(name.lower() for name in ("localhost", host, *names)))
         self._lock = threading.RLock()
         self._marks: list[Array] = []
         self.server.scene.set_up_direction("+y")
@@ -70,9 +75,8 @@ class Viewer:
     @property
     def address(self) -> str:
         """Address of the page."""
-        host = self.server.get_host()
-        name = "127.0.0.1" if host == "0.0.0.0" else host
-        return f"http://{name}:{self.server.get_port()}"
+        host = local_address(self.server)
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.server.get_port()}"
 
     def refresh(self) -> None:
         """Look for new and changed results."""

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import shutil
 import time
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 
 import numpy as np
 import pytest
+import viser
 from click.testing import CliRunner
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
 
 from physic_core import save_reconstruction
 from physic_core.cli import main
-from physic_core.errors import InputError
+from physic_core.errors import BackendError, InputError
 from physic_core.visual.palette import CONTACT_PALETTE
-from physic_viewer import command
+from physic_viewer import command, own_page
 from physic_viewer.shapes import build_shapes, nearest_on_ray
 from physic_viewer.sources import Source
 from physic_viewer.text import escape
@@ -37,8 +43,8 @@ def saved(result, tmp_path_factory):
 def viewer_of():
     running = []
 
-    def start(*folders: Path) -> Viewer:
-        running.append(Viewer([Source(folder) for folder in folders], port=8500))
+    def start(*folders: Path, names: tuple[str, ...] = ()) -> Viewer:
+        running.append(Viewer([Source(folder) for folder in folders], port=8500, names=names))
         return running[-1]
 
     yield start
@@ -175,6 +181,41 @@ def test_results_are_followed_while_they_are_written(saved, tmp_path, viewer_of)
     viewer.refresh()
     assert slot.names == ["one", "three", "two"]
     assert slot._choice.value == "one"
+
+
+def answer(viewer: Viewer, host: str, origin: str | None = None) -> tuple[int, str]:
+    """Status and text of a GET with these headers."""
+    headers = {"Host": host} | ({} if origin is None else {"Origin": origin})
+    with closing(HTTPConnection("127.0.0.1", viewer.server.get_port(), timeout=60)) as connection:
+        connection.request("GET", "/", headers=headers)
+        response = connection.getresponse()
+        return response.status, response.read().decode()
+
+
+def test_the_websocket_of_another_site_gets_no_result(saved, viewer_of):
+    viewer = viewer_of(saved)
+    address = viewer.address.replace("http", "ws")
+    client = Subprotocol(f"viser-v{viser.__version__}")
+    with connect(address, origin=viewer.address, subprotocols=[client], max_size=None) as own:
+        assert len(own.recv()) > 100
+    with pytest.raises(InvalidStatus) as refused, connect(address, origin="http://evil.example"):
+        pass
+    assert refused.value.response.status_code == 403
+    assert refused.value.response.body == b"a page of another site sent this request\n"
+
+
+def test_only_the_names_and_addresses_of_this_machine_are_answered(saved, viewer_of):
+    viewer = viewer_of(saved, names=("Studio",))
+    assert [answer(viewer, host)[0] for host in ("127.0.0.1", "[::1]:80", "localhost:1", "studio")] == [200] * 4
+    words = "this server is not called 'evil.example': the option --allow-host adds a name\n"
+    assert answer(viewer, "evil.example:80") == (421, words)
+    assert answer(viewer, "127.0.0.1", "http://evil.example")[0] == 403
+
+
+def test_a_viser_that_does_not_refuse_other_sites_shows_nothing(saved, monkeypatch):
+    monkeypatch.setattr(own_page, "refuse_foreign", lambda *_: None)
+    with pytest.raises(BackendError, match=r"did not refuse a page of another site \(101 Switching Protocols\)"):
+        Viewer([Source(saved)], port=8500)
 
 
 def test_text_of_others_is_not_markup():
