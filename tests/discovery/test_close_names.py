@@ -7,7 +7,7 @@ import pytest
 from physic_core.discovery.close_names import format_choice, similar_names
 
 NAMES = (
-    *("big-lama", "camerahmr-onnx", "deco-onnx", "lama-carve", "moge-1-vitl"),
+    *("big-lama", "instanthmr", "lama-carve", "mi-gan", "moge-1-vitl"),
     *("moge-2-vitb-normal", "moge-2-vitl-normal", "moge-2-vits-normal", "sam2.1-hiera-tiny", "sam3-hf"),
     *("vitpose-b-coco", "vitpose-h-wholebody", "vitpose-l-coco", "vitpose-l-wholebody", "vitpose-s-coco"),
 )
@@ -34,6 +34,6 @@ def test_a_common_prefix_is_closer_than_a_common_suffix(name: str, expected: lis
 def test_choices_are_joined_by_commas_and_or():
     assert [format_choice(NAMES[:n]) for n in (1, 2, 3)] == [
         "'big-lama'",
-        "'big-lama' or 'camerahmr-onnx'",
-        "'big-lama', 'camerahmr-onnx' or 'deco-onnx'",
+        "'big-lama' or 'instanthmr'",
+        "'big-lama', 'instanthmr' or 'lama-carve'",
     ]

@@ -25,7 +25,7 @@ class PortSpec:
     Attributes:
         name: what the adapter calls it, and the published file too.
         aliases: what other exports call it.
-        dtype: "float32", "int64", ...; "float" for any float type; several that are all fine; None for any.
+        dtype: "float32", "int64", ...; "float" for any float type; several that are all fine.
         shape: a number where the size must be that, or free in the file; a name or None where it may be anything;
             None in place of the whole shape where the rank does not matter either.
         optional: whether a file without it is fine; an input that is not fed must not be there.
@@ -33,12 +33,12 @@ class PortSpec:
 
     name: str
     aliases: tuple[str, ...] = ()
-    dtype: str | tuple[str, ...] | None = "float"
+    dtype: str | tuple[str, ...] = "float"
     shape: tuple[int | str | None, ...] | None = None
     optional: bool = False
 
     def __str__(self) -> str:
-        kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype or ("any type",)
+        kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
         shape = "any shape" if self.shape is None else _shape(tuple("?" if d is None else d for d in self.shape))
         others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
         return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (", optional" if self.optional else "")
@@ -147,8 +147,7 @@ def _assign(
 def _fits(want: PortSpec, port: Port, kind: str) -> bool:
     """Return whether type and shape of a port fit a spec."""
     kinds = (want.dtype,) if isinstance(want.dtype, str) else want.dtype
-    allowed = None if kinds is None else {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}
-    if allowed is not None and port.dtype not in allowed:
+    if port.dtype not in {k for name in kinds for k in (_FLOATS if name == "float" else (name,))}:
         return False
     if want.shape is None or (kind == "output" and not port.shape):  # an output's shape may be unstated
         return True

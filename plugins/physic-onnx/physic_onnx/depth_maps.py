@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-__all__ = ["aspect_change_note", "fixed_input_size", "mask_depth", "required_camera", "squeeze_map", "squeeze_number"]
+__all__ = ["aspect_change_note", "fixed_input_size", "mask_depth", "required_camera", "squeeze_map"]
 
 _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
@@ -50,21 +50,6 @@ def squeeze_map(values: NDArray[Any], what: str, file: str, *, may_be_flat: bool
             "GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
-
-
-def squeeze_number(values: NDArray[Any], what: str, file: str) -> float:
-    """Return the single positive number of an output of shape (), (1,) or (1, 1).
-
-    Raises:
-        BackendError: there are several, or it is not above 0.
-    """
-
-    if values.size != 1:
-        raise BackendError(f"{file} returned {what} of shape {values.shape}: one number was expected")
-    number = float(np.reshape(values, -1)[0])
-    if not 0 < number < float("inf"):
-        raise BackendError(f"{file} returned {what} = {number:g}: a number above 0 was expected")
-    return number
 
 
 def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:

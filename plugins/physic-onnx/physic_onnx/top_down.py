@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from .one_graph import LoadedGraph
 
-__all__ = ["SKELETON_BY_JOINTS", "constant_outputs", "crop_batch", "run_batches", "size_or_default", "skeleton_name"]
+__all__ = ["SKELETON_BY_JOINTS", "crop_batch", "run_batches", "size_or_default", "skeleton_name"]
 
 SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
 """Number of joints -> skeleton name."""
@@ -41,29 +41,19 @@ def size_or_default(size: int | str, otherwise: int) -> int:
     return size if isinstance(size, int) and size > 0 else otherwise
 
 
-def crop_batch(
-    image: UInt8Array,
-    crops: Sequence[Crop],
-    *,
-    bgr: bool = False,
-    fill: int = 0,
-    sigmas: Sequence[float] | None = None,
-) -> FloatArray:
+def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -> FloatArray:
     """Crop network inputs (N, 3, h, w) float32, normalised with ImageNet's mean and standard deviation.
 
     Args:
         image: (H, W, 3) uint8 RGB.
         crops: N of one size.
         bgr: exchange red and blue first; mean and deviation stay where they are.
-        fill: value outside of the photo.
-        sigmas: px of the photo, of a blur before each crop.
     """
 
     from physic_core.adapters.crops import resample_crop
     from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
-    blurs = [0.0] * len(crops) if sigmas is None else sigmas
-    cuts = [resample_crop(image, crop, fill=fill, sigma=sigma) for crop, sigma in zip(crops, blurs, strict=True)]
+    cuts = [resample_crop(image, crop) for crop in crops]
     return np.concatenate([normalized_nchw(c[..., ::-1] if bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts])
 
 
@@ -100,17 +90,3 @@ def run_batches(
                 )
         found.append([answer[:count] for answer in answers])
     return [np.concatenate(parts) for parts in zip(*found, strict=True)]
-
-
-def constant_outputs(
-    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]
-) -> list[NDArray[Any]]:
-    """Return outputs that do not depend on the input, such as an exported mesh.
-
-    Nothing but these is computed.
-    """
-
-    rows = {name: size_or_default((loaded.input_shape(name) or (1,))[0], 1) for name in feed}
-    return loaded.ports.run(
-        loaded.network, {name: np.repeat(value[:1], rows[name], axis=0) for name, value in feed.items()}, outputs
-    )

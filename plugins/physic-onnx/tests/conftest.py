@@ -269,13 +269,6 @@ def accuracy_of(stand_in: Callable[..., type]) -> Callable[..., Mapping[str, flo
     return measure
 
 
-@pytest.fixture(scope="session")
-def tiny_classes(module_at: Callable[[str], Any]) -> Any:
-    """The module whose functions make the classes of transformers, small and random."""
-    pytest.importorskip("transformers")
-    return module_at("plugins/physic-transformers/tests/conftest.py")
-
-
 @pytest.fixture
 def exported(tmp_path: Path) -> Callable[..., str]:
     """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model, *inputs)``.

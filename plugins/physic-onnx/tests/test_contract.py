@@ -70,7 +70,6 @@ class TestOneSignature:
             (PortSpec("x"), "int64", ("a", "b"), False),
             (PortSpec("x", dtype="float32"), "float16", ("a",), False),
             (PortSpec("x", dtype=("int32", "int64")), "int32", ("a",), True),
-            (PortSpec("x", dtype=None), "uint8", ("a",), True),
             (PortSpec("x", shape=(1, 3, None)), "float32", (1, 3, 640), True),
             (PortSpec("x", shape=(1, 3, None)), "float32", ("batch", "?", "n"), True),
             (PortSpec("x", shape=(1, 3, None)), "float32", (1, 4, 640), False),

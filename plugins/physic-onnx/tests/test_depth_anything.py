@@ -25,6 +25,7 @@ from physic_onnx.depth_anything import (
 from physic_onnx.depth_anything_files import has_sigmoid
 
 from .depth_maps_of_worlds import at, expect_picture, ramp
+from .tiny_classes import depth_anything
 
 IMAGENET_MEAN, IMAGENET_STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 FREE = ("batch_size", 3, "height", "width")
@@ -448,12 +449,13 @@ class TestRealNetwork:
             metric(str(_packaged()))
 
 
-def test_metres_are_those_of_the_class_of_transformers(tiny_classes, exported):
+def test_metres_are_those_of_the_class_of_transformers(exported):
+    pytest.importorskip("transformers")
     import torch
 
     sides = (70, 98)
     torch.manual_seed(0)
-    model = tiny_classes.depth_anything("metric").eval()
+    model = depth_anything("metric").eval()
     for parameter in model.parameters():  # as they are first drawn, they answer one number everywhere
         torch.nn.init.normal_(parameter, 0.0, 0.15)
     free, map_free = {0: "batch_size", 2: "height", 3: "width"}, {0: "batch_size", 1: "height", 2: "width"}

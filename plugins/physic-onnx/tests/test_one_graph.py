@@ -12,12 +12,11 @@ from physic_core.types import Hints, Intrinsics
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_onnx.depth_anything_3 import DepthAnything3
-from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map, squeeze_number
-from physic_onnx.depth_pro import DepthPro
+from physic_onnx.depth_maps import fixed_input_size, mask_depth, squeeze_map
 from physic_onnx.metric3d import Metric3d, Metric3dOptions
 from physic_onnx.one_graph import MANIFEST, find_graph_file
 
-ADAPTERS = (DepthPro, DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
+ADAPTERS = (DepthAnythingMetric, DepthAnythingRelative, DepthAnything3, Metric3d)
 
 
 @pytest.fixture
@@ -100,15 +99,6 @@ class TestMaps:
 
     def test_flat_map_may_be_an_answer(self):
         assert squeeze_map(np.zeros((1, 2, 3)), "sky", "file", may_be_flat=True).shape == (2, 3)
-
-    @pytest.mark.parametrize("values", [np.array(3.0), np.array([3.0]), np.array([[3.0]])])
-    def test_number_comes_in_any_rank(self, values):
-        assert squeeze_number(values, "focal", "file") == 3.0
-
-    @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-    def test_a_focal_length_of_0_or_less_is_refused(self, value):
-        with pytest.raises(BackendError, match="a number above 0 was expected"):
-            squeeze_number(np.array([value]), "focal", "file")
 
     def test_depth_that_is_not_known_is_nan(self):
         with np.errstate(invalid="raise"):

@@ -13,16 +13,17 @@ from physic_core.types import People
 from physic_onnx.vitpose import HUB, PLUS, VitPose
 
 from .pose_worlds import region
+from .tiny_classes import vitpose
 
 transformers = pytest.importorskip("transformers")
 
 
 @pytest.fixture(params=[False, True], ids=["plain", "plus"])
-def network(request: Any, tiny_classes: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool]:
+def network(request: Any, exported: Callable[..., str]) -> tuple[Any, Path, bool]:
     import torch
 
     torch.manual_seed(0)
-    model = tiny_classes.vitpose(experts=3 if request.param else 1).eval()
+    model = vitpose(experts=3 if request.param else 1).eval()
     free = {0: "batch"}
     inputs = {"pixel_values": (torch.rand(2, 3, 256, 192), free)}
     if request.param:

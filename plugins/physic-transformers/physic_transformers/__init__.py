@@ -55,16 +55,6 @@ def physic_backends() -> list[BackendRecord]:
         ),
         BackendRecord(
             "metric_depth",
-            "depth-anything-v2-metric-hf",
-            "physic_transformers.depth_anything:DepthAnythingMetric",
-            api=1,
-            summary="Depth Anything V2 metric, indoors or outdoors",
-            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
-            needs=("weights",),
-            weights=("depth-anything-v2-metric-indoor-small-hf",),
-        ),
-        BackendRecord(
-            "metric_depth",
             "zoedepth-hf",
             "physic_transformers.zoedepth:ZoeDepth",
             api=1,
@@ -72,16 +62,6 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="MIT (ZoeDepth)",
             needs=("weights",),
             weights=("zoedepth-nyu-kitti-hf",),
-        ),
-        BackendRecord(
-            "relative_pointmap",
-            "depth-anything-hf",
-            "physic_transformers.depth_anything:DepthAnythingRelative",
-            api=1,
-            summary="Depth Anything V2 relative: disparity up to scale and shift",
-            weights_license="Apache-2.0 (small); CC-BY-NC-4.0 (base, large)",
-            needs=("weights",),
-            weights=("depth-anything-v2-small-hf",),
         ),
         BackendRecord(
             "keypoint_detector",
@@ -92,16 +72,6 @@ def physic_backends() -> list[BackendRecord]:
             weights_license="Sapiens2 License: no surveillance, no biometric processing (Sapiens2)",
             needs=("weights",),
             weights=("sapiens2-pose-0.4b-hf",),
-        ),
-        BackendRecord(
-            "keypoint_detector",
-            "vitpose-hf",
-            "physic_transformers.vitpose:VitPose",
-            api=1,
-            summary="ViTPose and ViTPose+: 17 keypoints, or 133",
-            weights_license="Apache-2.0 (ViTPose)",
-            needs=("weights",),
-            weights=("vitpose-plus-base-hf",),
         ),
     ]
 

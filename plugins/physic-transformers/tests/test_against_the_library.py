@@ -15,15 +15,11 @@ import pytest
 import torch
 
 from physic_core.adapters.crops import crop_around_box, resample_crop
-from physic_core.adapters.patch_grid import input_size_least_scaling
-from physic_core.adapters.pictures import normalized_nchw
 from physic_core.types import Hints, People
 from physic_testing import build_world
 from physic_transformers import depth_pro, grounded_sam2, zoedepth
-from physic_transformers.depth_anything import DepthAnythingMetric, MetricOptions
 from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2, Sapiens2Options
 from physic_transformers.sizes import size_from_edges, size_from_target
-from physic_transformers.vitpose import VitPose, VitPoseOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -109,49 +105,6 @@ class TestDepthPro:
         np.testing.assert_allclose(answer.depth, theirs.numpy(), rtol=1e-4)
         assert answer.intrinsics is not None
         assert answer.intrinsics.fx == pytest.approx(float(focal), rel=1e-5)
-
-
-class TestDepthAnything:
-    @pytest.mark.parametrize(("height", "width"), SIZES)
-    def test_the_pixels_are_those_of_the_library(self, height: int, width: int) -> None:
-        from transformers import DPTImageProcessorPil
-        from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
-
-        image = photo(height, width)
-        processor = DPTImageProcessorPil(
-            size={"height": 518, "width": 518}, ensure_multiple_of=14, keep_aspect_ratio=True, resample=3,
-            image_mean=IMAGENET_DEFAULT_MEAN, image_std=IMAGENET_DEFAULT_STD,
-        )  # fmt: skip
-        theirs = processor(images=image, return_tensors="np")["pixel_values"]
-        seen = []
-        backend = DepthAnythingMetric()
-        config = SimpleNamespace(patch_size=14, max_depth=20)
-        out = SimpleNamespace(predicted_depth=torch.ones(1, 14, 14))
-        backend._networks = {
-            "weights": SimpleNamespace(config=config, run=lambda pixel_values: seen.append(pixel_values) or out)  # type: ignore[dict-item, func-returns-value]
-        }
-        backend.infer(image, Hints())
-        assert seen[0].shape == theirs.shape == (1, 3, *input_size_least_scaling(height, width, 518))
-        np.testing.assert_allclose(seen[0], theirs, atol=2e-6)
-
-    def test_the_complete_pipeline_equals_the_library(self, saved: Callable[..., Path]) -> None:
-        from transformers import DepthAnythingForDepthEstimation, DPTImageProcessorPil
-        from transformers.image_utils import IMAGENET_DEFAULT_MEAN, IMAGENET_DEFAULT_STD
-
-        image, folder = photo(200, 260), str(saved("depth_anything"))
-        processor = DPTImageProcessorPil(
-            size={"height": 112, "width": 112}, ensure_multiple_of=14, keep_aspect_ratio=True, resample=3,
-            image_mean=IMAGENET_DEFAULT_MEAN, image_std=IMAGENET_DEFAULT_STD,
-        )  # fmt: skip
-        model = DepthAnythingForDepthEstimation.from_pretrained(folder)
-        with torch.no_grad():
-            out = model(**processor(images=image, return_tensors="pt"))
-        (theirs,) = processor.post_process_depth_estimation(out, target_sizes=[(200, 260)])
-        backend = DepthAnythingMetric(MetricOptions(weights=folder, side=112))
-        backend.load()
-        ours = backend.infer(image, Hints()).depth
-        # They enlarge the answer bicubically, which overshoots at edges; here it is bilinear.
-        np.testing.assert_allclose(ours, theirs["predicted_depth"].numpy(), rtol=2e-3)
 
 
 class TestZoeDepth:
@@ -275,72 +228,3 @@ class TestSapiens2:
         backend.load()
         found = backend(world.image, People(world.masks, world.boxes, np.linspace(0.9, 0.8, len(world.masks))))
         assert found.points.shape == (len(world.masks), 133, 2)
-
-
-class TestVitPose:
-    @pytest.mark.parametrize("experts", [1, 6])
-    def test_the_complete_pipeline_equals_the_library(self, saved: Callable[..., Path], experts: int) -> None:
-        from transformers import VitPoseForPoseEstimation, VitPoseImageProcessorPil
-
-        # All crops lie inside this photo: past its edge SciPy, which the library cuts with, leaves out half a pixel
-        # that OpenCV, which ViTPose was trained with, blends with black.
-        world = build_world("group", 1, (320, 240))
-        people = People(world.masks, world.boxes, np.linspace(0.9, 0.8, len(world.masks)))
-        folder = str(saved("vitpose", experts))
-        backend = VitPose(VitPoseOptions(weights=folder, batch=3))
-        backend.load()
-        ours = backend.infer(world.image, people)
-
-        # Half-open boxes begin half a pixel before the middle of their first pixel.
-        corners = world.boxes
-        boxes = np.concatenate([corners[:, :2] - 0.5, corners[:, 2:] - corners[:, :2]], 1)
-        processor: Any = VitPoseImageProcessorPil()
-        pixels = processor(world.image, boxes=[boxes.tolist()], return_tensors="pt")["pixel_values"]
-        model = VitPoseForPoseEstimation.from_pretrained(folder)
-        more = {"dataset_index": torch.zeros(len(boxes), dtype=torch.int64)} if experts > 1 else {}
-        with torch.no_grad():
-            out = model(pixel_values=pixels, **more)
-        (theirs,) = processor.post_process_pose_estimation(out, boxes=[boxes.tolist()])
-        scores = np.stack([person["scores"].numpy() for person in theirs])
-        assert scores.max() > 0
-        # Heat maps of random weights are rough: a peak may be another one where two are nearly as high.
-        np.testing.assert_allclose(ours.confidence, np.clip(scores, 0, 1), atol=0.02)
-        points = np.stack([person["keypoints"].numpy() for person in theirs])
-        near = np.abs(points - ours.points).max(-1)
-        assert np.median(near) < 1.0
-
-    def test_the_crop_is_that_of_the_library(self) -> None:
-        from transformers import VitPoseImageProcessorPil
-
-        from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD
-
-        image, box = photo(240, 320), np.array([40.0, 30.0, 150.0, 220.0])
-        theirs = VitPoseImageProcessorPil()(image, boxes=[[[39.5, 29.5, 110, 190]]], return_tensors="np")[
-            "pixel_values"
-        ]
-        ours = normalized_nchw(
-            resample_crop(image, crop_around_box(box, 192, 256, grid="corners")), IMAGENET_MEAN, IMAGENET_STD
-        )
-        # OpenCV places a pixel to 1/32 of one.
-        assert np.abs(ours - theirs).mean() < 0.03
-
-    def test_points_are_those_of_the_library(self) -> None:
-        from transformers import VitPoseImageProcessorPil
-
-        rng = np.random.default_rng(5)
-        cells = rng.uniform([4, 4], [43, 59], (2, 17, 2))
-        rows, columns = np.mgrid[:64, :48]
-        heat = np.exp(
-            -((columns - cells[..., 0, None, None]) ** 2 + (rows - cells[..., 1, None, None]) ** 2) / 8
-        ) * rng.uniform(0.3, 0.9, (2, 17, 1, 1))
-        corners = np.array([[40.0, 30, 150, 220], [160, 20, 300, 90]])
-        boxes = np.concatenate([corners[:, :2] - 0.5, corners[:, 2:] - corners[:, :2]], 1)
-        out = SimpleNamespace(heatmaps=torch.from_numpy(heat.astype(np.float32)))
-        (theirs,) = VitPoseImageProcessorPil().post_process_pose_estimation(out, boxes=[boxes.tolist()])
-        backend = VitPose()
-        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=1), num_labels=17)
-        backend._networks = {"weights": SimpleNamespace(config=config, run=lambda **_: out)}  # type: ignore[dict-item]
-        people = People(np.ones((2, 240, 320), bool), corners, np.array([0.9, 0.8]))
-        ours = backend.infer(photo(240, 320), people)
-        for person, points in zip(theirs, ours.points, strict=True):
-            np.testing.assert_allclose(points, person["keypoints"].numpy(), atol=0.05)

@@ -19,13 +19,11 @@ from physic_core.adapters.devices import check_device
 from physic_core.errors import NoPersonError
 from physic_core.types import SKELETONS, PeoplePrompt
 from physic_testing import build_world, check_backend, world_of
-from physic_transformers.depth_anything import DepthAnythingMetric, DepthAnythingRelative
 from physic_transformers.depth_pro import DepthPro
 from physic_transformers.eomt import Eomt
 from physic_transformers.grounded_sam2 import GroundedSam2
 from physic_transformers.sam3 import Sam3
 from physic_transformers.sapiens2 import KEYPOINT_OF_WHOLEBODY, Sapiens2
-from physic_transformers.vitpose import VitPose
 from physic_transformers.zoedepth import ZoeDepth
 
 if TYPE_CHECKING:
@@ -119,19 +117,6 @@ class DepthProStandIn(StandIn):
         return SimpleNamespace(predicted_depth=batch(raw), field_of_view=torch.tensor([angle]))
 
 
-class DepthAnythingStandIn(StandIn):
-    def __init__(self, kind: str) -> None:
-        self.config = SimpleNamespace(patch_size=14, depth_estimation_type=kind, max_depth=80)
-
-    def run(self, *, pixel_values: np.ndarray) -> Any:
-        rows, columns = pixel_values.shape[2:]
-        assert rows % 14 == columns % 14 == 0
-        require_shown(pixel_values[0], photo_at(self.image, rows, columns), *IMAGENET)
-        metres = np.minimum(self.depth, 80)
-        values = metres if self.config.depth_estimation_type == "metric" else 3 / metres + 0.1
-        return SimpleNamespace(predicted_depth=batch(squashed(values, rows, columns)))
-
-
 class ZoeDepthStandIn(StandIn):
     def run(self, *, pixel_values: np.ndarray) -> Any:
         rows, columns = pixel_values.shape[2:]
@@ -147,21 +132,22 @@ class ZoeDepthStandIn(StandIn):
         return SimpleNamespace(predicted_depth=batch(found[:, ::-1] if flip else found))
 
 
-class VitPoseStandIn(StandIn):
-    skeleton = "coco17"
-    config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=6), num_labels=17)
+class Sapiens2StandIn(StandIn):
+    skeleton = "coco23"
+    config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
 
     def show_people(self, boxes: np.ndarray) -> None:
         self.boxes = list(boxes)
 
-    def run(self, *, pixel_values: np.ndarray, dataset_index: np.ndarray) -> Any:
-        assert dataset_index.dtype == np.int64
-        assert dataset_index.tolist() == [0] * len(pixel_values)
-        boxes = [self.boxes.pop(0) for _ in pixel_values]
-        return SimpleNamespace(heatmaps=torch.from_numpy(np.stack([self._maps(box) for box in boxes])))
+    def run(self, *, pixel_values: np.ndarray) -> Any:
+        """Return the maps of body and feet; the worlds' truth has no hands."""
+        found = np.zeros((len(pixel_values), 308, 64, 48), np.float32)
+        for maps in found:
+            maps[[KEYPOINT_OF_WHOLEBODY[i] for i in range(23)]] = self._maps(self.boxes.pop(0))
+        return SimpleNamespace(heatmaps=torch.from_numpy(found))
 
     def _maps(self, box: np.ndarray) -> np.ndarray:
-        """(J, 64, 48): COCO's points in the frame of unbiased data processing."""
+        """(J, 64, 48): the points in the frame of unbiased data processing."""
         maps = np.zeros((len(SKELETONS[self.skeleton].names), 64, 48), np.float32)
         if self.world is None:
             return maps
@@ -175,18 +161,6 @@ class VitPoseStandIn(StandIn):
             sure = 0.9 if self.world.visible[self.skeleton][person, joint] else 0.2
             maps[joint] = sure * np.exp(-((columns - column) ** 2 + (rows - row) ** 2) / 8)
         return maps
-
-
-class Sapiens2StandIn(VitPoseStandIn):
-    skeleton = "coco23"
-    config = SimpleNamespace(image_size=[1024, 768], num_labels=308)
-
-    def run(self, *, pixel_values: np.ndarray) -> Any:
-        """Return the maps of body and feet; the worlds' truth has no hands."""
-        found = np.zeros((len(pixel_values), 308, 64, 48), np.float32)
-        for maps in found:
-            maps[[KEYPOINT_OF_WHOLEBODY[i] for i in range(23)]] = self._maps(self.boxes.pop(0))
-        return SimpleNamespace(heatmaps=torch.from_numpy(found))
 
 
 class EomtStandIn(StandIn):
@@ -342,20 +316,8 @@ class TellingDepthPro(Telling, DepthPro):
     stand_ins = (("weights", DepthProStandIn),)
 
 
-class TellingMetric(Telling, DepthAnythingMetric):
-    stand_ins = (("weights", lambda: DepthAnythingStandIn("metric")),)
-
-
-class TellingRelative(Telling, DepthAnythingRelative):
-    stand_ins = (("weights", lambda: DepthAnythingStandIn("relative")),)
-
-
 class TellingZoeDepth(Telling, ZoeDepth):
     stand_ins = (("weights", ZoeDepthStandIn),)
-
-
-class TellingVitPose(Telling, VitPose):
-    stand_ins = (("weights", VitPoseStandIn),)
 
 
 class TellingSapiens2(Telling, Sapiens2):
@@ -379,10 +341,7 @@ ALL = (
     TellingSam3,
     TellingEomt,
     TellingDepthPro,
-    TellingMetric,
     TellingZoeDepth,
-    TellingRelative,
-    TellingVitPose,
     TellingSapiens2,
 )
 

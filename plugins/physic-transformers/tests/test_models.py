@@ -14,25 +14,18 @@ from physic_core import weights
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints
 from physic_transformers import models
-from physic_transformers.depth_anything import (
-    DepthAnythingMetric,
-    DepthAnythingRelative,
-    MetricOptions,
-    RelativeOptions,
-)
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions
 from physic_transformers.folders import MANIFEST
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options
 from physic_transformers.sam3 import Sam3, Sam3Options
-from physic_transformers.vitpose import VitPose
-from physic_transformers.zoedepth import ZoeDepth
+from physic_transformers.sapiens2 import Sapiens2
+from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro, DepthAnythingMetric, DepthAnythingRelative, ZoeDepth, VitPose)
-DEPTH = models.ModelSpec("weights", "DepthAnythingForDepthEstimation", ("depth_anything",))
+BACKENDS = (GroundedSam2, Sam3, Eomt, DepthPro, ZoeDepth, Sapiens2)
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
@@ -55,39 +48,39 @@ def in_hub_cache(folder: Path, cache: Path, repository: str) -> None:
 
 
 def test_a_model_is_found_by_its_folder(saved: Callable[..., Path]) -> None:
-    backend = DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything"))))
+    backend = ZoeDepth(ZoeDepthOptions(weights=str(saved("zoedepth"))))
     assert backend.missing() == ()
     backend.load()
     assert backend.infer(GREY, Hints()).depth.shape == (60, 80)
 
 
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved: Callable[..., Path], tmp_path: Path) -> None:
-    name = MetricOptions().weights
-    backend = DepthAnythingMetric()
-    problem = f"weights '{name}' (Apache-2.0) are missing: `physic weights fetch {name}`"
+    name = ZoeDepthOptions().weights
+    backend = ZoeDepth()
+    problem = f"weights '{name}' (MIT) are missing: `physic weights fetch {name}`"
     assert backend.missing() == (problem,)
-    shutil.copytree(saved("depth_anything"), tmp_path / "weights" / name)
+    shutil.copytree(saved("zoedepth"), tmp_path / "weights" / name)
     assert backend.missing() == ()
     backend.load()
     backend.infer(GREY, Hints())
 
 
 def test_a_model_is_found_by_its_name_in_the_cache_of_the_hub(saved: Callable[..., Path], tmp_path: Path) -> None:
-    repository = "depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf"
-    in_hub_cache(saved("depth_anything"), tmp_path / "hub", repository)
-    DepthAnythingMetric().load()
+    repository = "Intel/zoedepth-nyu-kitti"
+    in_hub_cache(saved("zoedepth"), tmp_path / "hub", repository)
+    ZoeDepth().load()
 
 
 def test_a_model_is_found_by_its_repository_in_the_cache_of_the_hub(saved: Callable[..., Path], tmp_path: Path) -> None:
-    in_hub_cache(saved("depth_anything"), tmp_path / "hub", "somebody/finetuned.v2")
-    backend = DepthAnythingMetric(MetricOptions(weights="somebody/finetuned.v2"))
+    in_hub_cache(saved("zoedepth"), tmp_path / "hub", "somebody/finetuned.v2")
+    backend = ZoeDepth(ZoeDepthOptions(weights="somebody/finetuned.v2"))
     assert backend.missing() == ()
     assert backend.fingerprint() == "somebody/finetuned.v2@0123abcd"
     backend.load()
 
 
 def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
-    backend = DepthAnythingMetric(MetricOptions(weights="somebody/finetuned"))
+    backend = ZoeDepth(ZoeDepthOptions(weights="somebody/finetuned"))
     problem = (
         "'somebody/finetuned' is no folder here, and Hugging Face's cache does not hold it; nothing is fetched while a "
         "photo is reconstructed: run `hf download somebody/finetuned` first, or give a folder"
@@ -148,38 +141,31 @@ def test_incomplete_weights_are_refused_and_never_initialised_randomly(
 ) -> None:
     from safetensors.numpy import load_file, save_file
 
-    folder = Path(shutil.copytree(saved("depth_anything"), tmp_path / "torn"))
+    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "torn"))
     tensors = load_file(folder / "model.safetensors")
-    del tensors["head.conv1.weight"], tensors["head.conv1.bias"]
+    del tensors["metric_head.conv2.weight"], tensors["metric_head.conv2.bias"]
     save_file(tensors, folder / "model.safetensors", {"format": "pt"})
     with pytest.raises(BackendError) as error:
-        DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
+        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
     assert str(error.value) == (
-        f"{folder} has not all weights of DepthAnythingForDepthEstimation: 2 are expected and not found "
-        "(head.conv1.bias, head.conv1.weight); it is another model, or of another version"
+        f"{folder} has not all weights of ZoeDepthForDepthEstimation: 2 are expected and not found "
+        "(metric_head.conv2.bias, metric_head.conv2.weight); it is another model, or of another version"
     )
 
 
 def test_weights_of_another_size_are_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(saved("depth_anything"), tmp_path / "other"))
+    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "other"))
     config = json.loads((folder / "config.json").read_text())
-    (folder / "config.json").write_text(json.dumps({**config, "head_hidden_size": 6}))
-    with pytest.raises(BackendError, match="cannot be read as DepthAnythingForDepthEstimation: "):
-        DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
+    (folder / "config.json").write_text(json.dumps({**config, "fusion_hidden_size": 6}))
+    with pytest.raises(BackendError, match="cannot be read as ZoeDepthForDepthEstimation: "):
+        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
 
 
 def test_a_broken_config_is_refused(saved: Callable[..., Path], tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(saved("depth_anything"), tmp_path / "broken"))
+    folder = Path(shutil.copytree(saved("zoedepth"), tmp_path / "broken"))
     (folder / "config.json").write_text("[]")
     with pytest.raises(BackendError, match=r"config\.json cannot be read"):
-        DepthAnythingMetric(MetricOptions(weights=str(folder))).load()
-
-
-def test_metric_weights_are_refused_for_relative_depth(saved: Callable[..., Path]) -> None:
-    with pytest.raises(BackendError, match="are metric, expected relative ones: they are for the metric_depth"):
-        DepthAnythingRelative(RelativeOptions(weights=str(saved("depth_anything", "metric")))).load()
-    with pytest.raises(BackendError, match="are relative, expected metric ones: they are for the relative_pointmap"):
-        DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything", "relative")))).load()
+        ZoeDepth(ZoeDepthOptions(weights=str(folder))).load()
 
 
 def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]) -> None:
@@ -188,10 +174,10 @@ def test_a_panoptic_network_without_people_is_refused(saved: Callable[..., Path]
 
 
 def test_half_precision_is_refused_on_a_cpu_and_bfloat16_is_not(saved: Callable[..., Path]) -> None:
-    folder = str(saved("depth_anything"))
+    folder = str(saved("zoedepth"))
     with pytest.raises(DeviceError, match="'float16' needs a GPU"):
-        DepthAnythingMetric(MetricOptions(weights=folder, dtype="float16")).load()
-    backend = DepthAnythingMetric(MetricOptions(weights=folder, dtype="bfloat16"))
+        ZoeDepth(ZoeDepthOptions(weights=folder, dtype="float16")).load()
+    backend = ZoeDepth(ZoeDepthOptions(weights=folder, dtype="bfloat16"))
     backend.load()
     assert backend.network()._model.dtype.itemsize == 2
     assert backend.infer(GREY, Hints()).depth.dtype == np.float32
@@ -212,7 +198,7 @@ def test_threads_are_given_back_after_the_call(saved: Callable[..., Path]) -> No
     import torch
 
     before = torch.get_num_threads()
-    backend = DepthAnythingMetric(MetricOptions(weights=str(saved("depth_anything")), threads=before + 1))
+    backend = ZoeDepth(ZoeDepthOptions(weights=str(saved("zoedepth")), mirror=False, threads=before + 1))
     backend.load()
     seen = []
     backend.network()._model.register_forward_hook(lambda *_: seen.append(torch.get_num_threads()))
@@ -242,12 +228,12 @@ def test_nothing_is_learnt_and_nothing_is_drawn_on_the_screen(
 def test_the_fingerprint_changes_with_the_files_and_not_with_their_place(
     saved: Callable[..., Path], tmp_path: Path
 ) -> None:
-    folder = saved("depth_anything")
+    folder = saved("zoedepth")
     copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    prints = [DepthAnythingMetric(MetricOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
+    prints = [ZoeDepth(ZoeDepthOptions(weights=str(path))).fingerprint() for path in (folder, copy)]
     assert prints[0] == prints[1] != ""
     (copy / "config.json").write_text((copy / "config.json").read_text() + "\n")
-    assert DepthAnythingMetric(MetricOptions(weights=str(copy))).fingerprint() != prints[0]
+    assert ZoeDepth(ZoeDepthOptions(weights=str(copy))).fingerprint() != prints[0]
 
 
 class TestPublishedLayouts:

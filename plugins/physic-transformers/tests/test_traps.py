@@ -10,24 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import KeypointDetector, MetricDepth, RelativePointmap, Segmenter
+from physic_core.interfaces import KeypointDetector, MetricDepth, Segmenter
 from physic_core.types import CameraTrust, Hints, Intrinsics, People
 from physic_testing import violations
-from physic_transformers.depth_anything import (
-    DepthAnythingMetric,
-    DepthAnythingRelative,
-    MetricOptions,
-    RelativeOptions,
-)
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.eomt import Eomt, EomtOptions, class_names
 from physic_transformers.grounded_sam2 import GroundedSam2, GroundedSam2Options, decode_text_boxes, format_prompt
 from physic_transformers.models import Network
 from physic_transformers.sam3 import Sam3, Sam3Options
-from physic_transformers.vitpose import VitPose, VitPoseOptions
+from physic_transformers.sapiens2 import Sapiens2, Sapiens2Options
 from physic_transformers.zoedepth import ZoeDepth, ZoeDepthOptions
 
 if TYPE_CHECKING:
@@ -80,23 +73,22 @@ class TestWithoutTorchvision:
             monkeypatch.setattr(getattr(transformers, name), "from_pretrained", refuse)
 
     @pytest.mark.parametrize("dtype", ["float32", "bfloat16"])
-    @pytest.mark.parametrize("name", ["grounded", "sam3", "eomt", "pro", "metric", "relative", "zoe", "vitpose"])
+    @pytest.mark.parametrize("name", ["grounded", "sam3", "eomt", "pro", "zoe", "sapiens2"])
     def test_the_real_classes_load_and_infer(self, saved: Callable[..., Path], name: str, dtype: Any) -> None:
         backend = self.made(saved, name, dtype)
         assert backend.missing() == ()
         backend.load()
         camera = Intrinsics.from_focal(90.0, 100, 60)
         people = People(np.ones((1, 60, 100), bool), np.array([[5.0, 2, 60, 58]]), np.array([0.9]))
-        rest = {"vitpose": (people,), "grounded": (), "sam3": (), "eomt": ()}.get(name, (Hints(intrinsics=camera),))
+        rest = {"sapiens2": (people,), "grounded": (), "sam3": (), "eomt": ()}.get(name, (Hints(intrinsics=camera),))
         answer = backend.infer(WIDE, *rest)
         backend.close()
-        if name == "vitpose":
+        if name == "sapiens2":
             faults = violations(KeypointDetector, answer, people=1)
         elif not rest:
             faults = violations(Segmenter, answer, height=60, width=100)
         else:
-            kind = RelativePointmap if name == "relative" else MetricDepth
-            faults = violations(kind, answer, height=60, width=100)
+            faults = violations(MetricDepth, answer, height=60, width=100)
         assert faults == []
 
     def made(self, saved: Callable[..., Path], name: str, dtype: Any) -> Any:
@@ -113,13 +105,9 @@ class TestWithoutTorchvision:
             return Eomt(EomtOptions(weights=at("eomt"), threshold=0, held=0, dtype=dtype))
         if name == "pro":
             return DepthPro(DepthProOptions(weights=at("depth_pro"), farthest=1e6, dtype=dtype))
-        if name == "metric":
-            return DepthAnythingMetric(MetricOptions(weights=at("depth_anything"), dtype=dtype))
-        if name == "relative":
-            return DepthAnythingRelative(RelativeOptions(weights=at("depth_anything", "relative"), dtype=dtype))
         if name == "zoe":
             return ZoeDepth(ZoeDepthOptions(weights=at("zoedepth"), dtype=dtype))
-        return VitPose(VitPoseOptions(weights=at("vitpose", 6), dtype=dtype))
+        return Sapiens2(Sapiens2Options(weights=at("sapiens2"), dtype=dtype))
 
 
 class TestDepthPro:
@@ -185,24 +173,6 @@ class TestDepthPro:
 
     def test_the_sky_is_not_known(self) -> None:
         assert np.isnan(self.asked(0.0, 90.0).depth).all()
-
-
-class TestDepthAnything:
-    def test_depth_at_the_networks_maximum_is_unknown(self) -> None:
-        config = SimpleNamespace(patch_size=14, max_depth=20)
-        network = Recorded(config, tensors(predicted_depth=np.full((1, 14, 14), 19.9, np.float32)))
-        assert np.isnan(given(DepthAnythingMetric(), weights=network).infer(WIDE, Hints()).depth).all()
-        far = given(DepthAnythingMetric(MetricOptions(farthest=30)), weights=network)
-        assert np.isfinite(far.infer(WIDE, Hints()).depth).all()
-
-    def test_a_panorama_is_shown_smaller(self) -> None:
-        network = Recorded(
-            SimpleNamespace(patch_size=14, max_depth=20), tensors(predicted_depth=np.ones((1, 14, 14), np.float32))
-        )
-        given(DepthAnythingMetric(), weights=network).infer(np.zeros((600, 9000, 3), np.uint8), Hints())
-        rows, columns = network.shown().shape[2:]
-        assert rows % 14 == columns % 14 == 0
-        assert 4000 < rows * columns / 14**2 <= 5000
 
 
 class TestGroundedSam2:
@@ -370,76 +340,3 @@ class TestEomt:
 
     def test_named_classes_are_taken_in_the_order_of_their_numbers(self) -> None:
         assert class_names({"10": "ten", "2": "person"}) == ("person", "ten")
-
-
-class TestVitPose:
-    PEOPLE = People(np.ones((3, 60, 100), bool), np.array([[10.0, 5, 30, 55]] * 3), np.ones(3))
-
-    def run(self, experts: int, joints: int = 17, **options: Any) -> Recorded:
-        config = SimpleNamespace(
-            backbone_config=SimpleNamespace(image_size=[256, 192], num_experts=experts), num_labels=joints
-        )
-        answers = [tensors(heatmaps=np.zeros((n, joints, 64, 48), np.float32)) for n in (2, 1)]
-        network = Recorded(config, *answers, None)
-        given(VitPose(VitPoseOptions(batch=2, **options)), weights=network).infer(WIDE, self.PEOPLE)
-        return network
-
-    @pytest.mark.parametrize(
-        ("joints", "options", "expert"), [(17, {}, 0), (133, {}, 5), (17, {"dataset_index": 3}, 3)]
-    )
-    def test_models_with_experts_get_the_index_of_the_expert(
-        self, joints: int, options: dict[str, int], expert: int
-    ) -> None:
-        network = self.run(6, joints, **options)
-        for (_, inputs), count in zip(network.asked, (2, 1), strict=True):
-            assert inputs["dataset_index"].dtype == np.int64
-            assert inputs["dataset_index"].tolist() == [expert] * count
-
-    def test_models_without_experts_are_not(self) -> None:
-        assert all("dataset_index" not in inputs for _, inputs in self.run(1).asked)
-
-    def test_an_expert_that_is_not_there_is_refused(self) -> None:
-        with pytest.raises(BackendError, match="these weights have 6 experts, 0 to 5"):
-            self.run(6, dataset_index=6)
-
-    @pytest.mark.parametrize(
-        ("joints", "experts", "dataset", "ends"),
-        [
-            (17, 1, None, 1),
-            (133, 1, None, 0),
-            (17, 6, None, 1),
-            (133, 6, None, 0),
-            *((17, 6, dataset, int(dataset in (0, 2))) for dataset in range(6)),
-        ],
-    )
-    def test_each_data_set_is_read_on_the_grid_that_it_was_trained_on(
-        self, joints: int, experts: int, dataset: int | None, ends: int
-    ) -> None:
-        """``ends`` is 1 where first and last cell are first and last pixel (UDP), 0 where cell q is pixel 4 q."""
-        places = np.array([[430.0, 80.0], [320.0, 250.0], [540.0, 690.0]])
-        v, u = np.mgrid[:760, :900]
-        spots = np.stack([255 * np.exp(-((u - x) ** 2 + (v - y) ** 2) / 1800) for x, y in places], -1).astype(np.uint8)
-        people = People(np.ones((1, 760, 900), bool), np.array([[300.0, 60, 560, 700]]), np.ones(1))
-        backbone = SimpleNamespace(image_size=[256, 192], num_experts=experts)
-
-        class Reading:
-            """Heat map j is the colour j mod 3 of the crop."""
-
-            config = SimpleNamespace(backbone_config=backbone, num_labels=joints)
-
-            def run(self, *, pixel_values: np.ndarray, **_: np.ndarray) -> Any:
-                rows = np.arange(64) * (256 - ends) / (64 - ends)
-                columns = np.arange(48) * (192 - ends) / (48 - ends)
-                at = np.meshgrid(rows, columns, indexing="ij")
-                maps = np.stack([map_coordinates(plane, at, order=1) for plane in pixel_values[0]])
-                return tensors(heatmaps=maps[np.arange(joints) % 3][None].astype(np.float32))
-
-        found = given(VitPose(VitPoseOptions(dataset_index=dataset)), weights=Reading()).infer(spots, people)
-        assert found.points.shape == (1, joints, 2)
-        assert np.linalg.norm(found.points[0, :3] - places, axis=1).max() < 1  # on the other grid up to 11
-
-    def test_joints_of_another_set_are_refused(self) -> None:
-        config = SimpleNamespace(backbone_config=SimpleNamespace(image_size=[256, 192]), num_labels=52)
-        network = Recorded(config)
-        with pytest.raises(BackendError, match="have 52 joints, expected 17 or 133 of COCO"):
-            given(VitPose(), weights=network).infer(WIDE, self.PEOPLE)
