@@ -217,8 +217,8 @@ def _timeout_s(file: Path | None, settings: Mapping[str, Any]) -> float | None:
     return None
 
 
-class _Terminated(BaseException):
-    """The process received SIGTERM; a BaseException, so that no handler of plugin errors catches it."""
+class _Terminated(KeyboardInterrupt):
+    """The process received SIGTERM; it passes through the calls of plugins as Ctrl-C does."""
 
 
 @contextmanager
