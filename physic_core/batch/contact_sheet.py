@@ -174,8 +174,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
 
 
 def _failed(document: Mapping[str, Any]) -> list[str]:
-    checks = document.get("checks", ())
-    return list(dict.fromkeys(str(c["name"]) for c in checks if c.get("state") == "failed" or c.get("ok") is False))
+    return list(dict.fromkeys(str(c["name"]) for c in document["checks"] if c["state"] == "failed"))
 
 
 def _thumbnail(result: Path) -> str:

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
+from physic_core.batch.row_checksum import has_checksum, with_checksum
 from physic_core.errors import OutputError
 from physic_core.files.atomic import sync_folder
-from physic_core.files.document_checksum import ChecksumState, checksum_state, with_checksum
-from physic_core.files.locks import try_lock
 from physic_core.files.strict_json import from_json, parse_json, to_json
 
 __all__ = ["COLUMNS", "Journal", "JournalRows", "last_rows", "read_journals", "read_rows"]
@@ -67,13 +68,15 @@ class Journal:
         self.path = path
         with ExitStack() as opened:
             try:
-                self._lock = opened.enter_context(path.with_suffix(".lock").open("ab"))
-                if try_lock(self._lock.fileno()) is False:
-                    raise OutputError(f"another batch is writing {path}: wait for its end, or name another folder")
+                self._lock = opened.enter_context(FileLock(path.with_suffix(".lock"), blocking=False))
                 self._file = opened.enter_context(path.open("ab+"))
                 self._end_torn_line()
                 self._run = 1 + read_journals(path.parent, ()).run
                 sync_folder(path.parent)
+            except Timeout:
+                raise OutputError(
+                    f"another batch is writing {path}: wait for its end, or name another folder"
+                ) from None
             except OSError as error:
                 raise self._error(error) from error
             opened.pop_all()
@@ -84,7 +87,7 @@ class Journal:
     def __exit__(self, *_: object) -> None:
         with suppress(OSError):  # a line that could not be written has been reported
             self._file.close()
-        self._lock.close()
+        self._lock.release()
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Write a row with the number of this run, and wait until it is on the disk.
@@ -203,7 +206,7 @@ def _row(line: bytes) -> dict[str, Any] | None:
         row = parse_json(line)
     except ValueError:
         return None
-    if not isinstance(row, dict) or checksum_state(row) is not ChecksumState.RIGHT:
+    if not isinstance(row, dict) or not has_checksum(row):
         return None
     found = {name: from_json(value) for name, value in row.items() if name != "checksum"}
     return found if all(isinstance(found.get(name), str) for name in _ALWAYS) else None

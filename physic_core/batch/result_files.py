@@ -9,7 +9,6 @@ from typing import Any
 
 from physic_core.batch.saving import Saving, thumbnail_path
 from physic_core.errors import InputError
-from physic_core.files.atomic import committed_path
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -33,9 +32,9 @@ def result_digest(folder: Path, saving: Saving) -> str:
     it.
     """
     if saving.level == "summary":
-        return file_digest(committed_path(folder, saving.main_file)) if saving.main_file else ""
+        return file_digest(folder / saving.main_file) if saving.main_file else ""
     arrays = PEOPLE_FILE if saving.level == "people" else ARRAYS_FILE
-    return (digests_of_result(folder) or {}).get(arrays, "")
+    return digests_of_result(folder).get(arrays, "")
 
 
 def file_sizes_text(out: Path, folder: str, saving: Saving) -> str:
@@ -84,7 +83,7 @@ def names_of_files(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _names(folder: Path) -> list[str]:
-    return [DOCUMENT_FILE, *(digests_of_result(folder) or {})]
+    return [DOCUMENT_FILE, *digests_of_result(folder)]
 
 
 def _size(path: Path) -> int:
@@ -95,9 +94,9 @@ def _size(path: Path) -> int:
 
 
 def _have_their_digests(folder: Path, names: Iterable[str]) -> bool:
-    """Whether files of a result are those that its ``reconstruction.json`` names, and that one is undamaged."""
+    """Whether files of a result are those that its ``reconstruction.json`` names, and that one is valid."""
     try:
-        digests = read_document(folder).get("digests", {})
+        digests = read_document(folder)["digests"]
     except InputError:
         return False
     return all(file_digest(folder / name) == digests.get(name) for name in names if name != DOCUMENT_FILE)

@@ -15,7 +15,7 @@ import click
 from physic_core.cli.listing import format_table
 from physic_core.cli.output import echo, echo_json
 from physic_core.files.strict_json import from_json
-from physic_core.io.records import from_record_or_none, from_records, parse_checks
+from physic_core.io.records import from_record_or_none, from_records
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 
@@ -96,7 +96,7 @@ def summary_text(document: Mapping[str, Any], folder: Path, *, width: int | None
         verbose: whether to list the time of each stage, and each check that is not ok.
     """
     stages, people = from_records(StageRecord, document["stages"]), document["people"]
-    checks = parse_checks(document.get("checks", ()), document["schema_version"])
+    checks = from_records(CheckResult, document["checks"])
     found = {0: "no person, the scene alone", 1: "1 person"}.get(len(people), f"{len(people)} people")
     seconds, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
     lines = [f"{found} in {seconds:.1f} s, and {loading:.1f} s to load models"]

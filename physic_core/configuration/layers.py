@@ -20,7 +20,6 @@ from physic_core.configuration.values import InvalidTextError, check_values, par
 from physic_core.discovery.local_modules import with_folder
 from physic_core.discovery.offers import canonicalize_name
 from physic_core.errors import ConfigError
-from physic_core.files.document_checksum import EDITED, ChecksumState, checksum_state
 from physic_core.files.strict_json import from_json, parse_json
 from physic_core.interfaces import INTERFACES
 
@@ -196,11 +195,6 @@ def _read_result(path: Path) -> dict[str, Any]:
         document = parse_json(_read_text(path, "name the reconstruction.json of a run"))
     except ValueError as error:
         raise ConfigError(f"{_show(path)} is not valid JSON: {_show(error, 500)}") from error
-    if isinstance(document, dict) and checksum_state(document) is ChecksumState.WRONG:
-        raise ConfigError(
-            f"{_show(path)} does not fit its checksum, so it is damaged or was edited: run the reconstruction again; "
-            f'if you edited it, set its entry "checksum" to "{EDITED}"'
-        )
     table = document.get("config") if isinstance(document, dict) else None
     if not isinstance(table, dict) or not table:
         raise ConfigError(

@@ -1,9 +1,9 @@
-"""Writes of one or several files of a folder that happen completely or not at all.
+"""Writes of files of a folder: each file appears completely or not at all.
 
-New files are written under temporary names and synchronised with the disk. Then one file, ``.physic-commit``, lists
-what is to be renamed and deleted: from here on the write has happened. Whoever finds it, the same process or the next
-one that writes there, renames and deletes the rest; who only reads takes the temporary files in it for the real ones
-(:func:`committed_path`). Old files are deleted before new ones are renamed, so that no old one is beside a new one.
+New files are written under temporary names, synchronised with the disk, and renamed. Where one file, the index, lists
+the digests of the others, these belong together: the old index is moved away first, and the new one is renamed last.
+A folder without its index has no valid set of files. Until a write has ended, old and new index stay in the folder
+under temporary names, so that the next write knows which files are not of the user (:func:`unfinished_indices`).
 
 A folder is locked while it is written. What a process that was killed has left there is deleted by the next write.
 """
@@ -11,43 +11,26 @@ A folder is locked while it is written. What a process that was killed has left 
 from __future__ import annotations
 
 import errno
-import json
 import os
 import re
 import secrets
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+
+from filelock import Timeout
 
 from physic_core.errors import OutputError
-from physic_core.files.locks import LockTimeoutError, lock_folder
-from physic_core.files.regular import read_regular
+from physic_core.files.locks import lock_folder
 
-__all__ = [
-    "COMMIT_FILE",
-    "AtomicWrite",
-    "atomic_write",
-    "check_writable",
-    "committed_path",
-    "finish_interrupted_write",
-    "read_while_written",
-    "sync_folder",
-]
-
-T = TypeVar("T")
-
-COMMIT_FILE = ".physic-commit"
+__all__ = ["AtomicWrite", "atomic_write", "check_writable", "sync_folder", "unfinished_indices"]
 
 _WAIT_S = 120.0
-_READ_AGAIN_S = 10.0
-_PAUSE_S = 0.002
-_MAX_COMMIT_BYTES = 1 << 20
-_PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)  # as no other program calls its files
-_OLD_S = 3600.0  # of a temporary file where nothing can be locked
+# As no other program names its files.
+_PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
+_INDEX_PART = re.compile(r"\.(.+)\.[0-9a-f]{8}\.physic-index", re.DOTALL)
 
 
 @dataclass
@@ -58,67 +41,71 @@ class AtomicWrite:
     """
 
     folder: Path
+    index: str = ""
     _token: str = field(default_factory=lambda: secrets.token_hex(4))
     _parts: dict[str, Path] = field(default_factory=dict)
-    _removed: dict[str, list[int]] = field(default_factory=dict)
-    _committing: bool = False
+    _removed: set[str] = field(default_factory=set)
+    _is_index_moved: bool = False
 
     def __call__(self, name: str) -> Path:
         """Return the temporary path of a file."""
         # In the same folder, since a rename is atomic only within one file system.
-        return self._parts.setdefault(name, self.folder / _part_name(name, self._token))
+        return self._parts.setdefault(name, self._part(name, self._token))
 
     def remove(self, name: str) -> None:
-        """Delete a file when the others are renamed, unless it changes until then."""
-        with suppress(OSError):
-            self._removed[name] = _identity(self.folder / name)
+        """Delete a file before the others are renamed."""
+        self._removed.add(name)
 
     def commit(self, durable: bool) -> None:
-        """Rename and delete; see the module."""
+        """Rename and delete, in the order of the calls, the index last; see the module."""
         for name, path in self._parts.items():
             if os.path.isdir(self.folder / name) and not os.path.islink(self.folder / name):
                 taken = self.folder / name
                 raise OutputError(f"cannot write {taken}: a folder has this name; remove it, or move it away")
             if durable:
                 _sync_file(path)
-        if len(self._parts) == 1 and not self._removed:
-            ((name, path),) = self._parts.items()
-            os.replace(path, self.folder / name)
-        elif self._parts or self._removed:
-            listed = {
-                "rename": {name: path.name for name, path in self._parts.items()},
-                "delete": {name: identity for name, identity in self._removed.items() if name not in self._parts},
-            }
-            part = self(COMMIT_FILE)
-            part.write_bytes(json.dumps(listed).encode())
-            if durable:
-                _sync_file(part)
-            self._committing = True
-            os.replace(part, self.folder / COMMIT_FILE)
-            if durable:
-                sync_folder(self.folder)
-            _finish(self.folder, durable)
-            return
+        others = [name for name in self._parts if name != self.index]
+        has_index = self.index in self._parts
+        if has_index and (others or self._removed):
+            self._is_index_moved = True
+            with suppress(FileNotFoundError):
+                os.replace(self.folder / self.index, self._part(self.index, secrets.token_hex(4)))
+            self._sync(durable)
+        for name in self._removed.difference(others):
+            (self.folder / name).unlink(missing_ok=True)
+        for name in others:
+            os.replace(self._parts[name], self.folder / name)
+        self._sync(durable)
+        if has_index:
+            os.replace(self._parts[self.index], self.folder / self.index)
+            self._sync(durable)
+            for path in unfinished_indices(self.folder, self.index):
+                path.unlink(missing_ok=True)
+
+    def clean(self) -> None:
+        """Delete the temporary files, but no index that tells which files are not of the user."""
+        for name, path in self._parts.items():
+            if not (name == self.index and self._is_index_moved):
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+
+    def _part(self, name: str, token: str) -> Path:
+        return self.folder / f".{name}.{token}.physic-{'index' if name == self.index else 'part'}"
+
+    def _sync(self, durable: bool) -> None:
         if durable:
             sync_folder(self.folder)
 
-    def clean(self) -> None:
-        """Delete the temporary files, unless the write has happened and waits for its end."""
-        if self._committing and os.path.lexists(self.folder / COMMIT_FILE):
-            return
-        for path in self._parts.values():
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
-
 
 @contextmanager
-def atomic_write(folder: Path, *, durable: bool = True) -> Iterator[AtomicWrite]:
+def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iterator[AtomicWrite]:
     """Yield a function from a file name to a temporary path; on success, rename all temporary files.
 
-    The folder is locked meanwhile, and an earlier write that was interrupted is finished first.
+    The folder is locked meanwhile. Without an index, each file is atomic, and not all of them together.
 
     Args:
         folder: of the files; it must exist.
+        index: name of the file that lists the digests of the others; "" without one.
         durable: whether to wait until the files are on the disk, so that they survive a loss of power.
 
     Raises:
@@ -127,16 +114,15 @@ def atomic_write(folder: Path, *, durable: bool = True) -> Iterator[AtomicWrite]
     """
     folder = Path(folder)
     try:
-        with lock_folder(folder, _WAIT_S) as is_locked:
-            _finish(folder, durable)
-            _clean(folder, 0.0 if is_locked else _OLD_S)
-            write = AtomicWrite(folder)
+        with lock_folder(folder, _WAIT_S):
+            _clean(folder)
+            write = AtomicWrite(folder, index)
             try:
                 yield write
                 write.commit(durable)
             finally:
                 write.clean()
-    except LockTimeoutError:
+    except Timeout:
         raise OutputError(
             f"cannot write to {folder}: another process has been writing there for {_WAIT_S:.0f} s; "
             "wait for its end, or name another folder"
@@ -145,38 +131,12 @@ def atomic_write(folder: Path, *, durable: bool = True) -> Iterator[AtomicWrite]
         raise _refusal(folder, error) from error
 
 
-def finish_interrupted_write(folder: Path) -> None:
-    """Rename and delete what an interrupted write has left to do; a folder without one is not touched.
-
-    Raises:
-        OutputError: as for :func:`atomic_write`.
-    """
-    if os.path.lexists(folder / COMMIT_FILE):
-        with atomic_write(folder):
-            pass
-
-
-def committed_path(folder: Path, name: str) -> Path:
-    """Return where a file of a folder is: its own path, or the temporary one of a write that waits for its end."""
-    part = _read_commit(folder)[0].get(name)
-    return folder / part if part and os.path.lexists(folder / part) else folder / name
-
-
-def read_while_written(folder: Path, name: str, read: Callable[[], T]) -> T:
-    """Call a function that reads several files of a folder, again if it fails and ``name`` was written meanwhile.
-
-    Raises:
-        Exception: whatever the function raised while nothing was written.
-    """
-    end = time.monotonic() + _READ_AGAIN_S
-    while True:
-        before = _state(folder, name)
-        try:
-            return read()
-        except Exception:
-            if _state(folder, name) == before or time.monotonic() > end:
-                raise
-        time.sleep(_PAUSE_S)
+def unfinished_indices(folder: Path, index: str) -> list[Path]:
+    """Return the old and new indices of writes that were interrupted; those that are not complete too."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        named = ((entry.path, _INDEX_PART.fullmatch(entry.name)) for entry in entries)
+        return [Path(path) for path, match in named if match and match[1] == index]
+    return []
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
@@ -216,78 +176,13 @@ def sync_folder(folder: Path) -> None:
         os.close(file)
 
 
-def _part_name(name: str, token: str) -> str:
-    return f".{name}.{token}.physic-part"
-
-
-def _identity(path: Path) -> list[int]:
-    status = os.lstat(path)
-    return [status.st_size, status.st_mtime_ns]
-
-
-def _state(folder: Path, name: str) -> tuple[object, ...]:
-    def identity(path: Path) -> tuple[int, ...]:
-        try:
-            status = os.stat(path)
-        except OSError:
-            return ()
-        return status.st_ino, status.st_size, status.st_mtime_ns
-
-    return identity(folder / COMMIT_FILE), identity(folder / name)
-
-
-def _read_commit(folder: Path) -> tuple[dict[str, str], dict[str, list[int]]]:
-    """Return what is to be renamed and deleted; names that no write of ours would list are left out."""
-    try:
-        listed: Any = json.loads(read_regular(folder / COMMIT_FILE, _MAX_COMMIT_BYTES))
-        rename, delete = dict(listed["rename"]), dict(listed["delete"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
-        return {}, {}
-    return (
-        {name: part for name, part in rename.items() if _is_name(name) and _is_part_of(part, name)},
-        {name: identity for name, identity in delete.items() if _is_name(name)},
-    )
-
-
-def _is_name(name: str) -> bool:
-    return os.path.basename(name) == name and name not in ("", ".", "..") and "\0" not in name
-
-
-def _is_part_of(part: object, name: str) -> bool:
-    return (
-        isinstance(part, str) and re.fullmatch(re.escape(f".{name}.") + r"[0-9a-f]{8}\.physic-part", part) is not None
-    )
-
-
-def _finish(folder: Path, durable: bool) -> None:
-    """Rename and delete what a write that has happened has listed; it may have done a part of it."""
-    if not os.path.lexists(folder / COMMIT_FILE):
-        return
-    rename, delete = _read_commit(folder)
-    for name, identity in delete.items():
-        with suppress(FileNotFoundError):
-            if _identity(folder / name) == identity:
-                os.unlink(folder / name)
-    waiting = [name for name, part in rename.items() if os.path.lexists(folder / part)]
-    for name in waiting:
-        if name != next(iter(rename)):  # the first one marks the folder for readers
-            with suppress(FileNotFoundError):
-                os.unlink(folder / name)
-    for name in waiting:
-        os.replace(folder / rename[name], folder / name)
-    if durable:
-        sync_folder(folder)
-    os.unlink(folder / COMMIT_FILE)
-
-
-def _clean(folder: Path, age_s: float) -> None:
+def _clean(folder: Path) -> None:
     """Delete temporary files that a process left when it was killed."""
     with os.scandir(folder) as entries:
         for entry in entries:
             if _PART.fullmatch(entry.name):
                 with suppress(OSError):
-                    if age_s == 0 or entry.stat(follow_symlinks=False).st_mtime < time.time() - age_s:
-                        os.unlink(entry.path)
+                    os.unlink(entry.path)
 
 
 def _sync_file(path: Path) -> None:

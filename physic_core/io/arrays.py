@@ -11,18 +11,14 @@ docs/file-format.md. Saving, loading, the smaller form and all checks read the t
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from physic_core.files.npz import ArrayHeader
@@ -38,7 +34,6 @@ __all__ = [
     "ArraySpec",
     "camera_specs",
     "check_arrays",
-    "npz_checksum",
     "number_of_people",
     "to_arrays",
 ]
@@ -247,13 +242,6 @@ def number_of_people(names: Iterable[str]) -> int:
     """Return for how many people a file has arrays, by their names."""
     found = [name.split("_")[1] for name in names if name.startswith("person_")]
     return max((int(index) + 1 for index in found if index.isascii() and index.isdecimal()), default=0)
-
-
-def npz_checksum(file: Path | IO[bytes]) -> str:
-    """Compute a checksum of an npz file from the names and CRC-32s of its arrays."""
-    with zipfile.ZipFile(file) as archive:
-        content = "".join(f"{entry.filename} {entry.CRC:08x}\n" for entry in archive.infolist())
-    return f"{zlib.crc32(content.encode('utf-8', 'backslashreplace')):08x}"
 
 
 def _has_dtype(dtype: np.dtype[Any], wanted: str) -> bool:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.document_checksum import EDITED, ChecksumState, checksum_state, with_checksum
 from physic_core.files.strict_json import parse_json, to_json
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS, ArraySpec
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from physic_core.types import CameraView, Person, Reconstruction
 
 __all__ = [
-    "READABLE_VERSIONS",
     "SCHEMA",
     "SCHEMA_VERSION",
     "decode_document",
@@ -33,12 +31,8 @@ __all__ = [
     "to_document",
 ]
 
-SCHEMA_VERSION = 4
-"""Of the newest documents. Version 4 has ``cameras``, and is written for several photos alone; the result of one photo
-is version 3. Version 3 has a checksum of the document. Version 2 gives each check a state and a direction; version 1
-has ``ok`` instead."""
-
-READABLE_VERSIONS = (1, 2, 3, 4)
+SCHEMA_VERSION = 5
+"""Of the documents that are written, and of those that are read."""
 
 _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 
@@ -46,7 +40,6 @@ _NUMBERS = re.compile(r"\[\n\s*((?:[-+.\deE]+,\n\s*)*[-+.\deE]+)\n\s*\]")
 def to_document(
     reconstruction: Reconstruction,
     files: Sequence[str],
-    arrays_checksum: str,
     digests: Mapping[str, str] | None = None,
     specs: tuple[Sequence[ArraySpec], Sequence[ArraySpec]] = (SHARED_ARRAYS, PERSON_ARRAYS),
 ) -> dict[str, Any]:
@@ -54,7 +47,6 @@ def to_document(
 
     Args:
         files: names of the other files in the folder.
-        arrays_checksum: checksum of ``reconstruction.npz``.
         digests: file name -> digest, for the files that are already written.
         specs: of the arrays that exist once, and of those of each person.
     """
@@ -62,7 +54,7 @@ def to_document(
     scene, floor = reconstruction.scene, reconstruction.scene.floor
     document = {
         "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION if reconstruction.cameras else SCHEMA_VERSION - 1,
+        "schema_version": SCHEMA_VERSION,
         "units": {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"},
         "frame": {
             "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
@@ -96,7 +88,6 @@ def to_document(
         "files": list(files),
         "digests": dict(digests or {}),
         "arrays": {
-            "checksum": arrays_checksum,
             "shared": [_spec(spec.name, spec.dtype, spec.shape, spec.meaning) for spec in shared],
             "of_person_i": [
                 _spec(f"person_{{i}}_{spec.name}", spec.dtype, spec.shape, spec.meaning) for spec in of_person
@@ -108,8 +99,8 @@ def to_document(
 
 
 def encode_document(document: Mapping[str, Any]) -> bytes:
-    """Encode a dictionary and its checksum as UTF-8 JSON without NaN, with each row of numbers on one line."""
-    text = json.dumps(with_checksum(document), indent=2, ensure_ascii=False, allow_nan=False)
+    """Encode a dictionary as UTF-8 JSON without NaN, with each row of numbers on one line."""
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     # JSON strings contain no raw newline, so only lists match.
     text = _NUMBERS.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)
     # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON escapes.
@@ -117,14 +108,14 @@ def encode_document(document: Mapping[str, Any]) -> bytes:
 
 
 def decode_document(content: bytes, name: str) -> dict[str, Any]:
-    """Decode and validate ``reconstruction.json``: checksum, and kind of every entry; NaN and infinities stay strings.
+    """Decode and validate ``reconstruction.json``: version, and kind of every entry; NaN and infinities stay strings.
 
     Args:
         content: bytes of the file.
         name: of the file, for error messages.
 
     Raises:
-        InputError: the file is damaged or was edited, is not a reconstruction, or has another schema version.
+        InputError: the file is damaged, is not a reconstruction, or has another schema version.
     """
     try:
         document = parse_json(content)
@@ -134,18 +125,10 @@ def decode_document(content: bytes, name: str) -> dict[str, Any]:
         raise InputError(
             f"cannot read {name}: it does not describe a reconstruction; name the folder of a finished run"
         )
-    version = document.get("schema_version")
-    if type(version) is not int or version not in READABLE_VERSIONS:
+    if document.get("schema_version") != SCHEMA_VERSION:
         raise InputError(
-            f"cannot read {name}: its schema version is {reprlib.repr(version)}, and this PhySIC reads "
-            f"{', '.join(map(str, READABLE_VERSIONS[:-1]))} and {READABLE_VERSIONS[-1]}; "
-            "load it with the PhySIC that wrote it, or run the reconstruction again"
-        )
-    state = checksum_state(document)
-    if state is ChecksumState.WRONG or (version >= 3 and state is ChecksumState.MISSING):
-        raise InputError(
-            f"cannot read {name}: it does not fit its checksum, so it is damaged or was edited; run the reconstruction "
-            f'again; if you edited it, set its entry "checksum" to "{EDITED}", and it is read without this check'
+            f"cannot read {name}: its schema version is {reprlib.repr(document.get('schema_version'))}, and this "
+            f"PhySIC reads {SCHEMA_VERSION}; load it with the PhySIC that wrote it, or run the reconstruction again"
         )
     if fault := schema_fault(document):
         raise InputError(f"cannot read {name}: {fault}; run the reconstruction again")

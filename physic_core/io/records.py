@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from physic_core.files.strict_json import from_json
-from physic_core.types import (
-    BodyContact,
-    CheckResult,
-    CheckState,
-    ContactPartner,
-    Grade,
-    Intrinsics,
-    Provenance,
-    StageRecord,
-    Support,
-)
+from physic_core.types import BodyContact, ContactPartner, Grade, Provenance, StageRecord, Support
 
-__all__ = ["from_record", "from_record_or_none", "from_records", "parse_checks", "parse_grade", "to_record"]
+__all__ = ["from_record", "from_record_or_none", "from_records", "parse_grade", "to_record"]
 
 Record = TypeVar("Record")
 
@@ -31,12 +21,6 @@ _KEYS = {
     (Provenance, "backend"): "name",
     (StageRecord, "provenance"): "backend",
 }
-
-_AT_LEAST = {
-    *("scene_alignment", "photo_alignment", "floor", "floor_mask", "focal_known"),
-    *("placed", "optimised", "visible", "legs_seen"),
-}
-"""Checks of schema version 1 whose value must reach the threshold; the records do not state the direction."""
 
 
 def to_record(value: Any) -> Any:
@@ -60,21 +44,19 @@ def to_record(value: Any) -> Any:
 
 
 def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
-    """Parse a dataclass of class ``kind``; keys that earlier versions did not write have their defaults.
+    """Parse a dataclass of class ``kind``.
 
     Raises:
         KeyError, TypeError, ValueError: a key is missing, or of another kind.
     """
-    if kind is Intrinsics and "trust" not in record:
-        record = {**record, "trust": _trust_by_source(record["source"])}
     values: dict[str, Any] = {}
     hints = _hints(kind)  # type: ignore[arg-type]  # mypy takes no type variable for hashable
     for field in fields(kind):  # type: ignore[arg-type]  # a type variable cannot be bound to dataclasses
-        hint, key = hints[field.name], _key(kind, field.name)
+        hint = hints[field.name]
         if hint is ContactPartner:
             values[field.name] = from_record(ContactPartner, record)
-        elif key in record or field.default is MISSING:
-            values[field.name] = _value(hint, record[key])
+        else:
+            values[field.name] = _value(hint, record[_key(kind, field.name)])
     return kind(**values)
 
 
@@ -84,34 +66,13 @@ def from_record_or_none(kind: type[Record], record: Mapping[str, Any] | None) ->
 
 
 def from_records(kind: type[Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[Record, ...]:
-    """Parse a list of records; None, of an earlier version, is an empty one."""
+    """Parse a list of records; None is an empty one."""
     return tuple(from_record(kind, record) for record in records or ())
 
 
-def parse_checks(records: Iterable[Mapping[str, Any]], version: int) -> tuple[CheckResult, ...]:
-    """Parse the ``checks`` of a document of a schema version.
-
-    Version 1 has ``ok``, which is true if nothing was measured, in place of ``state`` and ``direction``.
-    """
-    return from_records(CheckResult, map(_upgraded, records) if version == 1 else records)
-
-
 def parse_grade(record: Mapping[str, Any]) -> Grade | None:
-    """Parse the ``grade`` of a document or of a person; None if it was written without grades."""
-    grade = record.get("grade")
-    return None if grade is None else Grade(grade)
-
-
-def _upgraded(check: Mapping[str, Any]) -> dict[str, Any]:
-    state = CheckState.FAILED if not check["ok"] else CheckState.UNKNOWN if check["value"] is None else CheckState.OK
-    return {**check, "state": state, "direction": "at least" if check["name"] in _AT_LEAST else "at most"}
-
-
-def _trust_by_source(source: str) -> str:
-    """Return the trust in a camera of an earlier version, which stated it at the start of ``source``."""
-    if source.startswith(("given", "EXIF", "measured")):
-        return "known"
-    return "guessed" if source.startswith("default") else "estimated"
+    """Parse the ``grade`` of a document or of a person; None if it has none."""
+    return None if record["grade"] is None else Grade(record["grade"])
 
 
 def _key(kind: type, name: str) -> str:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError, OutputError
-from physic_core.files.atomic import atomic_write, check_writable, committed_path, finish_interrupted_write
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, REPORT_FILE
+from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
 from physic_core.io.results import add_files, load_reconstruction
 from physic_core.visual.report import HEAD_BYTES, PAGE_MARK, report_html
 
@@ -54,7 +54,6 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
         PackageMissingError: no installed plugin makes pages.
     """
     folder = Path(folder)
-    finish_interrupted_write(folder)
     title = title or folder.resolve().name
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
@@ -69,8 +68,8 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Whether a folder has a file of a result, complete or not."""
-    return any(os.path.isfile(committed_path(Path(folder), name)) for name in (DOCUMENT_FILE, ARRAYS_FILE))
+    """Whether a folder has a result, valid or not."""
+    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE))
 
 
 def _check_own(path: Path) -> None:

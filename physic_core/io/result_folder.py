@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import atomic_write, committed_path
-from physic_core.files.document_checksum import ChecksumState, checksum_state
+from physic_core.files.atomic import unfinished_indices
 from physic_core.files.regular import read_regular
 from physic_core.files.strict_json import parse_json
 
@@ -32,7 +31,6 @@ __all__ = [
     "digest_of",
     "digests_of_result",
     "file_digest",
-    "files_of_result",
     "image_digest",
     "photo_identity",
     "photo_identity_of_result",
@@ -89,24 +87,19 @@ def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
     return None if document is None else str(document.get("photo", ""))
 
 
-def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str] | None:
-    """Read the digests of the files of a result; None for results of older versions."""
+def digests_of_result(folder: str | os.PathLike[str]) -> dict[str, str]:
+    """Read the digests of the files of a result; none if there is no result."""
     return _digests(_document(Path(folder)) or {})
-
-
-def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Read the file names of the result in a folder; non-standard file names are ignored."""
-    return _files(_document(Path(folder)) or {})
 
 
 def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     """Return the names of the files that an earlier run wrote to a folder and that are unchanged.
 
-    Links and files with another digest belong to the user, and so does a document that does not fit its checksum.
+    The run may have been killed while it wrote them. Links and files with another digest belong to the user. The
+    document is a run's, also if it was edited.
     """
     folder = Path(folder)
-    document = _document(folder) or {}
-    digests = _digests(document)
+    documents = _documents(folder)
 
     def is_unchanged(name: str) -> bool:
         try:
@@ -116,10 +109,10 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
         if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
             return False
         if name == DOCUMENT_FILE:
-            return checksum_state(document) not in (ChecksumState.WRONG, ChecksumState.EDITED)
-        return digests is None or file_digest(folder / name) == digests.get(name, "missing")
+            return _document(folder) is not None
+        return file_digest(folder / name) in {_digests(document).get(name, "missing") for document in documents}
 
-    return frozenset(filter(is_unchanged, _files(document)))
+    return frozenset(filter(is_unchanged, _files(*documents)))
 
 
 def check_overwrite(
@@ -128,7 +121,6 @@ def check_overwrite(
     *,
     overwrite: bool = False,
     names: Iterable[str] | None = None,
-    is_locked: bool = False,
 ) -> None:
     """Raise OutputError if writing a result to a folder would overwrite data of the user.
 
@@ -137,20 +129,14 @@ def check_overwrite(
         photo: digests of its photo.
         overwrite: allow replacing the result of another photo, and files of a result that were changed.
         names: of the files that will be written; None for all that a result can have.
-        is_locked: whether the caller holds the lock of the folder. Otherwise the folder is locked meanwhile, and an
-            earlier write that was interrupted is finished first.
 
     Raises:
         OutputError: a file with one of these names is the photo, was not written by a run, or was changed; the folder
-            has the result of another photo, or cannot be locked.
+            has the result of another photo.
     """
-    if not is_locked and os.path.isdir(folder):
-        with atomic_write(Path(folder)):
-            check_overwrite(folder, photo, overwrite=overwrite, names=names, is_locked=True)
-        return
     folder = Path(folder)
     present = [name for name in (_names_in(folder) if names is None else names) if os.path.lexists(folder / name)]
-    listed, own = files_of_result(folder), unchanged_result_files(folder)
+    listed, own = _files(*_documents(folder)), unchanged_result_files(folder)
     photos = [name for name in present if file_digest(folder / name) in photo.split()]
     others = [name for name in present if name not in photos and name not in own]
     changed = [name for name in others if name in listed and os.path.isfile(folder / name)]
@@ -180,23 +166,29 @@ def _names_in(folder: Path) -> list[str]:
     return [*_FIXED, *people]
 
 
-def _document(folder: Path) -> dict[str, Any] | None:
+def _documents(folder: Path) -> list[dict[str, Any]]:
+    """Read ``reconstruction.json`` of a folder, and those of runs that were killed while they wrote."""
+    names = [DOCUMENT_FILE, *(path.name for path in unfinished_indices(folder, DOCUMENT_FILE))]
+    return [document for name in names if (document := _document(folder, name)) is not None]
+
+
+def _document(folder: Path, name: str = DOCUMENT_FILE) -> dict[str, Any] | None:
     """Read ``reconstruction.json`` of a folder; None if it is missing or invalid."""
     try:
-        document = parse_json(read_regular(committed_path(folder, DOCUMENT_FILE), MAX_DOCUMENT_BYTES))
+        document = parse_json(read_regular(folder / name, MAX_DOCUMENT_BYTES))
     except (OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
 
-def _digests(document: Mapping[str, Any]) -> dict[str, str] | None:
+def _digests(document: Mapping[str, Any]) -> dict[str, str]:
     digests = document.get("digests")
-    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else None
+    return {name: str(digest) for name, digest in digests.items()} if isinstance(digests, dict) else {}
 
 
-def _files(document: Mapping[str, Any]) -> frozenset[str]:
-    files = document.get("files")
-    named = [str(name) for name in files] if isinstance(files, list) else []
+def _files(*documents: Mapping[str, Any]) -> frozenset[str]:
+    lists = [document.get("files") for document in documents]
+    named = [str(name) for files in lists if isinstance(files, list) for name in files]
     return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
 
 

@@ -5,20 +5,13 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import (
-    atomic_write,
-    check_writable,
-    committed_path,
-    read_while_written,
-)
-from physic_core.files.document_checksum import EDITED
+from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_arrays
 from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
@@ -28,7 +21,6 @@ from physic_core.io.arrays import (
     PERSON_ARRAYS,
     SHARED_ARRAYS,
     check_arrays,
-    npz_checksum,
     number_of_people,
     to_arrays,
 )
@@ -46,7 +38,7 @@ from physic_core.io.document import (
     parse_skeleton,
     to_document,
 )
-from physic_core.io.records import from_record, from_record_or_none, from_records, parse_checks, parse_grade
+from physic_core.io.records import from_record, from_record_or_none, from_records, parse_grade
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
@@ -64,7 +56,7 @@ from physic_core.types import (
     BodyContact,
     BodyParameters,
     CameraView,
-    CheckState,
+    CheckResult,
     ContactPartner,
     Detection,
     Intrinsics,
@@ -86,7 +78,6 @@ if TYPE_CHECKING:
 
     from physic_core.files.npz import ArrayHeader
     from physic_core.io.arrays import ArraySpec
-    from physic_core.types import CheckResult
 
 __all__ = [
     "ARRAYS_FILE",
@@ -118,9 +109,9 @@ def save_reconstruction(
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
 
-    All files are written, or none. Numbers have the dtypes of :mod:`physic_core.io.arrays`. An earlier result of the
-    same photo is replaced. The result of another photo and changed files are replaced only with ``overwrite``. The
-    photo, and files that no run wrote, are never replaced.
+    All files are written, or none; if the process is killed, the folder may have no result. Numbers have the dtypes of
+    :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced. The result of another photo and
+    changed files are replaced only with ``overwrite``. The photo, and files that no run wrote, are never replaced.
 
     Args:
         reconstruction: what to save.
@@ -197,8 +188,8 @@ def _write(
 ) -> tuple[Path, ...]:
     """Write document, arrays and pictures, all or none; delete unchanged files of an earlier result."""
     names = [DOCUMENT_FILE, stored.file, *pictures]
-    with atomic_write(folder) as temporary:
-        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names, is_locked=True)
+    with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
+        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)
@@ -207,7 +198,7 @@ def _write(
         for name, content in pictures.items():
             temporary(name).write_bytes(content)
             digests[name] = digest_of(content)
-        document = to_document(reconstruction, names, npz_checksum(arrays_file), digests, stored.specs)
+        document = to_document(reconstruction, names, digests, stored.specs)
         document_file.write_bytes(encode_document(document))
     return tuple(folder / name for name in names)
 
@@ -218,9 +209,9 @@ def add_files(folder: Path, files: Mapping[str, bytes]) -> None:
     Raises:
         OutputError: a file cannot be written.
     """
-    with atomic_write(check_writable(folder)) as temporary:
+    with atomic_write(check_writable(folder), index=DOCUMENT_FILE) as temporary:
         # Read while the folder is locked: another process may just have saved another result.
-        with suppress(InputError, KeyError):
+        with suppress(InputError):
             document = read_document(folder)
             document["files"] = [*(name for name in document["files"] if name not in files), *files]
             document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
@@ -230,47 +221,55 @@ def add_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
-    """Read a reconstruction that :func:`save_reconstruction` wrote, and verify its checksums, dtypes and shapes.
+    """Read a reconstruction that :func:`save_reconstruction` wrote, and verify digests, dtypes and shapes.
 
     Raises:
-        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
+        InputError: a file is missing, damaged, from another run, or of another schema version.
     """
     folder = Path(folder)
-    return read_while_written(folder, DOCUMENT_FILE, partial(_load, folder))
+    document = read_document(folder)
+    arrays = _arrays(folder, document)
+    try:
+        return _assemble(document, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise _incomplete(folder, error) from error
 
 
 def load_people(folder: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a result that ``physic batch --save people`` wrote, and verify checksums, dtypes and shapes.
+    """Read the arrays of a result that ``physic batch --save people`` wrote, and verify digests, dtypes and shapes.
 
     Returns:
         The arrays by name, as in :mod:`physic_core.io.arrays`, such as ``person_0_vertices`` (V, 3), metres, in the
         frame of the OpenCV camera.
 
     Raises:
-        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
+        InputError: a file is missing, damaged, from another run, or of another schema version.
     """
     folder = Path(folder)
-    return read_while_written(folder, DOCUMENT_FILE, lambda: _arrays(folder, _read_document(folder), file=PEOPLE_FILE))
+    return _arrays(folder, read_document(folder), file=PEOPLE_FILE)
 
 
 def read_document(folder: Path) -> dict[str, Any]:
     """Read ``reconstruction.json`` of a folder and verify it; NaN and infinities stay strings.
 
     Raises:
-        InputError: it is missing, damaged, edited, or of another schema version.
+        InputError: it is missing, damaged, or of another schema version.
     """
-    return read_while_written(folder, DOCUMENT_FILE, partial(_read_document, folder))
+    path = folder / DOCUMENT_FILE
+    try:
+        content = read_regular(path, MAX_DOCUMENT_BYTES)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return decode_document(content, str(path))
 
 
 def read_image(folder: Path) -> NDArray[np.uint8]:
     """Read the image (H, W, 3) uint8 of a result alone; its arrays are verified as by :func:`load_reconstruction`.
 
     Raises:
-        InputError: a file is missing, damaged, edited, from another run, or of another schema version.
+        InputError: a file is missing, damaged, from another run, or of another schema version.
     """
-    only = ("image",)
-    arrays = read_while_written(folder, DOCUMENT_FILE, lambda: _arrays(folder, _read_document(folder), only))
-    image: NDArray[np.uint8] = arrays["image"]
+    image: NDArray[np.uint8] = _arrays(folder, read_document(folder), only=("image",))["image"]
     return image
 
 
@@ -293,24 +292,6 @@ def _pictures(
     except Exception as error:
         return {}, error
     return made, None
-
-
-def _load(folder: Path) -> Reconstruction:
-    document = _read_document(folder)
-    arrays = _arrays(folder, document)
-    try:
-        return _assemble(document, arrays)
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise _incomplete(folder, error) from error
-
-
-def _read_document(folder: Path) -> dict[str, Any]:
-    path = folder / DOCUMENT_FILE
-    try:
-        content = read_regular(committed_path(folder, DOCUMENT_FILE), MAX_DOCUMENT_BYTES)
-    except OSError as error:
-        raise _unreadable(path, error) from error
-    return decode_document(content, str(path))
 
 
 def _incomplete(folder: Path, error: Exception) -> InputError:
@@ -338,12 +319,12 @@ def _arrays(
 ) -> dict[str, NDArray[Any]]:
     """Read and verify the arrays of a result, or only some of the shared ones."""
     path = folder / file
-    listed = document.get("files", ())
+    listed = document["files"]
     if file not in listed and (other := {ARRAYS_FILE: PEOPLE_FILE, PEOPLE_FILE: ARRAYS_FILE}[file]) in listed:
         reader = "load_people" if other == PEOPLE_FILE else "load_reconstruction"
         raise InputError(f"cannot read {path}: this result was saved as {other}; physic_core.{reader} reads it")
     try:
-        with open_regular(committed_path(folder, file)) as stream:
+        with open_regular(path) as stream:
             return _verified_arrays(stream, path, document, only)
     except OSError as error:
         raise _unreadable(path, error) from error
@@ -352,21 +333,16 @@ def _arrays(
 def _verified_arrays(
     stream: BufferedReader, path: Path, document: Mapping[str, Any], only: Sequence[str] | None
 ) -> dict[str, NDArray[Any]]:
-    stated, checksum = document.get("digests", {}).get(path.name), document.get("arrays", {}).get("checksum")
-    is_edited = document.get("checksum") == EDITED
-    is_intact = file_digest(stream) == stated
+    if file_digest(stream) != document["digests"].get(path.name):
+        raise InputError(
+            f"cannot read {path}: its SHA-256 is not the one in {DOCUMENT_FILE} beside it, so it is damaged, or of "
+            "another run; run the reconstruction again"
+        )
     try:
-        if not is_intact and not is_edited and npz_checksum(stream) != checksum:
-            raise InputError(
-                f"cannot read {path}: it is not of the same run as {DOCUMENT_FILE} beside it; "
-                "run the reconstruction again"
-            )
         headers = read_headers(stream)
         wanted = _wanted(path, headers, document)
         limit = min(MAX_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
         arrays = read_arrays(stream, wanted if only is None else only, limit=limit)
-        if not is_intact and not is_edited and stated is not None:
-            raise ValueError(f"its SHA-256 is not the one in {DOCUMENT_FILE}")
         if only is None:
             _check_values(arrays, document)
             arrays = expand_people(arrays) if path.name == PEOPLE_FILE else expand_arrays(arrays)
@@ -420,7 +396,7 @@ def _check_values(arrays: Mapping[str, NDArray[Any]], document: Mapping[str, Any
     for name in ("body_model", "skeleton"):
         if str(arrays[name]) != document[name]:
             raise ValueError(f"{name} is {str(arrays[name])[:60]!r}, and {DOCUMENT_FILE} has {document[name][:60]!r}")
-    partners = len(document.get("contact_partners", ()))
+    partners = len(document["contact_partners"])
     for index in range(len(document["people"])):
         ids = arrays.get(f"person_{index}_contact_partner")
         if ids is not None and ids.size and (ids.min() < NO_PARTNER or ids.max() >= partners):
@@ -436,8 +412,6 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     scene = document["scene"]
     floor = scene["floor"]
     own, of_scene = _values(SHARED_ARRAYS, arrays), _values(SHARED_ARRAYS, arrays, "scene.")
-    # The first results were written without checks.
-    checks = parse_checks(document.get("checks", ()), document["schema_version"])
     result = Reconstruction(
         **own,
         intrinsics=from_record(Intrinsics, document["intrinsics"]),
@@ -447,7 +421,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
             scale=from_json(scene["scale"]),
             scale_sigma=from_json(scene["scale_sigma"]),
         ),
-        people=tuple(_person(record, index, arrays, checks) for index, record in enumerate(document["people"])),
+        people=tuple(_person(record, index, arrays) for index, record in enumerate(document["people"])),
         body_model=document["body_model"],
         skeleton=parse_skeleton(document),
         stages=from_records(StageRecord, document["stages"]),
@@ -455,12 +429,12 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
         warnings=tuple(document["warnings"]),
         notes=tuple(document["notes"]),
         config=from_json(document["config"]),
-        checks=checks,
+        checks=from_records(CheckResult, document["checks"]),
         grade=parse_grade(document),
-        photo=document.get("photo", ""),
-        unposed=from_records(UnposedPerson, document.get("unposed")),
-        lens=from_record_or_none(Lens, document.get("lens")),
-        contact_partners=from_records(ContactPartner, document.get("contact_partners")),
+        photo=document["photo"],
+        unposed=from_records(UnposedPerson, document["unposed"]),
+        lens=from_record_or_none(Lens, document["lens"]),
+        contact_partners=from_records(ContactPartner, document["contact_partners"]),
     )
     cameras = document.get("cameras", ())
     others = [_camera(record, f"camera_{c}_", arrays) for c, record in enumerate(cameras) if c]
@@ -489,22 +463,18 @@ def _camera(record: Mapping[str, Any], prefix: str, arrays: Mapping[str, NDArray
     )
 
 
-def _person(
-    record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]], checks: Sequence[CheckResult]
-) -> Person:
-    # Documents of version 1 do not list them.
-    unknown = [check.name for check in checks if check.person == index and check.state is CheckState.UNKNOWN]
+def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[Any]]) -> Person:
     prefix = f"person_{index}_"
     return Person(
         **_values(PERSON_ARRAYS, arrays, prefix=prefix),
         score=from_json(record["score"]),
         parameters=BodyParameters(**_values(PERSON_ARRAYS, arrays, "parameters.", prefix)),
         failed_checks=tuple(record["failed_checks"]),
-        unknown_checks=tuple(record.get("unknown_checks", unknown)),
+        unknown_checks=tuple(record["unknown_checks"]),
         grade=parse_grade(record),
-        contacts=from_records(BodyContact, record.get("contacts")),
-        support=from_record_or_none(Support, record.get("support")),
-        age=from_record_or_none(AgeEstimate, record.get("age")),
+        contacts=from_records(BodyContact, record["contacts"]),
+        support=from_record_or_none(Support, record["support"]),
+        age=from_record_or_none(AgeEstimate, record["age"]),
     )
 
 

@@ -18,16 +18,16 @@ def result_schema_file() -> Path:
 
 
 def schema_fault(document: Any) -> str:
-    """Return what in a document is of another kind than the schema says; "" if nothing is.
-
-    Keys may be missing, since earlier versions did not write all of them.
-    """
+    """Return what in a document is missing, or of another kind than the schema says; "" if nothing is."""
     from fastjsonschema import JsonSchemaValueException
 
     try:
         _validator()(document)
     except JsonSchemaValueException as error:
         path = ".".join(map(str, error.path[1:])) or "the document"
+        if error.rule == "required":
+            missing = [name for name in error.definition["required"] if name not in error.value]
+            return f"{path[:200]} has no {', '.join(missing)}"
         return f"{path[:200]!r} is {reprlib.repr(error.value)}, which is not of the kind of this entry"
     except RecursionError:
         return "its values are nested too deep"
@@ -38,17 +38,6 @@ def schema_fault(document: Any) -> str:
 def _validator() -> Callable[[Any], Any]:
     import fastjsonschema
 
-    schema = _without_required(json.loads(result_schema_file().read_text(encoding="utf-8")))
-    del schema["properties"]["schema_version"]
+    schema = json.loads(result_schema_file().read_text(encoding="utf-8"))
     made: Callable[[Any], Any] = fastjsonschema.compile(schema, use_default=False)
     return made
-
-
-def _without_required(schema: Any) -> Any:
-    if isinstance(schema, dict):
-        return {
-            key: _without_required(value)
-            for key, value in schema.items()
-            if not (key == "required" and isinstance(value, list))
-        }
-    return [_without_required(value) for value in schema] if isinstance(schema, list) else schema

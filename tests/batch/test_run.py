@@ -27,12 +27,12 @@ from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal, JournalRows, last_rows, read_journals, read_rows
 from physic_core.batch.photos import find_photos, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
+from physic_core.batch.row_checksum import with_checksum
 from physic_core.batch.run import plan_batch, run_batch
 from physic_core.batch.saving import Saving
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
-from physic_core.files.document_checksum import with_checksum
 
 from .conftest import STANDIN
 

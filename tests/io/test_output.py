@@ -17,7 +17,6 @@ from physic_core.errors import OutputError
 from physic_core.io.result_folder import (
     check_overwrite,
     file_digest,
-    files_of_result,
     image_digest,
     photo_identity,
     photo_identity_of_result,
@@ -52,7 +51,8 @@ def result(folder: Path, photo: str, files: tuple[str, ...] = FILES) -> None:
     folder.mkdir(exist_ok=True)
     for name in files:
         (folder / name).write_text("ours")
-    document = {"schema": "physic-reconstruction", "photo": photo, "files": list(files)}
+    digests = {name: file_digest(folder / name) for name in files}
+    document = {"schema": "physic-reconstruction", "photo": photo, "files": list(files), "digests": digests}
     (folder / "reconstruction.json").write_text(json.dumps(document))
 
 
@@ -205,7 +205,7 @@ def test_a_changed_file_that_the_next_result_has_not_is_left_alone(out: Path, ma
     (out / "person_1.glb").write_text("mine")
     make(people=1).save(str(out), preview=False)
     assert (out / "person_1.glb").read_text() == "mine"
-    assert files_of_result(out) == {
+    assert set(json.loads((out / "reconstruction.json").read_text())["files"]) == {
         "reconstruction.json",
         "reconstruction.npz",
         "scene.glb",

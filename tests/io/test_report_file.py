@@ -64,11 +64,11 @@ def test_a_page_that_was_edited_is_not_removed(folder, result):
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
     arrays = folder / "reconstruction.npz"
     arrays.write_bytes(arrays.read_bytes()[:5000])
-    with pytest.raises(InputError, match="it is damaged"):
+    with pytest.raises(InputError, match="its SHA-256 is not the one"):
         add_report(folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "This result cannot be shown" in page
-    assert "it is damaged (File is not a zip file); run the reconstruction again" in page
+    assert "so it is damaged, or of another run; run the reconstruction again" in page
 
 
 def test_a_folder_without_a_result_gets_no_page(tmp_path):
@@ -102,7 +102,7 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     assert done.output == f"wrote {tmp_path / 'contact-sheet.html'}\n"
     broken, cut, good = cards(tmp_path)
     assert cut["state"] == "failed"
-    assert "it is damaged" in cut["message"]
+    assert "so it is damaged" in cut["message"]
     assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "my photo-physic/", "done")
     assert (good["people"], good["grade"], good["error"]) == (2, "bad", "")
     assert len(good["thumbnail"]) > 500

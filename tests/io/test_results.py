@@ -19,8 +19,8 @@ import physic_core.io.results as results
 from physic_core.errors import InputError, OutputError
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import to_document
+from physic_core.io.result_folder import file_digest
 from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
-from physic_core.types import CheckResult
 
 
 def strict(text: bytes):
@@ -56,26 +56,6 @@ def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
     assert_same(before, load_reconstruction(tmp_path))
 
 
-@pytest.mark.parametrize(
-    ("source", "trust"),
-    [
-        ("given", "known"),
-        ("EXIF: 50 mm and the sensor's resolution", "known"),
-        ("measured by the phone", "known"),
-        ("default (0.95 x the long side)", "guessed"),
-        ("vanishing points", "estimated"),
-    ],
-)
-def test_a_result_of_before_trust_was_written_states_it_by_its_source(tmp_path, reconstruction, source, trust):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    path = tmp_path / "reconstruction.json"
-    document = json.loads(path.read_text())
-    document["intrinsics"]["source"] = source
-    del document["intrinsics"]["trust"], document["checksum"]
-    path.write_text(json.dumps(document | {"schema_version": 2}))
-    assert load_reconstruction(tmp_path).intrinsics.trust == trust
-
-
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction, assert_same):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
@@ -85,7 +65,7 @@ def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction, assert_sa
 
 def test_arrays_and_numpy_numbers_become_lists_and_numbers(reconstruction):
     numbers = {"a": np.float32(0.5), "b": np.arange(3), "c": (1, 2), "d": Path("x/y"), "e": {3: np.bool_(True)}}
-    document = to_document(replace(reconstruction, diagnostics=numbers), [], "")
+    document = to_document(replace(reconstruction, diagnostics=numbers), [])
     assert document["diagnostics"] == {"a": 0.5, "b": [0, 1, 2], "c": [1, 2], "d": "x/y", "e": {"3": True}}
 
 
@@ -130,7 +110,7 @@ def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
-    assert document["schema_version"] == 3
+    assert document["schema_version"] == 5
     assert document["units"] == {"length": "metres", "angle": "radians", "time": "seconds", "image": "pixels"}
     assert document["frame"]["axes"] == "OpenCV camera: x right, y down, z forward; origin at the camera"
     assert document["image"] == {"width": 160, "height": 120}
@@ -215,9 +195,11 @@ def test_out_may_not_be_written(tmp_path, monkeypatch):
 # --- a result that cannot be read -------------------------------------------------------------------------------------
 
 
-def mark_as_edited(folder) -> None:
+def state_the_digest(folder) -> None:
+    """Write the digest of the arrays into the document, as a user does who replaces them."""
     path = folder / "reconstruction.json"
-    path.write_text(json.dumps(json.loads(path.read_bytes()) | {"checksum": "edited"}))
+    digests = {"reconstruction.npz": file_digest(folder / "reconstruction.npz")}
+    path.write_text(json.dumps(json.loads(path.read_bytes()) | {"digests": digests}))
 
 
 def message_of(folder) -> str:
@@ -231,35 +213,12 @@ def test_a_folder_without_a_result(tmp_path):
     assert message_of(tmp_path) == f"cannot read {path}: there is no such file; name the folder of a finished run"
 
 
-def test_a_result_of_schema_version_1(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
-    path = tmp_path / "reconstruction.json"
-    document = json.loads(path.read_bytes())
-    old = {"value": None, "threshold": 12, "unit": "deg", "ok": True, "message": "not measured: tilt"}
-    low = {"value": 0.0, "threshold": 0.15, "unit": "share", "ok": False, "message": "no floor was found"}
-    document |= {"schema_version": 1, "checks": [{"name": "floor", "person": None} | low]}
-    document["checks"].append({"name": "lean", "person": 1} | old)
-    del document["checksum"]
-    for record in (document, *document["people"]):
-        del record["grade"]
-    for person in document["people"]:
-        del person["unknown_checks"]
-    path.write_bytes(json.dumps(document).encode())
-    loaded = load_reconstruction(tmp_path)
-    assert loaded.checks == (
-        CheckResult("floor", "failed", 0.0, 0.15, "at least", "share", "no floor was found"),
-        CheckResult("lean", "unknown", None, 12.0, "at most", "deg", "not measured: tilt", 1),
-    )
-    assert [person.unknown_checks for person in loaded.people] == [(), ("lean",)]
-    assert (loaded.grade, loaded.people[0].grade) == (None, None)
-
-
 def test_a_result_of_another_schema_version_is_refused(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
-    path.write_bytes(path.read_bytes().replace(b'"schema_version": 3', b'"schema_version": 99'))
+    path.write_bytes(path.read_bytes().replace(b'"schema_version": 5', b'"schema_version": 4'))
     assert message_of(tmp_path) == (
-        f"cannot read {path}: its schema version is 99, and this PhySIC reads 1, 2, 3 and 4; "
+        f"cannot read {path}: its schema version is 4, and this PhySIC reads 5; "
         "load it with the PhySIC that wrote it, or run the reconstruction again"
     )
 
@@ -287,10 +246,8 @@ def test_a_document_without_a_required_key_is_an_error(tmp_path, reconstruction)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     del document["intrinsics"]
-    path.write_text(json.dumps(document | {"checksum": "edited"}))
-    assert message_of(tmp_path) == (
-        f"cannot read {path}: an entry is missing or of another kind ('intrinsics'); run the reconstruction again"
-    )
+    path.write_text(json.dumps(document))
+    assert message_of(tmp_path) == (f"cannot read {path}: the document has no intrinsics; run the reconstruction again")
 
 
 def test_arrays_of_another_run_are_refused(tmp_path, make):
@@ -299,17 +256,18 @@ def test_arrays_of_another_run_are_refused(tmp_path, make):
     path = tmp_path / "a" / "reconstruction.npz"
     path.write_bytes((tmp_path / "b" / "reconstruction.npz").read_bytes())
     assert message_of(tmp_path / "a") == (
-        f"cannot read {path}: it is not of the same run as reconstruction.json beside it; run the reconstruction again"
+        f"cannot read {path}: its SHA-256 is not the one in reconstruction.json beside it, so it is damaged, or of "
+        "another run; run the reconstruction again"
     )
 
 
 def test_missing_arrays_are_named(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = {name: arrays[name] for name in arrays if name not in ("faces", "person_1_contact")}
     np.savez(path, **kept)
+    state_the_digest(tmp_path)
     assert message_of(tmp_path) == (
         f"cannot read {path}: it has no faces, person_1_contact; run the reconstruction again"
     )
@@ -321,6 +279,8 @@ def test_truncated_arrays_are_refused(tmp_path, reconstruction, share):
     path = tmp_path / "reconstruction.npz"
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * share)])
+    assert "its SHA-256 is not the one" in message_of(tmp_path)
+    state_the_digest(tmp_path)
     assert message_of(tmp_path) == (
         f"cannot read {path}: it is damaged (File is not a zip file); run the reconstruction again"
     )
@@ -333,57 +293,30 @@ def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
     with zipfile.ZipFile(path) as archive:
         content[archive.getinfo("scene_points.npy").header_offset + 50_000] ^= 1
     path.write_bytes(bytes(content))
-    assert re.fullmatch(
-        re.escape(f"cannot read {path}: it is damaged (Bad CRC-32 for file 'scene_points.npy'); ")
-        + "run the reconstruction again",
-        message_of(tmp_path),
+    assert "its SHA-256 is not the one" in message_of(tmp_path)
+    state_the_digest(tmp_path)
+    assert message_of(tmp_path) == (
+        f"cannot read {path}: it is damaged (Bad CRC-32 for file 'scene_points.npy'); run the reconstruction again"
     )
 
 
 def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = dict(arrays)
     kept["faces"] = np.array([{"code": "here"}], dtype=object)
     np.savez(path, **kept)
+    state_the_digest(tmp_path)
     assert message_of(tmp_path).startswith(f"cannot read {path}: it is damaged (an array holds Python objects)")
 
 
-def test_a_document_that_was_edited_is_refused_until_it_is_marked(tmp_path, reconstruction):
+def test_an_edited_document_is_read_and_replaced_as_the_runs_own(tmp_path, reconstruction, assert_same):
     save_reconstruction(reconstruction, tmp_path, preview=False)
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"offset": 1.4', b'"offset": 1.5'))
-    assert message_of(tmp_path) == (
-        f"cannot read {path}: it does not fit its checksum, so it is damaged or was edited; run the reconstruction "
-        'again; if you edited it, set its entry "checksum" to "edited", and it is read without this check'
-    )
-    mark_as_edited(tmp_path)
     assert load_reconstruction(tmp_path).scene.floor.offset == 1.5
-
-
-@pytest.mark.parametrize("mark", [False, True], ids=["unmarked", "marked"])
-def test_an_edited_document_is_replaced_with_overwrite_only(tmp_path, reconstruction, mark, assert_same):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    path = tmp_path / "reconstruction.json"
-    path.write_bytes(path.read_bytes().replace(b"read from a file", b"my own words"))
-    if mark:
-        mark_as_edited(tmp_path)
-    with pytest.raises(OutputError, match=r"reconstruction\.json there was changed since an earlier run"):
-        save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False, overwrite=True)
-    assert_same(reconstruction, load_reconstruction(tmp_path))
-
-
-def test_a_result_without_checksum_is_as_version_2_wrote_it(tmp_path, reconstruction, assert_same):
     save_reconstruction(reconstruction, tmp_path, preview=False)
-    path = tmp_path / "reconstruction.json"
-    document = json.loads(path.read_bytes())
-    del document["checksum"]
-    path.write_text(json.dumps(document))
-    assert "it does not fit its checksum" in message_of(tmp_path)
-    path.write_text(json.dumps(document | {"schema_version": 2}))
     assert_same(reconstruction, load_reconstruction(tmp_path))
 
 
@@ -406,7 +339,6 @@ def test_a_result_without_checksum_is_as_version_2_wrote_it(tmp_path, reconstruc
 )  # fmt: skip
 def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, fault):
     save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.json"
     text = path.read_text(encoding="utf-8")
     assert before in text
@@ -437,12 +369,12 @@ def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, faul
 )  # fmt: skip
 def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fault):
     save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
     change(arrays)
     np.savez(path, **arrays)
+    state_the_digest(tmp_path)
     # The capsules of trimesh have another number of vertices in other versions.
     fault = fault.format(count=len(reconstruction.people[0].vertices))
     assert message_of(tmp_path) == f"cannot read {path}: it is damaged ({fault}); run the reconstruction again"
@@ -451,12 +383,12 @@ def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fau
 def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypatch):
     monkeypatch.setattr(results, "_SMALL", 1 << 20)
     save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
     arrays["floor_points"] = np.zeros((1_500_000, 3), np.float32)
     np.savez_compressed(path, **arrays)
+    state_the_digest(tmp_path)
     assert path.stat().st_size < 140_000
     message_of(tmp_path)  # imports and the compiled schema stay in memory
     tracemalloc.start()
@@ -472,7 +404,6 @@ def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypat
 
 def test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
-    mark_as_edited(tmp_path)
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     path.write_text(json.dumps(document | {"people": [7] * 1_000_000}))

