@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from PIL import Image, ImageFile, PngImagePlugin
 
 from physic_core.errors import InputError, PackageMissingError
-from physic_core.files.image_memory import check_parts, decoding_bytes
+from physic_core.files.image_memory import decoding_bytes
 from physic_core.files.jpeg_data import check_jpeg_data
 
 if TYPE_CHECKING:
@@ -164,14 +164,12 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
         if kind == "HEIF":
             _register_heif(source)
         with wrap_decoding_errors(source):
-            check_parts(kind, file)
             file.seek(0)
             image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
         with image:
             if image.size[0] * image.size[1] > MAX_PIXELS:
                 raise source.too_large()
-            with wrap_decoding_errors(source):
-                needed = decoding_bytes(image, file)
+            needed = decoding_bytes(image)
             if needed > MAX_DECODING_BYTES:
                 raise InputError(
                     f"cannot use the {source}: decoding its {image.size[0]} x {image.size[1]} px of {kind} takes "

@@ -17,7 +17,6 @@ from physic_core.files.jpeg_data import MAX_SCANS
 from physic_core.io.people_prompt import read_masks
 from physic_core.io.photo import read_photo, read_source
 
-CORPUS = Path(__file__).parents[2] / "tools" / "attacks" / "corpus"
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 
@@ -38,7 +37,7 @@ def of_bytes(data: bytes) -> str:
     return damaged(f"of {len(data):,} bytes")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*JPEGS, "png"])
 def test_a_block_of_zeros_is_found(kind: str):
     whole = encoded(kind)
     begin = picture_start(whole)
@@ -56,38 +55,25 @@ def test_a_short_block_of_zeros_is_found(kind: str):
         assert message_of(data) == of_bytes(data)
 
 
-HEIC = (CORPUS / "photo.heic").read_bytes()
-
-
-def avif(**options) -> bytes:
-    file = io.BytesIO()
-    Image.open(PHOTO).convert("RGB").save(file, "AVIF", speed=9, **options)
-    return file.getvalue()
-
-
-@pytest.mark.parametrize("kind", ["avif", "heic"])
-def test_zeros_in_an_avif_or_heic_are_found(kind: str):
-    if kind == "heic":
-        pytest.importorskip("pi_heif")
-    whole = HEIC if kind == "heic" else avif()
-    assert read_photo(whole).image.any()
-    for at in range(len(whole) // 5, len(whole) - 600, 997):
-        for data in (whole[:at] + bytes(512) + whole[at + 512 :], whole[:at] + bytes(len(whole) - at)):
-            assert message_of(data) == of_bytes(data)
-
-
-def test_zeros_in_the_metadata_of_an_avif_are_no_damage():
-    """Cameras write their own notes, which have long runs of zeros."""
-    data = avif(exif=Image.Exif().tobytes() + bytes(5000))
-    assert bytes(5000) in data
-    np.testing.assert_array_equal(read_photo(data).image, read_photo(avif()).image)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
 def test_a_cut_with_the_end_put_back_is_found(kind: str, share: float):
     data = cut(encoded(kind), int(share * len(encoded(kind))))
     assert message_of(data) == of_bytes(data)
+
+
+@pytest.mark.parametrize("kind", ["avif", "heic"])
+def test_an_avif_or_heic_that_is_cut_is_found(kind: str):
+    if kind == "heic":
+        pytest.importorskip("pi_heif")
+        whole = (Path(__file__).parents[2] / "tools" / "attacks" / "corpus" / "photo.heic").read_bytes()
+    else:
+        file = io.BytesIO()
+        Image.open(PHOTO).convert("RGB").save(file, "AVIF", speed=9)
+        whole = file.getvalue()
+    assert read_photo(whole).image.any()
+    for at in range(len(whole) // 5, len(whole), 997):
+        assert message_of(whole[:at]) == of_bytes(whole[:at])
 
 
 def test_a_small_file_that_claims_a_large_picture_is_refused():
@@ -135,11 +121,10 @@ def test_oddities_of_cameras_are_no_damage(kind: str, change: str):
 
 @pytest.mark.parametrize("mode", ["RGB", "L", "CMYK"])
 @pytest.mark.parametrize("options", [{}, {"optimize": True}, {"progressive": True}, {"quality": 5}], ids=str)
-@pytest.mark.parametrize("kind", ["JPEG", "WEBP", "AVIF"])
-def test_one_colour_is_no_damage(mode: str, options: dict, kind: str):
+def test_one_colour_is_no_damage(mode: str, options: dict):
     """Large plain areas give long runs of zeros."""
     file = io.BytesIO()
-    Image.new("RGB", (1600, 1200), "white").convert(mode if kind == "JPEG" else "RGB").save(file, kind, **options)
+    Image.new("RGB", (1600, 1200), "white").convert(mode).save(file, "JPEG", **options)
     assert np.ptp(read_photo(file.getvalue()).image) == 0
 
 

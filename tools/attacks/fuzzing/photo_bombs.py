@@ -28,39 +28,14 @@ def webp() -> bytes:
     return b"RIFF" + struct.pack("<I", 12 + len(picture)) + b"WEBPVP8L" + struct.pack("<I", len(picture)) + picture
 
 
-def jpeg2000(*, hidden: bool = False) -> bytes:
-    """One tile of 144 megapixels; ``hidden`` behind a box that resembles a codestream of small tiles."""
+def jpeg2000() -> bytes:
+    """One tile of 144 megapixels."""
     data = encoded("JPEG2000")
     sizes = data.index(b"\xff\x4f\xff\x51") + 8
     header = data.index(b"ihdr") + 4
-    small = bytes(data[sizes - 8 : sizes + 40])
     data[header : header + 8] = struct.pack(">II", SIDE, SIDE)
     for at in (sizes, sizes + 16):
         data[at : at + 8] = struct.pack(">II", SIDE, SIDE)
-    if hidden:
-        at = data.index(b"jp2c") - 4
-        data[at:at] = struct.pack(">I", 8 + len(small)) + b"uuid" + small
-    return bytes(data)
-
-
-def avif(width: int, height: int) -> bytes:
-    """An image of 64 x 64 px in its container, whose AV1 frame has ``width`` x ``height`` px in its header."""
-    data = encoded("AVIF")
-    start = data.index(b"mdat") + 4
-    unit = data.index(b"\x0a", start)  # the sequence header: its type, size and bits
-    size = data[unit + 1]
-    bits = "".join(f"{byte:08b}" for byte in data[unit + 2 : unit + 2 + size])
-    assert bits[4] == "1"
-    assert bits[10:18] == "01010101"  # the sides have 6 bits each
-    after = bits[30:].rstrip("0")[:-1]  # without the stop bit
-    changed = bits[:10] + "11111111" + f"{width - 1:016b}{height - 1:016b}" + after + "1"
-    changed += "0" * (-len(changed) % 8)
-    header = int(changed, 2).to_bytes(len(changed) // 8)
-    length = struct.pack(">I", len(data) - start)
-    at = data.index(length, data.index(b"iloc"))
-    data[unit + 1 : unit + 2 + size] = bytes([len(header)]) + header
-    data[at : at + 4] = struct.pack(">I", len(data) - start)
-    data[start - 8 : start - 4] = struct.pack(">I", len(data) - start + 8)
     return bytes(data)
 
 
@@ -103,22 +78,6 @@ def tiff(side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", f
     return b"II*\x00" + struct.pack("<LH", 8, len(rows)) + table + struct.pack("<L", following) + after
 
 
-def huge_tile() -> bytes:
-    """A tile of 900 megapixels for an image of 64 x 64 px."""
-    place = 8 + 2 + 12 * 10 + 4
-    data = zlib.compress(bytes(1000))
-    tile = [(322, 4, 1, 30_000), (323, 4, 1, 30_000), (324, 4, 1, place), (325, 4, 1, len(data)), (259, 3, 1, 8)]
-    return tiff(64, tile, data)
-
-
-def many_rationals() -> bytes:
-    """Fractions in the Exif directory, which Pillow makes an object each."""
-    count, place = 3_000_000, 8 + 2 + 12 * 9 + 4
-    strip = [(273, 4, 1, 8), (278, 4, 1, 64), (279, 4, 1, 4096), (34665, 4, 1, place)]
-    folder = struct.pack("<H", 1) + struct.pack("<HHLLL", 33434, 5, count, place + 18, 0)
-    return tiff(64, strip, folder + bytes(8 * count))
-
-
 def many_frames() -> bytes:
     """A hundred thousand images, of which one is used."""
     count, size = 100_000, 2 + 12 * 8 + 4
@@ -138,24 +97,17 @@ def many_gif_frames() -> bytes:
 BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "webp": (webp, f"takes 2.4 {TAKES}"),
     "jpeg2000": (jpeg2000, f"takes 3.6 {TAKES}"),
-    "jpeg2000, hidden": (lambda: jpeg2000(hidden=True), f"takes 3.6 {TAKES}"),
-    "avif with a larger frame": (lambda: avif(16_384, 12_000), f"takes 1.8 {TAKES}"),
     "jpeg without its end": (jpeg, DAMAGED),
-    "jpeg of segments": (lambda: jpeg_with(b"\xff\xe9\x00\x02", 1_000_000), DAMAGED),
-    "jpeg of fill bytes": (lambda: jpeg_with(b"\xff\xff\x00\xff\xe9\x00\x02", 1_000_000), DAMAGED),
     "jpeg of exif": (
         lambda: jpeg_with(b"\xff\xe1\xff\xffExif\x00\x00" + bytes(65527), 150),
         "the EXIF data were ignored: they take 10 MB",
     ),
     "png with a palette": (palette_png, "144 megapixels were read at 4000 x 4000 px"),
-    "png of chunks": (lambda: png_with(chunk(b"teST", b"") * 1_000_000), DAMAGED),
     "png of texts": (
         lambda: png_with(*(chunk(b"zTXt", b"%d\x00\x00" % i + zlib.compress(bytes(1 << 20))) for i in range(70))),
         DAMAGED,
     ),
     "png of a profile": (lambda: png_with(chunk(b"iCCP", b"p\x00\x00" + zlib.compress(bytes(10**7)))), DAMAGED),
-    "tiff of a tile": (huge_tile, f"takes 1.8 {TAKES}"),
-    "tiff of fractions": (many_rationals, DAMAGED),
     "tiff of frames": (many_frames, "only the first of its frames is used"),
     "gif of frames": (many_gif_frames, "only the first of its frames is used"),
     "bmp": (lambda: b"BM" + struct.pack("<IIIIiiHHIIiiII", 0, 0, 54, 40, SIDE, SIDE, 1, 24, 0, 0, 0, 0, 0, 0), DAMAGED),
