@@ -1,8 +1,9 @@
-"""Connections of the server: those that send no request are closed."""
+"""Connections of the server: clients that send no request or read no response, or hold the most, lose theirs."""
 
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
@@ -20,7 +21,7 @@ def make_server(app: ASGIApp, host: str, port: int, limits: Limits) -> uvicorn.S
     """Return the server of an application; the caller runs it."""
 
     class Connection(_BoundedConnection):
-        head_s, most = limits.head_s, limits.connections
+        bounds = limits
 
     config = uvicorn.Config(
         app, host, port, http=Connection, ws="none", log_level="warning", timeout_graceful_shutdown=2
@@ -30,25 +31,40 @@ def make_server(app: ASGIApp, host: str, port: int, limits: Limits) -> uvicorn.S
 
 
 class _BoundedConnection(H11Protocol):
-    """A connection with a time limit until the head of a request is complete; uvicorn has one after a request only.
+    """A connection that is closed if its client stalls, or if another client needs its place.
+
+    uvicorn has a time limit after a request only, and none for a client that does not read.
 
     Attributes:
-        head_s: the time limit, s, from the start of the connection or the end of the last response.
-        most: number of connections at which the oldest one without a request is closed.
+        bounds: the limits of the server.
     """
 
-    head_s: float
-    most: int
+    bounds: Limits
     _timer: asyncio.TimerHandle | None = None
+    _reading: asyncio.TimerHandle | None = None
+    _active = 0.0  # time of the loop at which the client last sent or read something
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        waiting = [one for one in self.connections if isinstance(one, _BoundedConnection) and one._waits()]
-        if len(self.connections) > self.most and waiting:
-            oldest = min(waiting, key=lambda one: one._deadline())
-            self.connections.discard(oldest)
-            oldest.transport.abort()
+        # The whole of it has to be read in head_s, which is the least rate.
+        transport.set_write_buffer_limits(high=int(self.bounds.rate_bytes_s * self.bounds.head_s), low=0)
+        self._active = self.loop.time()
+        self._make_room()
         self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        self._active = self.loop.time()
+        super().data_received(data)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._reading = self.loop.call_later(self.bounds.head_s, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self._active = self.loop.time()
+        if self._reading is not None:
+            self._reading.cancel()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
@@ -56,22 +72,29 @@ class _BoundedConnection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)
-        if self._timer is not None:
-            self._timer.cancel()
+        for timer in (self._timer, self._reading):
+            if timer is not None:
+                timer.cancel()
+
+    def _make_room(self) -> None:
+        """Close the longest idle connection of the client with the most, if there are too many."""
+        others = [one for one in self.connections if isinstance(one, _BoundedConnection) and one is not self]
+        if len(others) < self.bounds.connections:
+            return
+        held = Counter(one._address() for one in others)
+        last = max(others, key=lambda one: (held[one._address()], -one._active))
+        self.connections.discard(last)
+        last.transport.abort()
+
+    def _address(self) -> str:
+        return self.client[0] if self.client else ""
 
     def _wait(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self.loop.call_later(self.head_s, self._close_if_waiting)
-
-    def _waits(self) -> bool:
-        """Whether no request is being answered."""
-        cycle: Any = self.cycle
-        return self._timer is not None and (cycle is None or cycle.response_complete)
-
-    def _deadline(self) -> float:
-        return self._timer.when() if self._timer is not None else 0.0
+        self._timer = self.loop.call_later(self.bounds.head_s, self._close_if_waiting)
 
     def _close_if_waiting(self) -> None:
-        if self._waits():
-            self.transport.close()  # after the rest of the last response; a client that does not read it makes room
+        cycle: Any = self.cycle
+        if cycle is None or cycle.response_complete:
+            self.transport.close()  # after the rest of the last response

@@ -1,4 +1,4 @@
-"""What is refused before a request is read: foreign pages, foreign host names, stated lengths, too many requests."""
+"""What is refused before a request is read: foreign pages, foreign host names, stated lengths."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ _HEADERS = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"same
 
 
 class Guard:
-    """Refuse requests that a page of another site sends, foreign host names, large bodies and too many requests.
+    """Refuse requests that a page of another site sends, foreign host names and large bodies.
 
     Args:
         app: gets all other requests. It counts bodies without a stated length.
         hosts: names of this server, in lower case.
-        limits: of bodies and connections.
+        limits: of bodies.
     """
 
     def __init__(self, app: ASGIApp, hosts: frozenset[str], limits: Limits) -> None:
         self._app, self._hosts, self._limits = app, hosts, limits
-        self._requests = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer 400, 403, 413, 421 or 503, or pass the request on."""
+        """Answer 400, 403, 413 or 421, or pass the request on."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -45,15 +44,11 @@ class Guard:
             await send(message)
 
         request = Request(scope)
-        self._requests += 1
-        try:
-            if refusal := self._refusal(request):
-                # The body is not read, so the connection cannot be used again.
-                await answer(request, *refusal, {"Connection": "close"})(scope, receive, send_unsniffed)
-            else:
-                await self._app(scope, receive, send_unsniffed)
-        finally:
-            self._requests -= 1
+        if refusal := self._refusal(request):
+            # The body is not read, so the connection cannot be used again.
+            await answer(request, *refusal, {"Connection": "close"})(scope, receive, send_unsniffed)
+        else:
+            await self._app(scope, receive, send_unsniffed)
 
     def _refusal(self, request: Request) -> tuple[int, str] | None:
         headers = request.headers
@@ -62,6 +57,4 @@ class Guard:
         length = headers.get("content-length", "0")
         if length.isdecimal() and int(length) > self._limits.upload_mb * 1e6:
             return 413, "the photo is too large"
-        if self._requests > self._limits.connections:
-            return 503, "the server has too many requests: try again later"
         return None

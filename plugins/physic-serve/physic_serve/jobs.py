@@ -85,7 +85,6 @@ class Jobs:
         self._jobs: dict[str, Job] = {}
         self._waiting: deque[Job] = deque()
         self._running: Job | None = None
-        self._uploads = 0
         self._change = threading.Condition()
         self._seconds: deque[float] = deque(maxlen=8)
         self._worker: Worker | None = None
@@ -116,33 +115,33 @@ class Jobs:
     def new(self) -> Iterator[Job]:
         """Yield a job with an empty folder for the photo, and put it into the queue at the end of the block.
 
-        Its place in the queue is taken from the beginning. After an exception, the folder is deleted.
+        Uploads take no place in the queue, so that slow ones leave room. After an exception, the folder is deleted.
 
         Raises:
-            QueueFull: too many photos wait or are sent.
+            QueueFull: too many photos wait, before the block or after it.
             OSError: the folder cannot be made.
         """
-        with self._change:
-            if len(self._waiting) + self._uploads + (self._running is not None) > self.limits.queue:
-                each = sum(self._seconds) / len(self._seconds) if self._seconds else 30.0
-                raise QueueFull(max(1, round(each)))
-            self._uploads += 1
+        self._require_room()
         name = secrets.token_urlsafe(16)
         job = Job(name, self.folder / name)
         try:
             job.folder.mkdir()
             yield job
+            with self._change:
+                self._require_room()
+                job.changed = time.monotonic()
+                self._jobs[name] = job
+                self._waiting.append(job)
+                self._change.notify_all()
         except BaseException:
             shutil.rmtree(job.folder, ignore_errors=True)
-            with self._change:
-                self._uploads -= 1
             raise
+
+    def _require_room(self) -> None:
         with self._change:
-            self._uploads -= 1
-            job.changed = time.monotonic()
-            self._jobs[name] = job
-            self._waiting.append(job)
-            self._change.notify_all()
+            if len(self._waiting) + (self._running is not None) > self.limits.queue:
+                each = sum(self._seconds) / len(self._seconds) if self._seconds else 30.0
+                raise QueueFull(max(1, round(each)))
 
     def get(self, name: str) -> Job | None:
         """Return a job, or None if there is none of this name or it was deleted."""

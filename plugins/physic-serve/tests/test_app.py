@@ -190,10 +190,11 @@ def test_the_names_and_addresses_of_the_server_are_answered(serve: Serve, header
     assert serve().post(headers=headers).status_code == 202
 
 
+@pytest.mark.parametrize("limits", [{"upload_s": 0.2}, {"head_s": 0.2}], ids=["time", "rate"])
 @pytest.mark.parametrize("as_form", [False, True])
-def test_an_upload_that_does_not_end_is_408(serve: Serve, as_form: bool):
-    """The body stops after its first bytes; without the time limit, the test's own limit ends it."""
-    served = serve(upload_s=0.2)
+def test_an_upload_that_does_not_end_is_408(serve: Serve, as_form: bool, limits: dict[str, float]):
+    """The body stops after its first bytes; without the limit, the test's own limit ends it."""
+    served = serve(**limits)
     kind = b"multipart/form-data; boundary=b" if as_form else b"image/jpeg"
     begun = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="p"\r\n\r\n' if as_form else b""
     sent: list[Any] = []
@@ -215,7 +216,9 @@ def test_an_upload_that_does_not_end_is_408(serve: Serve, as_form: bool):
 
     asyncio.run(post())
     assert sent[0]["status"] == 408
-    assert json.loads(sent[1]["body"]) == {"detail": "the upload took more than 0.2 s"}
+    assert json.loads(sent[1]["body"]) == {
+        "detail": f"the upload took more than {served.jobs.limits.upload_s:g} s, or came at less than 20 kB/s"
+    }
     assert list(served.jobs.folder.iterdir()) == []
     assert served.post().status_code == 202
 

@@ -7,7 +7,7 @@ if (state.dataset.state === "queued" || state.dataset.state === "running") {
   const list = document.getElementById("stages");
   const bar = document.getElementById("progress");
   const events = new EventSource(`/reconstructions/${state.dataset.id}/events`);
-  list.replaceChildren();
+  events.addEventListener("open", () => list.replaceChildren());  // also after a lost connection: it begins again
   events.addEventListener("queued", (event) => {
     const before = JSON.parse(event.data).position;
     state.textContent = before ? `Waiting; ${before} before this photo.` : "Waiting.";
