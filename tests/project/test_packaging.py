@@ -70,6 +70,7 @@ MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray",
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
     "physic-core": {"pxr"},  # physic-export
+    "physic-onnx": {"onnxruntime"},  # physic-core
     "physic-serve": {"python-multipart"},  # fastapi
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers
 }
