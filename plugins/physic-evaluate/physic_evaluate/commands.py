@@ -68,25 +68,10 @@ def readers() -> None:
 
     for name in READERS:
         found = reader_class(name)
-        echo(f"{name}: {found.summary}\n  files: {found.layout}\n  read as: {ALTERNATIVES[found.assumed][0]}")
+        echo(f"{name}: {found.summary}\n  files: {found.layout}")
     echo("\nFrames of reference for --results-frame METHOD=FRAME:")
     for name, (words, _) in ALTERNATIVES.items():
         echo(f"  {name}: {words}")
-
-
-@evaluate.command()
-@click.argument("project", type=click.Path(path_type=Path, exists=True, file_okay=False))
-@click.argument("out", type=click.Path(path_type=Path))
-@click.option("--frames", required=True, metavar="N,N,...", help="Numbers of the frames to evaluate.")
-def pose2sim(project: Path, out: Path, frames: str) -> None:
-    """Convert a Pose2Sim PROJECT to a folder for `physic evaluate calibrated`."""
-    from physic_evaluate.pose2sim import convert_project
-
-    numbers = [int(part) for part in frames.split(",") if part.strip().isdecimal()]
-    if not numbers:
-        raise click.UsageError(f"--frames is numbers with commas between them, such as 10,60,110 (got '{frames}')")
-    for path in convert_project(project, out, numbers):
-        echo(f"wrote {path}")
 
 
 @evaluate.command()
@@ -396,7 +381,7 @@ def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
         name = name or (Path(folder).resolve().name if kind in ("physic", "plain") else kind)
         if any(method.name == name for method in methods):
             raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
-        methods.append(Method(name, reader, chosen.pop(name, reader.assumed), forced=name in dict(_pairs(given))))
+        methods.append(Method(name, reader, chosen.pop(name, "camera"), forced=name in dict(_pairs(given))))
     if chosen:
         raise click.UsageError(f"--results-frame names '{next(iter(chosen))}', but there are no such results")
     return methods

@@ -20,15 +20,11 @@ __all__ = [
     "GENDERS",
     "DamagedFileError",
     "as_numbers",
-    "finite_number",
-    "gender_of",
     "item",
     "naming",
     "number_array",
-    "number_row",
     "require_finite",
     "require_rotation",
-    "table",
     "unreadable",
 ]
 
@@ -104,18 +100,6 @@ def item(values: Mapping[str, Any], name: str, path: Path) -> Any:
     return values[name]
 
 
-def table(values: Mapping[str, Any], name: str, path: Path) -> dict[Any, Any]:
-    """Return an entry that is a dictionary.
-
-    Raises:
-        DamagedFileError: the file has no such entry, or it is no dictionary or an empty one.
-    """
-    found = item(values, name, path)
-    if not isinstance(found, dict) or not found:
-        raise DamagedFileError(f"{path}: '{name}' is no dictionary with entries")
-    return found
-
-
 def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...] | None = None) -> Array:
     """Return an array of a file, reshaped if ``shape`` is given; -1 is any length above 0.
 
@@ -124,51 +108,6 @@ def number_array(values: Mapping[str, Any], name: str, path: Path, shape: tuple[
     """
     found = as_numbers(item(values, name, path), f"{path}: '{name}'")
     return found if shape is None else _reshaped(found, shape, f"{path}: '{name}'")
-
-
-def number_row(
-    values: Mapping[str, Any], name: str, path: Path, shape: tuple[int, ...], row: int, count: int | None = None
-) -> Array:
-    """Return row ``row`` (``shape``) of an array (``count``, ...) of a file.
-
-    Raises:
-        DamagedFileError: as :func:`number_array`, or the array has too few rows.
-    """
-    found = number_array(values, name, path, (-1 if count is None else count, *shape))
-    if not 0 <= row < len(found):
-        raise DamagedFileError(f"{path}: '{name}' has {len(found)} rows, and row {row} was expected")
-    own: Array = found[row]
-    return own
-
-
-def finite_number(values: Mapping[str, Any], name: str, path: Path) -> float:
-    """Return one finite number of a file.
-
-    Raises:
-        DamagedFileError: the file has no such number.
-    """
-    import numpy as np
-
-    found = number_array(values, name, path)
-    if found.size != 1 or not np.isfinite(found).all():
-        raise DamagedFileError(f"{path}: '{name}' is not one finite number")
-    return float(found.reshape(-1)[0])
-
-
-def gender_of(values: Mapping[str, Any], path: Path) -> str:
-    """Return the entry 'gender' of a file, one of GENDERS; "neutral" if the file has none.
-
-    Raises:
-        DamagedFileError: the entry is another one.
-    """
-    import numpy as np
-
-    found = values.get("gender", "neutral")
-    if isinstance(found, np.ndarray) and found.size == 1:
-        found = found.reshape(-1)[0].item()
-    if not isinstance(found, str) or found.lower() not in GENDERS:
-        raise DamagedFileError(f"{path}: 'gender' must be one of {', '.join(GENDERS)}")
-    return found.lower()
 
 
 def require_finite(values: Array, what: str) -> Array:

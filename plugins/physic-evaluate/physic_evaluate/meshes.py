@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from physic_evaluate.contract import TOPOLOGY_OF_COUNT, Surface
+from physic_evaluate.contract import Surface
 from physic_evaluate.damage import DamagedFileError, unreadable
 
-__all__ = ["read_mesh", "read_vertex_colours", "scene_mesh", "topology_of"]
+__all__ = ["read_mesh", "read_vertex_colours", "require_metres", "scene_mesh"]
 
 MAX_BODY_M = 3.0
 
@@ -45,19 +45,6 @@ def read_vertex_colours(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.u
 def scene_mesh(path: Path) -> Surface:
     """Read the mesh of a scene once per process."""
     return read_mesh(path)
-
-
-def topology_of(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], path: Path) -> str:
-    """Return the name of the body mesh with so many vertices.
-
-    Raises:
-        DamagedFileError: no body mesh has so many, or the body is larger than a person: not in metres.
-    """
-    if len(vertices) not in TOPOLOGY_OF_COUNT:
-        known = ", ".join(f"{name} {count}" for count, name in TOPOLOGY_OF_COUNT.items())
-        raise DamagedFileError(f"{path} has {len(vertices)} vertices, which no known body mesh has ({known})")
-    require_metres(vertices, path)
-    return TOPOLOGY_OF_COUNT[len(vertices)]
 
 
 def require_metres(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]], path: Path) -> None:

@@ -6,7 +6,6 @@ import io
 import pickle
 import zipfile
 import zlib
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from physic_core.body.array_pickle import (
 )
 from physic_evaluate.damage import DamagedFileError
 
-__all__ = ["cached_pickle", "pickled_arrays", "read_object_rows"]
+__all__ = ["pickled_arrays", "read_object_rows"]
 
 _DAMAGED = (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
 """What the standard library raises for a pickle that is cut off or damaged."""
@@ -85,12 +84,6 @@ def read_object_rows(path: Path, name: str) -> list[Any]:
         raise DamagedFileError(f"{place} {error}") from error
     except _DAMAGED as error:
         raise DamagedFileError(f"{place} cannot be read: it is damaged or cut off, copy it again") from error
-
-
-@lru_cache(maxsize=4)
-def cached_pickle(path: Path, modified_ns: int) -> dict[str, Any]:
-    """Return :func:`pickled_arrays` of a file that many frames share."""
-    return pickled_arrays(path)
 
 
 def _plain(value: Any, depth: int = 0) -> Any:

@@ -1,4 +1,4 @@
-"""Damaged files of RICH, DAMON and EMDB, and files without permission: the reason names the file."""
+"""Damaged files of RICH and DAMON, and files without permission: the reason names the file."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from physic_evaluate.damage import DamagedFileError
 from physic_evaluate.datasets.base import read_json
 from physic_evaluate.datasets.damon import DATA_SET as DAMON
 from physic_evaluate.datasets.damon import DamonOptions
-from physic_evaluate.datasets.emdb import DATA_SET as EMDB
-from physic_evaluate.datasets.emdb import EmdbOptions
 from physic_evaluate.datasets.rich import DATA_SET as RICH
 from physic_evaluate.datasets.rich import RichOptions
 from physic_evaluate.meshes import read_mesh
@@ -26,12 +24,12 @@ from physic_evaluate.pictures import read_picture
 from physic_evaluate.readers.base import archive_arrays
 from physic_evaluate.validation import checked_truth
 
-from .miniatures import Files, python2_pickle
-from .test_damon_and_emdb import damon, emdb
+from .miniatures import Files
+from .test_damon import damon
 from .test_rich import SEQUENCE
 from .test_rich import root as rich
 
-__all__ = ["damon", "emdb", "rich"]
+__all__ = ["damon", "rich"]
 
 
 def reasons(data_set: Any, root: Path, options: Any, files: Files) -> dict[str, str]:
@@ -115,33 +113,6 @@ def test_damaged_labels_of_damon_are_refused(
         DAMON.frames(damon[0], DamonOptions(), files.bodies)
     assert str(error.value).startswith(str(file))
     assert reason in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (lambda v: v["smpl"].update(trans=1000 * v["smpl"]["trans"]), "m from the camera: lengths must be metres"),
-        (lambda v: v["smpl"].update(trans=np.nan * v["smpl"]["trans"]), "that are not finite"),
-        (lambda v: v["smpl"].pop("poses_body"), "has no 'poses_body'"),
-        (lambda v: v.update(gender="unknown"), "gender"),
-        (
-            lambda v: v["camera"].update(extrinsics=2 * v["camera"]["extrinsics"]),
-            "the rotation of 'extrinsics' of frame 0 is no rotation",
-        ),
-        (lambda v: v["camera"].update(width=-1), "the camera has no positive width, height and focal lengths"),
-        (lambda v: v.update(kp2d=v["kp2d"] + 100), "px from the sequence's own 2D joints"),
-    ],
-)
-def test_a_damaged_sequence_of_emdb_is_left_out(
-    emdb: Path, files: Files, tmp_path: Path, change: Callable[[dict[str, Any]], Any], reason: str
-):
-    values = pickled_arrays(next(emdb.glob("P2/*/*_data.pkl")))
-    change(values)
-    file = tmp_path / "P2" / "19 indoor" / "P2_19_data.pkl"
-    python2_pickle(file, values)
-    (text,) = set(reasons(EMDB, tmp_path, EmdbOptions(every=40), files).values())
-    assert str(file) in text or text.startswith("the annotated person 0 is")
-    assert reason in text
 
 
 @pytest.mark.parametrize(

@@ -57,8 +57,6 @@ def test_results_of_another_data_set_are_refused(root: Path):
         "where FRAME is the frame's id; folders of the id may be folders, _ or __; `physic evaluate readers` lists all "
         "readers"
     )
-    text = call(root, f"other=mover:{results(root, 'theirs').partition(':')[2]}", fails=True)
-    assert "has no result of other for any of 3 frames, such as p0. The reader 'mover' expects SEQUENCE/" in text
 
 
 def test_a_reader_that_there_is_not(root: Path):

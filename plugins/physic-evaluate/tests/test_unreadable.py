@@ -9,9 +9,9 @@ import pytest
 from .miniatures import Files, run
 
 
-@pytest.mark.parametrize("name", ["rich", "emdb", "damon"])
+@pytest.mark.parametrize("name", ["rich", "damon"])
 def test_an_empty_folder_is_refused_with_a_list_of_what_is_missing(name: str, files: Files, tmp_path: Path):
-    for folder in ("bodies/test", "P0/0", "Release_Datasets/damon"):
+    for folder in ("bodies/test", "Release_Datasets/damon"):
         (tmp_path / "set" / folder).mkdir(parents=True)
     done = run(name, str(tmp_path / "set"), "-o", str(tmp_path / "out"), "--preset", "mock", *files.arguments())
     assert done.exit_code != 0

@@ -14,18 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["READERS", "open_reader", "reader_class"]
 
-READERS = (
-    "physic",
-    "plain",
-    "physic-release",
-    "physic-release-init",
-    "phy-sic",
-    "holistic-mesh",
-    "mover",
-    "hsfm",
-    "sam-3d-body",
-    "human3r",
-)
+READERS = ("physic", "plain", "physic-release", "physic-release-init")
 """Names; each is a module of this package, with "_" for "-"."""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.files.npz import read_arrays
 from physic_core.files.regular import open_regular
-from physic_evaluate.bodies import SMPL_NAMES, BodyFiles, PosedBody
+from physic_evaluate.bodies import BodyFiles, PosedBody
 from physic_evaluate.contract import PredictedPerson
 from physic_evaluate.damage import DamagedFileError, as_numbers, naming, require_finite, unreadable
 from physic_evaluate.validation import check_prediction
@@ -48,8 +48,6 @@ class ResultReader(ABC):
     summary: ClassVar[str]
     layout: ClassVar[str]
     """Which files it reads, as shown by ``physic evaluate readers``."""
-    assumed: ClassVar[str] = "camera"
-    """Frame of reference of the files: a key of ``physic_evaluate.frame_of_results.ALTERNATIVES``."""
 
     folder: Path
     bodies: BodyFiles
@@ -96,13 +94,10 @@ def file_names(frame: Frame) -> Iterator[str]:
 
 
 def first_file(folder: Path, frame: Frame, *patterns: str) -> Path | None:
-    """Return the first file that exists of patterns such as "results/{name}/000.pkl", for all names of a frame.
-
-    "{sequence}" stands for the frame's sequence. A name without the sequence counts only in a folder of the sequence.
-    """
+    """Return the first file that exists of patterns such as "prox/{name}.npz", for all names of a frame."""
     for pattern in patterns:
         for name in file_names(frame):
-            path = folder / pattern.format(name=name, sequence=frame.sequence)
+            path = folder / pattern.format(name=name)
             if path.exists():
                 return path
     return None
@@ -143,29 +138,20 @@ def contact_of(given: Any) -> NDArray[np.bool_] | None:
     return touching
 
 
-def person_of_body(body: PosedBody, contact: Any = None, moved: Array | None = None) -> PredictedPerson:
-    """Return a posed body as a person, optionally moved (3,) m."""
-    by = np.zeros(3) if moved is None else np.asarray(moved, np.float64).reshape(3)
+def person_of_body(body: PosedBody, contact: Any = None) -> PredictedPerson:
+    """Return a posed body as a person."""
     return PredictedPerson(
-        vertices=body.vertices + by,
+        vertices=body.vertices,
         topology=body.topology,
-        joints=body.joints + by,
+        joints=body.joints,
         joint_names=body.names,
         contact=contact_of(contact),
     )
 
 
-def person_of_vertices(
-    vertices: Array, topology: str, bodies: BodyFiles, contact: Any = None, joints: Any = None
-) -> PredictedPerson:
+def person_of_vertices(vertices: Array, topology: str, bodies: BodyFiles, contact: Any = None) -> PredictedPerson:
     """Return a mesh as a person, with joints by the model file's regressor if there is one (an approximation)."""
-    names: tuple[str, ...] = ()
-    if joints is None:
-        found = bodies.regressed_joints(vertices, topology)
-        joints, names = (None, ()) if found is None else found
-    elif len(joints) >= 22:
-        names = SMPL_NAMES[:22]
-        joints = np.asarray(joints)[:22]
+    joints, names = bodies.regressed_joints(vertices, topology) or (None, ())
     return PredictedPerson(
         vertices=vertices,
         topology=topology,

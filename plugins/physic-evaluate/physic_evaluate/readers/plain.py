@@ -56,7 +56,11 @@ class Plain(ResultReader):
     """
 
     name: ClassVar[str] = "plain"
-    summary: ClassVar[str] = "arrays that you write: vertices, joints, or parameters of SMPL-X or SMPL, and K"
+    summary: ClassVar[str] = (
+        "arrays that you write, of P people: vertices (P, V, 3) m; or joints (P, J, 3) m and joint_names (J,); or "
+        "global_orient, body_pose, betas, transl, (P, n) each, of SMPL-X or SMPL. Optional: K (3, 3), contact and "
+        "contact_class (P, V), scene_points (M, 3) m, floor (4,), boxes (P, 4) px"
+    )
     layout: ClassVar[str] = "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __"
 
     def locate(self, frame: Frame) -> Path | None:

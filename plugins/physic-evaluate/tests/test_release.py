@@ -1,4 +1,4 @@
-"""The published results as a reference, and Pose2Sim projects as calibrated photos."""
+"""The published results as a reference."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
 from physic_evaluate import release_engine
-from physic_evaluate.pose2sim import convert_project
 from physic_evaluate.readers.base import archive_arrays
 
-from .miniatures import Files, K, figures, rotation, run
+from .miniatures import Files, K, figures, run
 from .test_readers import frame_of, true_body, write_release
 
 
@@ -112,45 +110,3 @@ def test_the_engine_moves_soles_in_contact_towards_the_points_of_the_release(fil
     after = float(found["scene_points"][:, 1].mean())  # the scene has a scale of its own
     before = np.abs(vertices[soles, 1] - floor).mean()
     assert np.abs(found["vertices"][0, soles, 1] - after).mean() < before
-
-
-TRC = """PathFileType\t4\t(X/Y/Z)\tdemo.trc
-DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames
-30\t30\t2\t2\t{unit}\t30\t0\t2
-Frame#\tTime\tRHip\t\t\tLKnee\t\t
-\t\tX1\tY1\tZ1\tX2\tY2\tZ2
-0\t0.0\t{a}
-1\t0.033\t{a}
-"""
-
-
-def project(folder: Path, unit: str = "m", factor: float = 1.0) -> Path:
-    """One camera 3 m before the origin, z up in the world; markers are y up."""
-    for part in ("calibration", "pose-3d", "videos"):
-        (folder / part).mkdir(parents=True)
-    R = rotation("x", 90)
-    rotvec = cv2.Rodrigues(R)[0].ravel().tolist()
-    (folder / "calibration" / "Calib_scene.toml").write_text(
-        f'[cam_1]\nname = "cam1"\nsize = [64.0, 48.0]\nmatrix = {K.tolist()}\ndistortions = [0.1, 0.0, 0.0, 0.0]\n'
-        f"rotation = {rotvec}\ntranslation = [0.0, 1.0, 3.0]\nfisheye = false\n[metadata]\nadjusted = false\n"
-    )
-    places = "\t".join(str(factor * v) for v in (0.1, 0.9, 0.2, -0.1, 0.5, 0.3))
-    (folder / "pose-3d" / "demo.trc").write_text(TRC.format(unit=unit, a=places))
-    film = cv2.VideoWriter(str(folder / "videos" / "cam1.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 48))
-    for _ in range(2):
-        film.write(np.zeros((48, 64, 3), np.uint8))
-    film.release()
-    return folder
-
-
-@pytest.mark.parametrize(("unit", "factor"), [("m", 1.0), ("mm", 1000.0)])
-def test_a_pose2sim_project_becomes_calibrated_photos(tmp_path: Path, unit: str, factor: float):
-    convert_project(project(tmp_path / "project", unit, factor), tmp_path / "out", [1])
-    cameras = json.loads((tmp_path / "out" / "cameras.json").read_text())
-    np.testing.assert_allclose(cameras["cameras"]["cam1"]["R"], rotation("x", 90), atol=1e-6)
-    assert cameras["up"] == [0, 0, 1]
-    joints = json.loads((tmp_path / "out" / "joints.json").read_text())
-    # y up (x, y, z) is z up (z, x, y): the height of 0.9 m is the last.
-    assert joints["1"][0]["right_hip"] == pytest.approx([0.2, 0.1, 0.9])
-    assert (tmp_path / "out" / "cam1_1.png").is_file()
-    assert run("show", "calibrated", str(tmp_path / "out")).output.endswith(f"Nothing is missing in {tmp_path}/out.\n")
