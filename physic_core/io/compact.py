@@ -58,18 +58,13 @@ _REPLACED = {
         "scene_colors_change", "uint8", ("H", "W", 3), "RGB of the photo without people minus `image`, modulo 256"
     ),
 }
-# Points off the rays, and the forms that were written before differences were stored.
-_OTHER_FORMS = {
-    "scene_depth_steps": (
-        next(spec for spec in SHARED_ARRAYS if spec.name == "scene_points"),
-        ArraySpec("scene_depth", "float32", ("H", "W"), "z of the scene's points on the pixels' rays, m"),
-    ),
-    "scene_normals_steps": (
-        ArraySpec("scene_normals", "int8", ("H", "W", 3), "127 x the unit normal; 0 where unreliable"),
-    ),
-}
 COMPACT_SHARED_ARRAYS: tuple[ArraySpec, ...] = tuple(_REPLACED.get(spec.name, spec) for spec in SHARED_ARRAYS)
-"""Specifications of the arrays that exist once per file. Points off the rays are stored as ``scene_points``."""
+"""Specifications of the arrays that exist once per file."""
+
+_OFF_RAYS = tuple(spec for spec in COMPACT_SHARED_ARRAYS if spec.name != "scene_depth_steps") + tuple(
+    spec for spec in SHARED_ARRAYS if spec.name == "scene_points"
+)
+"""The same, where the points do not lie on the rays."""
 
 COMPACT_PERSON_ARRAYS: tuple[ArraySpec, ...] = tuple(
     replace(spec, dtype="float16") if spec.compact == "float16" else spec for spec in PERSON_ARRAYS
@@ -121,12 +116,8 @@ def expand_arrays(arrays: Arrays) -> Arrays:
     found = expand_people(arrays)
     found["scene_colors"] = found.pop("scene_colors_change") + found["image"]
     if "scene_depth_steps" in found:
-        found["scene_depth"] = _depth_of_steps(found.pop("scene_depth_steps"))
-    if "scene_normals_steps" in found:
-        found["scene_normals"] = _sums(found.pop("scene_normals_steps"))
-    if "scene_depth" in found:
-        found["scene_points"] = _points_on_rays(found.pop("scene_depth"), found["intrinsics"])
-    normals = found["scene_normals"].astype(np.float32)
+        found["scene_points"] = _points_on_rays(_depth_of_steps(found.pop("scene_depth_steps")), found["intrinsics"])
+    normals = _sums(found.pop("scene_normals_steps")).astype(np.float32)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     found["scene_normals"] = normals / np.where(length > 0, length, 1)
     return found
@@ -145,9 +136,8 @@ def array_specs(
     names = set(arrays)
     of_people = {match.string[match.end() :] for name in names if (match := _OF_PERSON.match(name))}
     shared, of_person = (COMPACT_SHARED_ARRAYS, COMPACT_PERSON_ARRAYS) if compact else (SHARED_ARRAYS, PERSON_ARRAYS)
-    if compact:
-        forms = [(spec, *_OTHER_FORMS.get(spec.name, ())) for spec in shared]
-        shared = tuple(next((form for form in each if form.name in names), each[0]) for each in forms)
+    if compact and "scene_points" in names:
+        shared = _OFF_RAYS
     return (
         tuple(spec for spec in (*shared, *camera_specs(views)) if not spec.optional or spec.name in names),
         tuple(spec for spec in of_person if not spec.optional or spec.name in of_people),

@@ -11,9 +11,8 @@ Metres, OpenCV camera frame (x right, y down, z forward). Since a point map show
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,13 +40,6 @@ class SignedDistances:
 
     distance: FloatArray
     normal: FloatArray
-
-
-def __getattr__(name: str) -> Any:
-    if name != "SceneDistance":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    warnings.warn("SceneDistance is now SignedDistances", DeprecationWarning, stacklevel=2)
-    return SignedDistances
 
 
 def scene_distance(

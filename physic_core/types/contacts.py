@@ -64,7 +64,7 @@ class BodyContact:
         probability: that this part touches this partner, in [0, 1]; None if the preset estimates none.
         vertices: number of vertices in contact.
         dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9 quantile over the
-            vertices in contact, metres. None where nothing gives way, and in older results.
+            vertices in contact, metres. None where nothing gives way.
     """
 
     part: str

@@ -93,7 +93,7 @@ class CheckResult:
         message: what is wrong and what to do if the check failed; the reason if nothing was measured; else the check
             as text.
         person: index into ``Reconstruction.people``, or None if the check is about the photo.
-        label: the name that readers see; in results of earlier versions "", and then ``title`` is the name in words.
+        label: the name that readers see; "" if ``title`` is the name in words.
         share_of: what a value of unit "share" is a share of: "the box diagonal"; "" if the label says it.
     """
 

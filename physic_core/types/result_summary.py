@@ -26,7 +26,7 @@ def _depths_m(result: Reconstruction) -> list[float]:
 
 
 def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
-    """Return how many pairs of a body part and a partner of these kinds touch; None in results of older versions."""
+    """Return how many pairs of a body part and a partner of these kinds touch; None without partners."""
     if any(person.contact_partner is None for person in result.people):
         return None
     return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)

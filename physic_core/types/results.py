@@ -75,16 +75,15 @@ class Person(ShortRepr):
             search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact`` is this probability
             over ``[engine.contact] threshold``, or that of skin over ``skin_threshold``. None if the preset estimates
-            none, or in an older result.
+            none.
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``, :data:`NO_PARTNER` for vertices
-            that are not in contact. None in an older result.
+            that are not in contact. None if the contacts were not assigned to partners.
         contacts: contacts by body part, most probable first.
-        support: what carries this person; None without a body, or in an older result.
+        support: what carries this person; None without a body.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
-        grade: how far the body can be trusted, or None in a result that was written without grades.
-        age: whether the person was taken for a child, and how sure the stature is; None if nothing was measured, or in
-            an older result.
+        grade: how far the body can be trusted, or None without grades.
+        age: whether the person was taken for a child, and how sure the stature is; None if nothing was measured.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
@@ -149,7 +148,7 @@ class Reconstruction(ShortRepr):
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
         grade: how far the result can be trusted: the worst of its people's grades and of the photo's own checks. None
-            in a result that was written without grades.
+            without grades.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;

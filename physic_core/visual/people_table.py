@@ -85,7 +85,7 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
         touches.append((likely, INK_RGB))
     if possible:
         touches.append((f"possible: {possible}", SOFT_RGB))
-    if not touches:  # results of earlier versions have no contacts by part
+    if not touches:
         touches = [(f"{np.sum(person.contact)} of {len(person.contact)} vertices", SOFT_RGB)]
     checks = [check for check in reconstruction.checks if check.person == index]
     why = [(str(check), ALERT_RGB) for check in checks if check.failed]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.installed import Installed, call_target, find_only_entry
@@ -23,13 +22,6 @@ HEAD_BYTES = 500
 """Bytes at the start of a page that the element lies in."""
 
 _DISTRIBUTION = "physic-viewer"
-
-
-def __getattr__(name: str) -> str:
-    if name == "GENERATOR":
-        warnings.warn("physic_core.visual.report.GENERATOR is now PAGE_MARK", DeprecationWarning, stacklevel=2)
-        return PAGE_MARK
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 
 def report_html(reconstruction: Reconstruction | InputError, title: str = "") -> str:

@@ -23,8 +23,6 @@ from physic_core.batch.saving import Saving, save_photo
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
-from physic_core.io.arrays import to_arrays
-from physic_core.io.compact import array_specs, compact_arrays, expand_arrays
 
 
 @pytest.fixture
@@ -61,20 +59,6 @@ def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstru
     assert np.array_equal(again.scene.colors, result.scene.colors)
     cosine = (again.scene.normals * result.scene.normals).sum(-1)[np.abs(result.scene.normals).any(-1)]
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
-
-
-def test_depth_and_normals_of_earlier_versions_are_read(result: Reconstruction):
-    """They were stored as they are, without differences between pixels."""
-    arrays = compact_arrays(to_arrays(result))
-    expanded = expand_arrays(arrays)
-    plain = {name: array for name, array in arrays.items() if not name.endswith("_steps")}
-    plain["scene_depth"] = expanded["scene_points"][..., 2]
-    plain["scene_normals"] = np.round(127 * expanded["scene_normals"]).astype(np.int8)
-    shared, _ = array_specs(plain, compact=True)
-    assert {spec.name for spec in shared} == {name for name in plain if not name.startswith("person_")}
-    again = expand_arrays(plain)
-    assert np.array_equal(again["scene_points"], expanded["scene_points"])
-    assert np.allclose(again["scene_normals"], expanded["scene_normals"], atol=0.01)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import proximity
 from physic_core.metrics.proximity import SEARCH_RADIUS_M, hidden_by_depth_map, point_spacing, scene_distance
 from physic_core.types import Intrinsics, Plane
 from physic_testing.worlds import build_world
@@ -120,8 +119,3 @@ def test_of_a_world_the_measure_finds_the_truth(name):
     assert np.where(counted, found, 0).min() > -0.02
     seen = world.contact & (found < 0.05)
     assert np.median(np.abs(found - world.distance)[seen]) < 0.004
-
-
-def test_the_old_name_of_the_distances_forwards() -> None:
-    with pytest.warns(DeprecationWarning, match="SceneDistance is now SignedDistances"):
-        assert proximity.SceneDistance is proximity.SignedDistances

@@ -152,11 +152,3 @@ def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):
     with pytest.raises(InputError) as refused:
         read_amass(path)
     assert str(refused.value) == f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans"
-
-
-def test_the_old_place_of_the_reader_forwards(file: Path, converted: Reconstruction, tmp_path: Path):
-    (written,) = converted.export(str(tmp_path / "a.npz"), person=0).files
-    with pytest.warns(DeprecationWarning, match=r"read_amass is now physic_export\.amass\.read_amass$"):
-        from physic_core.visual.export.amass import read_amass as old
-
-    assert old(written).betas.tolist() == read_amass(written).betas.tolist()
