@@ -16,26 +16,34 @@ from typing import Any
 from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
 from physic_core.batch.saving import thumbnail_path
-from physic_core.errors import InputError, OutputError, PhysicError
+from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.files.own import check_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.io.results import read_document, read_image
 
-__all__ = ["contact_sheet", "find_results", "write_contact_sheet", "write_index"]
+__all__ = ["check_contact_sheet", "contact_sheet", "find_results", "write_contact_sheet", "write_index"]
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
 
 _FILE = "contact-sheet.html"
+_MARK = "<title>PhySIC contact sheet</title>"
 _THUMBNAIL = (320, 180)
+
+
+def check_contact_sheet(out: Path) -> None:
+    """Raise OutputError if a file in a folder has the name of its contact sheet and is none of PhySIC."""
+    check_own(out / _FILE, mark=_MARK)
 
 
 def write_contact_sheet(out: Path, limit: int = _MAX_PHOTOS) -> Path:
     """Write the contact sheet of a batch to its output folder and return its path.
 
     Raises:
-        OutputError: a file cannot be written.
+        OutputError: the file cannot be written, or is not a contact sheet.
     """
+    check_contact_sheet(out)
     rows = last_rows(out)
     shown = list(islice(rows, limit))
     left_out = sum(1 for _ in rows)
@@ -92,9 +100,7 @@ def write_index(folder: Path, results: Sequence[Path]) -> Path:
     Raises:
         OutputError: the file cannot be written, or is not a contact sheet.
     """
-    path = folder / _FILE
-    if path.exists() and b"<title>PhySIC contact sheet</title>" not in path.read_bytes()[:1000]:
-        raise OutputError(f"cannot write {path}: the file there is not a contact sheet of PhySIC; move it away")
+    check_contact_sheet(folder)
     if any(folder.glob("journal*.jsonl")):
         return write_contact_sheet(folder)
     cards = [_result_card(folder, result) for result in results[:_MAX_PHOTOS]]
@@ -102,7 +108,7 @@ def write_index(folder: Path, results: Sequence[Path]) -> Path:
         command = _command_for_missing_pages(folder, [card["title"] for card in cards])
         page = contact_sheet(cards, max(0, len(results) - _MAX_PHOTOS), command)
         temporary(_FILE).write_text(page, encoding="utf-8")
-    return path
+    return folder / _FILE
 
 
 def _result_link(out: Path, folder: str) -> str:

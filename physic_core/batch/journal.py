@@ -21,9 +21,10 @@ from filelock import FileLock, Timeout
 from physic_core.batch.row_checksum import has_checksum, with_checksum
 from physic_core.errors import OutputError
 from physic_core.files.atomic import sync_folder
+from physic_core.files.own import foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
 
-__all__ = ["COLUMNS", "Journal", "JournalRows", "last_rows", "read_journals", "read_rows"]
+__all__ = ["COLUMNS", "Journal", "JournalRows", "check_journal", "last_rows", "read_journals", "read_rows"]
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo, or name of the moment",
@@ -54,6 +55,16 @@ COLUMNS: Mapping[str, str] = {
 _ALWAYS = ("id", "state", "config", "finished")
 
 
+def check_journal(path: Path) -> None:
+    """Check that a file may become or stay a journal: it is missing or empty, or has a row.
+
+    Raises:
+        OutputError: it has none, or is a link.
+    """
+    if os.path.lexists(path) and (not path.is_file() or path.is_symlink() or not _is_journal(path)):
+        raise foreign_file(path)
+
+
 class Journal:
     """The journal file of one run, open for appending; only one process may have it open.
 
@@ -61,15 +72,16 @@ class Journal:
         path: created if missing; its folder must exist.
 
     Raises:
-        OutputError: it cannot be written, or another process has it open.
+        OutputError: it cannot be written, another process has it open, or it is a file of the user.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        check_journal(path)
         with ExitStack() as opened:
             try:
                 self._lock = opened.enter_context(FileLock(path.with_suffix(".lock"), blocking=False))
-                self._file = opened.enter_context(path.open("ab+"))
+                self._file = opened.enter_context(open_to_append(path))
                 self._end_torn_line()
                 self._run = 1 + read_journals(path.parent, ()).run
                 sync_folder(path.parent)
@@ -199,6 +211,11 @@ def _lines(folder: Path) -> Iterator[tuple[_Place, dict[str, Any] | None]]:
                 row = _row(line)
                 run = 0 if row is None else row.get("run")
                 yield _Place(path.name, number, run if isinstance(run, int) else 0), row
+
+
+def _is_journal(path: Path) -> bool:
+    with path.open("rb") as file:
+        return any(_row(line) is not None for line in file) or path.stat().st_size == 0
 
 
 def _row(line: bytes) -> dict[str, Any] | None:

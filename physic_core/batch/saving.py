@@ -117,7 +117,9 @@ def save_photo(
 
 def _write_file(path: Path, content: bytes) -> None:
     from physic_core.files.atomic import atomic_write, check_writable
+    from physic_core.files.own import check_own
 
+    check_own(path)
     with atomic_write(check_writable(path.parent)) as temporary:
         temporary(path.name).write_bytes(content)
 
@@ -146,6 +148,7 @@ def render_thumbnail(result: Reconstruction) -> bytes:
     import numpy as np
     from PIL import Image
 
+    from physic_core.files.own import MARK
     from physic_core.visual.orthographic_views import build_preview_geometry, side_view
     from physic_core.visual.panels import overlay_panel
 
@@ -158,6 +161,6 @@ def render_thumbnail(result: Reconstruction) -> bytes:
     )
     buffer = io.BytesIO()
     Image.fromarray(np.concatenate([np.asarray(panel)[:_HEIGHT] for panel in panels], axis=1)).save(
-        buffer, "JPEG", quality=72, optimize=True
+        buffer, "JPEG", quality=72, optimize=True, comment=MARK
     )
     return buffer.getvalue()

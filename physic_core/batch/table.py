@@ -13,10 +13,12 @@ from typing import Any
 from physic_core.batch.journal import COLUMNS, last_rows
 from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
+from physic_core.files.own import MARK, check_own
 
 __all__ = [
     "all_columns",
     "arrow_schema",
+    "check_table",
     "check_table_kind",
     "default_table_kind",
     "import_pyarrow",
@@ -43,12 +45,18 @@ _NUMBERS = ("seconds", "peak_mb")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
 _ROWS = 10_000  # of one group of a Parquet file
+_MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
 
 
 def check_table_kind(kind: str) -> None:
     """Raise ConfigError if tables of this kind cannot be written on this machine."""
     if kind == "parquet":
         import_pyarrow("summary.parquet")
+
+
+def check_table(out: Path, kind: str) -> None:
+    """Raise OutputError if :func:`write_table` would replace a file that no batch has written."""
+    check_own(out / f"summary.{kind}", mark=_MARKS[kind])
 
 
 def default_table_kind() -> str:
@@ -85,8 +93,9 @@ def write_table(out: Path, kind: str) -> Path:
 
     Raises:
         ConfigError: pyarrow is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written, or no batch has written the one there.
     """
+    check_table(out, kind)
     numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys())
     name = f"summary.{kind}"
     with atomic_write(out) as temporary:
@@ -120,7 +129,7 @@ def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str
     parquet = import_pyarrow("summary.parquet")
     import pyarrow as pa
 
-    schema = arrow_schema((*COLUMNS, *numbers))
+    schema = arrow_schema((*COLUMNS, *numbers)).with_metadata({"note": MARK})
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         while group := list(islice(rows, _ROWS)):
             columns = {name: [row.get(name) for row in group] for name in schema.names}

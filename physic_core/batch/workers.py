@@ -28,6 +28,8 @@ from typing import Any, Generic, Literal, TypeVar
 from physic_core import errors
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.errors import BackendError, OutputError, PhysicError
+from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.files.own import MARK, check_own, open_to_append
 from physic_core.pipeline.time_limit import report_calls_to
 
 __all__ = [
@@ -116,8 +118,10 @@ def run_in_workers(
     Raises:
         PhysicError: a worker cannot be opened. Its class is that of the error in the worker, if it is one of
             :mod:`physic_core.errors`.
-        OutputError: a task raised OutputError.
+        OutputError: a task raised OutputError, or a file of the user has the name of a log.
     """
+    if settings.logs is not None:
+        check_own(*settings.logs.glob("worker-*.txt"))
     left, again = ((task, 1) for task in tasks), deque[tuple[Task, int]]()
     logs, workers, idle = count(), list[_Worker[Task]](), deque[_Worker[Task]]()
 
@@ -234,6 +238,8 @@ class _Worker(Generic[Task]):
             self._pipe, theirs = context.Pipe()
             folder = self._settings.logs
             self._log = None if folder is None else folder / f"worker-{next(self._logs)}.txt"
+            if self._log is not None:
+                _start_log(self._log)
             self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
             self._process.start()
             theirs.close()
@@ -349,12 +355,22 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+def _start_log(log: Path) -> None:
+    """Replace the log of an earlier run by a new one.
+
+    Raises:
+        OutputError: the file there is of the user, or the folder cannot be written.
+    """
+    check_own(log)
+    with atomic_write(check_writable(log.parent)) as temporary:
+        temporary(log.name).write_text(f"{MARK}\n", encoding="utf-8")
+
+
 def _redirect_output(log: Path | None) -> None:
     if log is not None:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        os.dup2(file, 1)
-        os.dup2(file, 2)
+        with open_to_append(log) as file:
+            os.dup2(file.fileno(), 1)
+            os.dup2(file.fileno(), 2)
         sys.stdout, sys.stderr = os.fdopen(1, "w", buffering=1), os.fdopen(2, "w", buffering=1)
 
 

@@ -66,13 +66,17 @@ def batch(
 
     The same command again goes on where it stopped. A photo that fails is a row of the journal with its reason.
     """
+    from physic_core.batch.contact_sheet import check_contact_sheet, write_contact_sheet
     from physic_core.batch.moments import require_moments
     from physic_core.batch.photos import in_shard, list_photos, parse_shard
     from physic_core.batch.run import plan_batch, run_batch
-    from physic_core.batch.table import check_table_kind, default_table_kind, write_table
+    from physic_core.batch.table import check_table, check_table_kind, default_table_kind, write_table
 
     table = options["table"] or default_table_kind()
     check_table_kind(table)
+    check_table(out, table)
+    if not options["no_thumbnails"]:
+        check_contact_sheet(out)
     name, logs = "journal.jsonl", out.absolute() / "logs"
     if shard is not None:
         part, count = parse_shard(shard)
@@ -99,8 +103,6 @@ def batch(
         run_batch(todo, job, run, Path(job.out) / name, on_row)
     written = [write_table(Path(job.out), table)]
     if job.saving.thumbnails:
-        from physic_core.batch.contact_sheet import write_contact_sheet
-
         written.append(write_contact_sheet(Path(job.out)))
     echo(_summary(Path(job.out), items))
     echo("\n".join(f"wrote {path}" for path in written))

@@ -6,11 +6,12 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.errors import InputError, OutputError
+from physic_core.errors import InputError
 from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.files.own import check_own
 from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
 from physic_core.io.results import add_files, load_reconstruction
-from physic_core.visual.report import HEAD_BYTES, PAGE_MARK, report_html
+from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -31,7 +32,7 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
         PackageMissingError: no installed plugin makes pages.
     """
     path = Path(path)
-    _check_own(path)
+    check_own(path, mark=PAGE_MARK)
     page = report_html(reconstruction, title).encode()
     with atomic_write(check_writable(path.parent)) as temporary:
         temporary(path.name).write_bytes(page)
@@ -57,7 +58,7 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     title = title or folder.resolve().name
     if not is_result(folder):
         raise InputError(f"no result in {folder}: name the folder of a finished run, or a folder of such folders")
-    _check_own(folder / REPORT_FILE)
+    check_own(folder / REPORT_FILE, mark=PAGE_MARK)
     try:
         shown = load_reconstruction(folder) if reconstruction is None else reconstruction
     except InputError as error:
@@ -70,15 +71,3 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
 def is_result(folder: str | os.PathLike[str]) -> bool:
     """Whether a folder has a result, valid or not."""
     return os.path.isfile(os.path.join(folder, DOCUMENT_FILE))
-
-
-def _check_own(path: Path) -> None:
-    try:
-        with path.open("rb") as file:
-            own = PAGE_MARK.encode() in file.read(HEAD_BYTES)
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}; name another file") from error
-    if not own:
-        raise OutputError(f"cannot write {path}: the file there is not a page of PhySIC; move it away, or name another")

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw
+from PIL.PngImagePlugin import PngInfo
 
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.files.own import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import CameraView, summarize_checks
 from physic_core.visual.orthographic_views import (
@@ -63,8 +65,9 @@ class _Frame:
 
 def preview_png(reconstruction: Reconstruction) -> bytes:
     """Render the preview of a reconstruction and encode it as PNG."""
-    buffer = io.BytesIO()
-    preview_image(reconstruction).save(buffer, "PNG", compress_level=2)
+    buffer, note = io.BytesIO(), PngInfo()
+    note.add_text("Comment", MARK)
+    preview_image(reconstruction).save(buffer, "PNG", compress_level=2, pnginfo=note)
     return buffer.getvalue()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import hashlib
 import json
 import os
@@ -199,12 +200,15 @@ def test_two_batches_cannot_write_one_journal(tmp_path: Path):
         pass
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_journal_on_a_full_disk(tmp_path: Path):
+def test_a_journal_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(file: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
     path = tmp_path / "journal.jsonl"
-    path.symlink_to("/dev/full")
-    with Journal(path) as journal, pytest.raises(OutputError) as error:
-        journal.append(row("a"))
+    with Journal(path) as journal:
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OutputError) as error:
+            journal.append(row("a"))
     assert str(error.value) == (
         f"cannot write the journal {path}: No space left on device; the same command goes on from here later"
     )
@@ -305,6 +309,18 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving:
         assert (path.name, len(plan.todo), plan.lost, plan.changed) == (path.name, 1, 1, 0)
         path.write_bytes(content)
     assert todo(job, photos) == []
+
+
+def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
+    """A batch that was killed between a result and its row leaves this."""
+    photos = make_photos(tmp_path / "photos", "a", "b")
+    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers"))
+    run_tiny(photos, job)
+    journal = out / "journal.jsonl"
+    first, _ = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(first)
+    assert len(list(out.glob("photos/*/*/reconstruction.json"))) == 2
+    assert todo(job, photos) == ["b"]
 
 
 @pytest.mark.parametrize("damage", ["deleted", "cut"])

@@ -58,7 +58,12 @@ WRITTEN = {
         "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced"
     ),
     "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
+    "A result without its row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
     "A file of yours is never replaced": "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
+    "Tables, plots, pages and logs": (
+        "tests/batch/test_files_of_the_user.py::test_a_file_of_the_user_ends_the_batch_before_its_first_photo"
+    ),
+    "No file of an output folder": "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",
     "The photo is never replaced": "tests/io/test_output.py::test_the_photo_is_never_overwritten",
 }
 READ = {

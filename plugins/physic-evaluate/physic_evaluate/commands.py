@@ -211,15 +211,17 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
             f"where. Missing:\n{lines}"
         )
     from physic_core.files.atomic import check_writable
+    from physic_core.files.own import MARK
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.carry import Carrier
     from physic_evaluate.datasets.base import FrameSet
-    from physic_evaluate.output import write_evaluation
+    from physic_evaluate.output import check_output, write_evaluation
     from physic_evaluate.run import evaluate_methods, require_any_truth
     from physic_evaluate.scoring import ScoringRules
 
     bodies = BodyFiles(given.smplx, given.smpl)
     check_writable(given.out)
+    check_output(given.out)
     methods = _methods(given, bodies)
     errors: list[UnexpectedError] = []
     how = _reconstruction(given)
@@ -253,7 +255,7 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     }
     _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
     files += chosen.write_more(evaluation, given.out, rules.carrier)
-    echo((given.out / "table.txt").read_text(encoding="utf-8"))
+    echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     for file in files:
         if file.parent == given.out:
             echo(f"wrote {file}")

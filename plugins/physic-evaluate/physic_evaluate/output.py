@@ -10,17 +10,34 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_evaluate.metrics import CONTACT_FIGURES
+from physic_evaluate.score_journal import SCORES
 from physic_evaluate.tables import Tables, compute_tables, latex_table, markdown_table, text_table
 from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
     from physic_evaluate.run import Evaluation
 
-__all__ = ["contact_rules", "summary_of", "write_evaluation"]
+__all__ = ["check_output", "contact_rules", "summary_of", "write_evaluation"]
 
+_TABLES = ("table.txt", "table.md", "table.tex", "results.json")
+_PLOTS = "plots.png"
 
 NAMED = 5
 """Frames without a result that the notes name."""
+
+
+def check_output(out: Path) -> None:
+    """Check that an evaluation would replace no file of the user.
+
+    Raises:
+        OutputError: the folder has a file with a name of the evaluation that PhySIC has not written.
+    """
+    from physic_core.batch.journal import check_journal
+    from physic_core.files.own import check_own
+
+    check_own(*(out / name for name in (*_TABLES, _PLOTS)))
+    check_own(*out.glob("results-*.zip"), *out.glob("worst/*/[0-9][0-9]-*.jpg"))
+    check_journal(out / SCORES / "journal.jsonl")
 
 
 def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list[str]:
@@ -37,26 +54,32 @@ def write_evaluation(
 
     Returns:
         The figures, and the files.
+
+    Raises:
+        OutputError: the folder cannot be written, or has files of the user with these names.
     """
     from physic_core.files.atomic import atomic_write, check_writable
+    from physic_core.files.own import MARK
     from physic_evaluate.plots import draw_plots
     from physic_evaluate.previews import write_previews
 
+    check_output(out)
     names = [method.name for method in evaluation.methods]
     tables = compute_tables(evaluation.records, names, contact_rules(evaluation, contact_cm))
     notes = summary_of(evaluation) + _unequal_counts(tables)
+    lines = [*notes, MARK]
     header = settings["header"]
     texts = {
-        "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(notes) + "\n",
-        "table.md": f"{header}\n\n{markdown_table(tables)}\n" + "\n".join(f"- {note}" for note in notes) + "\n",
-        "table.tex": _comment(header) + latex_table(tables) + "".join(map(_comment, notes)),
-        "results.json": _document(evaluation, tables, settings, notes),
+        "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(lines) + "\n",
+        "table.md": f"{header}\n\n{markdown_table(tables)}\n" + "\n".join(f"- {line}" for line in lines) + "\n",
+        "table.tex": _comment(header) + latex_table(tables) + "".join(map(_comment, lines)),
+        "results.json": _document(evaluation, tables, {"note": MARK, **settings}, notes),
     }
     with atomic_write(check_writable(out)) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
     files = [out / name for name in texts]
-    plot = draw_plots(evaluation.records, tables, out / "plots.png")
+    plot = draw_plots(evaluation.records, tables, out / _PLOTS)
     files += [plot] if plot is not None else []
     files += write_previews(evaluation, out / "worst")
     return tables, files

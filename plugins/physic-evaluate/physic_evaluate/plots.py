@@ -40,6 +40,7 @@ def draw_plots(records: Sequence[Record], tables: Tables, path: Path) -> Path | 
             f"the plots need {error.name}: `pip install -e 'plugins/physic-evaluate[plot]'` in a checkout of PhySIC"
         ) from error
     from physic_core.files.atomic import atomic_write
+    from physic_core.files.own import MARK
 
     panels = _panels(records, tables)
     if not panels:
@@ -50,7 +51,7 @@ def draw_plots(records: Sequence[Record], tables: Tables, path: Path) -> Path | 
     for axis, panel in zip(axes, panels, strict=True):
         panel(axis)
     with atomic_write(path.parent) as temporary:
-        page.savefig(temporary(path.name), dpi=130, format="png")
+        page.savefig(temporary(path.name), dpi=130, format="png", metadata={"Comment": MARK})
     return path
 
 

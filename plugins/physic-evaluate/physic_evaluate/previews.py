@@ -45,6 +45,7 @@ def write_previews(evaluation: Evaluation, folder: Path) -> list[Path]:
     People without a body come first, then the largest MPJPE, or MPVPE without joints.
     """
     from physic_core.files.atomic import atomic_write, check_writable
+    from physic_core.files.own import MARK
 
     frames = {frame.id: frame for frame in evaluation.frames}
     written = []
@@ -62,7 +63,7 @@ def write_previews(evaluation: Evaluation, folder: Path) -> list[Path]:
             page = _drawn(frames[name], method, f"{rank}. {name}: {error}")
             path = own / f"{rank:02d}-{name.replace('/', '_')}.jpg"
             with atomic_write(own) as temporary:
-                page.save(temporary(path.name), format="JPEG", quality=85)
+                page.save(temporary(path.name), format="JPEG", quality=85, comment=MARK)
             written.append(path)
     return written
 

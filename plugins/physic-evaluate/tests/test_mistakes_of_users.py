@@ -119,3 +119,35 @@ def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str
     file = root.parent / "theirs" / "p1.npz"
     assert f"theirs: 1 of 3 frames without a result: p1 ({reason.format(file=file)}" in text
     assert figures(root.parent / "out", "theirs")["me_mpjpe"] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("is_link", [False, True])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "table.txt",
+        "table.md",
+        "table.tex",
+        "results.json",
+        "plots.png",
+        "results-theirs.zip",
+        "worst/theirs/01-p0.jpg",
+        "scores/journal.jsonl",
+    ],
+)
+def test_a_file_of_the_user_is_never_replaced(root: Path, name: str, is_link: bool):
+    path, victim = root.parent / "out" / name, root.parent / "victim"
+    path.parent.mkdir(parents=True)
+    victim.write_text("mine")
+    path.symlink_to(victim) if is_link else path.write_text("mine")
+    assert call(root, results(root, "theirs"), fails=True) == (
+        f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name another "
+        "folder"
+    )
+    assert path.read_text() == victim.read_text() == "mine"
+    assert [file for file in (root.parent / "out").rglob("*") if not file.is_dir()] == [path]
+
+
+def test_files_of_an_earlier_evaluation_are_replaced(root: Path):
+    first = call(root, results(root, "theirs"))
+    assert call(root, results(root, "theirs", shift=0.05)) != first

@@ -46,11 +46,14 @@ def simulate(
         )
     from physic_core.cli.output import echo
     from physic_core.files.atomic import atomic_write
+    from physic_core.files.own import MARK, check_own
     from physic_core.types import Reconstruction
     from physic_export.humanoid import PASSIVE
     from physic_export.simulate import CONTROLS, simulate_people
     from physic_export.simulate_picture import draw_motions
 
+    folder = folder or out
+    check_own(folder / "simulation.json", folder / "simulation.png")
     result = Reconstruction.load(str(out))
     if result.scene.floor is None:
         raise InputError("physic simulate needs the direction of gravity, and this result has no floor")
@@ -63,8 +66,7 @@ def simulate(
     echo(_table(motions))
     names = {name: vars(passive) for name, passive in PASSIVE.items()}
     rows = [_row(motion) for motion in motions]
-    document = {"seconds": seconds, "passive_joints": names, "people": rows}
-    folder = folder or out
+    document = {"note": MARK, "seconds": seconds, "passive_joints": names, "people": rows}
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(folder) as temporary:
         temporary("simulation.json").write_text(json.dumps(document, indent=2) + "\n", "utf-8")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.files.own import MARK
 from physic_core.visual.palette import FLOOR_RGB, person_color
 from physic_core.visual.render import View, composite, prepare_meshes, render_mesh
 
@@ -26,6 +27,7 @@ _VIEW = np.deg2rad(30.0)  # from the camera's direction, so that a fall towards 
 def draw_motions(motions: Sequence[Motion], seconds: float) -> bytes:
     """Return a PNG with a row for each person: at the start and at the end, with the floor as a line."""
     from PIL import Image, ImageDraw
+    from PIL.PngImagePlugin import PngInfo
 
     page = Image.new("RGB", (2 * _SIDE_PX, _SIDE_PX * max(len(motions), 1)), "white")
     draw = ImageDraw.Draw(page)
@@ -37,8 +39,9 @@ def draw_motions(motions: Sequence[Motion], seconds: float) -> bytes:
             if column:
                 words += "stays" if motion.stays else f"moved {100 * motion.moved_m:.0f} cm"
             draw.text((corner[0] + 8, corner[1] + 6), words, fill="black")
-    buffer = io.BytesIO()
-    page.save(buffer, "PNG", optimize=True)
+    buffer, note = io.BytesIO(), PngInfo()
+    note.add_text("Comment", MARK)
+    page.save(buffer, "PNG", optimize=True, pnginfo=note)
     return buffer.getvalue()
 
 

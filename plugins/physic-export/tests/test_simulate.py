@@ -118,6 +118,13 @@ def test_the_command_writes_numbers_and_a_picture(standing: Reconstruction, tmp_
         assert picture.size == (640, 320)
 
 
+def test_a_file_of_the_user_is_not_replaced(saved_pair: Path, tmp_path: Path):
+    (tmp_path / "simulation.png").write_text("mine")
+    done = CliRunner().invoke(main, ["simulate", str(saved_pair), "-o", str(tmp_path)])
+    assert done.exit_code == 2
+    assert (tmp_path / "simulation.png").read_text() == "mine"
+
+
 def test_a_person_who_does_not_exist_is_an_error(saved_pair: Path):
     done = CliRunner().invoke(main, ["simulate", str(saved_pair), "--person", "7"])
     assert done.exit_code == 3

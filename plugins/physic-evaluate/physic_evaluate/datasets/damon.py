@@ -153,6 +153,7 @@ def write_submission(evaluation: Evaluation, method: str, out: Path, carrier: Ca
     import pickle
 
     from physic_core.files.atomic import atomic_write
+    from physic_core.files.own import MARK
 
     chosen = next(m for m in evaluation.methods if m.name == method)
     document: dict[str, dict[str, list[int]]] = {}
@@ -171,6 +172,7 @@ def write_submission(evaluation: Evaluation, method: str, out: Path, carrier: Ca
     path = out / f"results-{method.replace('/', '_')}.zip"
     with atomic_write(out) as temporary, zipfile.ZipFile(temporary(path.name), "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("results.pkl", stream.getvalue())
+        archive.comment = MARK.encode()
     return path
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import PhysicError
+from physic_core.files.own import MARK
 from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.paper_results import PAPER_RESULTS
 from physic_testing.bench.tables import main_row
@@ -44,7 +45,7 @@ def draw_plot(results: Results, path: Path) -> Path:
     _rows_part(upper, results.figures, labels, _subtitle(results.document))
     if key is not None:
         _actions_part(lower[0], actions, key, labels[key])
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=150, metadata={"Title": MARK})
     return path
 
 
@@ -70,7 +71,7 @@ def draw_reliability(results: Results, path: Path) -> Path | None:
     lower.bar(likely / count, count, width=0.6 / BINS, color=_OURS)
     lower.set(yscale="log", xlabel="estimated probability of contact", ylabel="vertices")
     figure.suptitle(f"Calibration: ECE {row.figures['ece'].value:.3f}\n{_subtitle(results.document)}", fontsize=10)
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=150, metadata={"Title": MARK})
     return path
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.files.atomic import atomic_write
+from physic_core.files.own import MARK, check_own
 from physic_core.files.strict_json import to_json
 from physic_testing.bench.contact_partners import PARTNER_METRICS
 from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     from physic_testing.bench.tables import Table
     from physic_testing.bench.world_evidence import WorldCase
 
-__all__ = ["Results", "summarise_records", "write_results"]
+__all__ = ["Results", "check_results", "summarise_records", "write_results"]
+
+_NAMES = ("results.json", "table.txt", "table.md")
 
 SCHEMA = 2
 """Version of the JSON document. Version 2 writes NaN as "NaN", version 1 as null."""
@@ -74,6 +77,7 @@ def summarise_records(
             tables = (trial_table(found[TRIAL], found[FULL], labels[TRIAL].removeprefix("full, "), title), *tables)
     document = {
         "schema": SCHEMA,
+        "note": MARK,
         "benchmark": "accuracy",
         "complete": len(records) == len(cases),
         "worlds_asked": len(cases),
@@ -91,21 +95,26 @@ def summarise_records(
     return Results(to_json(document, digits=7), tables, found)
 
 
+def check_results(folder: Path) -> None:
+    """Raise OutputError if a benchmark would replace a file of the user."""
+    check_own(*(folder / name for name in (*_NAMES, "ablation.png", "reliability.png")))
+
+
 def write_results(results: Results, folder: Path) -> tuple[Path, ...]:
     """Write ``results.json``, ``table.txt`` and ``table.md`` atomically.
 
     Raises:
         OutputError: the folder cannot be written.
     """
-    texts = {
-        "results.json": json.dumps(results.document, indent=1, ensure_ascii=False) + "\n",
-        "table.txt": "\n\n\n".join(map(as_text, results.tables)) + "\n",
-        "table.md": "\n\n".join(map(as_markdown, results.tables)) + "\n",
-    }
+    texts = (
+        json.dumps(results.document, indent=1, ensure_ascii=False),
+        "\n\n\n".join([*map(as_text, results.tables), MARK]),
+        "\n\n".join([*map(as_markdown, results.tables), MARK]),
+    )
     with atomic_write(folder) as temporary:
-        for name, text in texts.items():
-            temporary(name).write_text(text, encoding="utf-8")
-    return tuple(folder / name for name in texts)
+        for name, text in zip(_NAMES, texts, strict=True):
+            temporary(name).write_text(f"{text}\n", encoding="utf-8")
+    return tuple(folder / name for name in _NAMES)
 
 
 def _row_summary(row: RowStatistics) -> dict[str, Any]:

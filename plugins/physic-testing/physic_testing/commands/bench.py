@@ -125,11 +125,12 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
     from physic_core.configuration.resolve import check_backends, require_available, resolve
     from physic_core.discovery.plugins import discover
     from physic_core.files.atomic import check_writable
+    from physic_testing.bench.results import check_results
 
     registry = discover()
     check_backends(config, registry)
     require_available(resolve(noisy, registry))
-    check_writable(options.out)
+    check_results(check_writable(options.out))
 
     from physic_testing.bench.run_worlds import BenchmarkJob
     from physic_testing.bench.table_rows import FULL, TRIAL, Row, select_rows
@@ -169,8 +170,11 @@ def _measure_accuracy(options: _AccuracyOptions) -> None:
 @click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
 def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
     """Print run-time ratios of the engine on this machine, measured in one run."""
+    from physic_core.files.own import MARK, check_own
     from physic_testing.bench.speed import SECTIONS, format_report, measure_speed
 
+    if file is not None:
+        check_own(file)
     report = measure_speed(
         repeats,
         sections=[name.strip() for name in sections.split(",") if name.strip()] or tuple(SECTIONS),
@@ -184,8 +188,9 @@ def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed:
 
         from physic_core.files.atomic import atomic_write
 
+        text = json.dumps({"note": MARK, **report.as_dict()}, indent=1)
         with atomic_write(file.parent) as temporary:
-            temporary(file.name).write_text(json.dumps(report.as_dict(), indent=1) + "\n", encoding="utf-8")
+            temporary(file.name).write_text(f"{text}\n", encoding="utf-8")
     echo(format_report(report))
 
 

@@ -227,6 +227,13 @@ def test_invalid_options_are_reported_before_anything_runs(arguments, message, t
     assert "Traceback" not in finished.output
 
 
+@pytest.mark.parametrize("name", ["results.json", "table.txt", "ablation.png"])
+def test_a_file_of_the_user_is_not_replaced(name, tmp_path):
+    (tmp_path / name).write_text("mine")
+    finished = bench("accuracy", "-o", str(tmp_path))
+    assert (finished.exit_code, (tmp_path / name).read_text()) == (2, "mine")
+
+
 @pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)])
 def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkeypatch, known_worlds):
     def stopped(cases, work, jobs):

@@ -1,0 +1,112 @@
+"""A batch replaces no file that it has not written, opens none through a link, and says so before the first photo."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from fuzzing.tiny_result import tiny_result
+from physic_core.batch.saving import Saving, save_photo, write_thumbnail
+from physic_core.cli import main
+from physic_core.cli.exit_codes import USAGE
+from physic_core.errors import OutputError
+
+NAMES = ("summary.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
+MINE = '{"id": "mine", "stature": 1.71}\n'
+
+
+def batch(photos: str, out: Path, *options: str) -> Result:
+    arguments = ("batch", photos, "-o", str(out), "--preset", "mock", "--table", "csv", "--workers", "1", *options)
+    return CliRunner().invoke(main, arguments)
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    """A folder with a file that no worker can read."""
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "broken.jpg").write_text("no photo")
+    return tmp_path / "photos"
+
+
+def copied(path: Path, victim: Path) -> None:
+    path.write_text(MINE)
+
+
+def linked(path: Path, victim: Path) -> None:
+    path.symlink_to(victim)
+
+
+@pytest.mark.parametrize("place", [copied, linked])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(
+    name: str, place: Callable[[Path, Path], None], photos: Path, tmp_path: Path
+):
+    path, victim = tmp_path / "out" / name, tmp_path / "victim"
+    path.parent.mkdir(parents=True)
+    victim.write_text(MINE)
+    place(path, victim)
+    done = batch(str(photos), tmp_path / "out")
+    assert (done.exit_code, done.stderr.splitlines()[-1]) == (
+        USAGE,
+        f"Error: cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name "
+        "another folder",
+    )
+    assert path.read_text() == victim.read_text() == MINE
+    assert "[1/1]" not in done.stderr
+
+
+def test_files_of_an_earlier_batch_are_replaced(photos: Path, tmp_path: Path):
+    assert batch(str(photos), tmp_path / "out").exit_code == 0
+    (photos / "other.jpg").write_text("no photo")
+    assert batch(str(photos), tmp_path / "out").exit_code == 0
+    with (tmp_path / "out" / "summary.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == 2
+
+
+def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos: Path):
+    table = photos / "summary.csv"
+    table.write_text("path,stature\nbroken.jpg,1.71\n")
+    done = batch(str(table), photos)
+    assert done.exit_code == USAGE
+    assert table.read_text() == "path,stature\nbroken.jpg,1.71\n"
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_table_is_known_by_its_mark(kind: str, tmp_path: Path):
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    from physic_core.batch.table import check_table, write_table
+
+    write_table(tmp_path, kind)
+    check_table(tmp_path, kind)
+    (tmp_path / f"summary.{kind}").write_text("path,note\n")
+    with pytest.raises(OutputError):
+        write_table(tmp_path, kind)
+
+
+def test_pictures_of_the_user_stay_where_a_batch_writes_its_own(tmp_path: Path):
+    """At level "summary", which has no list of digests, and thumbnails."""
+    result, preview = tiny_result(), tmp_path / "photo" / "preview.png"
+    for _ in range(2):
+        save_photo(result, tmp_path / "photo", Saving("summary", preview=True))
+        write_thumbnail(result, tmp_path, "photos/3f/a")
+    thumbnail = tmp_path / "thumbnails" / "3f" / "a.jpg"
+    for path in (preview, thumbnail):
+        path.write_text("mine")
+    with pytest.raises(OutputError):
+        save_photo(result, tmp_path / "photo", Saving("summary", preview=True))
+    with pytest.raises(OutputError):
+        write_thumbnail(result, tmp_path, "photos/3f/a")
+    assert preview.read_text() == thumbnail.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["reconstruction.json", "people.npz", "preview.png"])
+def test_files_of_the_user_stay_where_people_are_saved(tmp_path: Path, name: str):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(OutputError, match=f"{name} there is not of an earlier run"):
+        save_photo(tiny_result(), tmp_path, Saving("people", preview=True))
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
