@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 from click.testing import CliRunner, Result
+from PIL import Image
 
 from physic_core.cli import main
 from physic_evaluate.bodies import BodyFiles, PosedBody
+from physic_evaluate.joints import LIMB_JOINTS
 
 ROOT = Path(__file__).parents[3]
 K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
 SIZE = (640, 480)
+TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
+"""Limb joints of the person of every measured photo, m."""
 STANDING = {"global_orient": [np.pi, 0, 0], "transl": [0.1, 0.35, 3.5]}
 """Upright before an OpenCV camera, facing it."""
 
@@ -65,6 +70,17 @@ def write_models(folder: Path) -> Files:
     return Files(BodyFiles(folder / "smplx", folder / "smpl"))
 
 
+def write_measured_photos(folder: Path, count: int = 3) -> Path:
+    """Write photos p0.png ... with one measured person each, and truth.json."""
+    folder.mkdir()
+    joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
+    record = {"width": 640, "height": 480, "K": K.tolist(), "joints": joints}
+    for i in range(count):
+        Image.new("RGB", SIZE).save(folder / f"p{i}.png")
+    (folder / "truth.json").write_text(json.dumps([{"image": f"p{i}.png", **record} for i in range(count)]))
+    return folder
+
+
 def run(*arguments: str) -> Result:
     """Run ``physic evaluate`` with these arguments."""
     return CliRunner().invoke(main, ["evaluate", *arguments])
@@ -79,8 +95,6 @@ def write_plain(folder: Path, name: str, **arrays: Any) -> None:
 
 def figures(out: Path, method: str) -> dict[str, float]:
     """Column -> value of a method in results.json."""
-    import json
-
     document = json.loads((out / "results.json").read_text())
     return {key: found["value"] for key, found in document["figures"][method].items() if found["count"]}
 

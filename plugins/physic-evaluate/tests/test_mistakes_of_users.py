@@ -10,27 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from physic_evaluate.joints import LIMB_JOINTS
 
-from .miniatures import SIZE, K, figures, run, write_plain
+from .miniatures import TRUE, figures, run, write_measured_photos, write_plain
 
-TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
 NAMES = np.array(LIMB_JOINTS)
 
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     """Three photos with one measured person each."""
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
-    record = {"width": 640, "height": 480, "K": K.tolist(), "joints": joints}
-    for i in range(3):
-        Image.new("RGB", SIZE).save(folder / f"p{i}.png")
-    (folder / "truth.json").write_text(json.dumps([{"image": f"p{i}.png", **record} for i in range(3)]))
-    return folder
+    return write_measured_photos(tmp_path / "mine")
 
 
 def results(root: Path, name: str, frames: tuple[int, ...] = (0, 1, 2), shift: float = 0.0) -> str:

@@ -7,28 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from physic_evaluate.joints import LIMB_JOINTS
 
-from .miniatures import SIZE, K, run, write_plain
-
-TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
+from .miniatures import TRUE, run, write_measured_photos, write_plain
 
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
     """Three photos with one measured person each, and results 2 cm off."""
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    records = []
     for i in range(3):
-        Image.new("RGB", SIZE).save(folder / f"p{i}.png")
-        joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
-        records.append({"image": f"p{i}.png", "width": 640, "height": 480, "K": K.tolist(), "joints": joints})
         write_plain(tmp_path / "theirs", f"p{i}", joints=TRUE[None] + [0.02, 0, 0], joint_names=np.array(LIMB_JOINTS))
-    (folder / "truth.json").write_text(json.dumps(records))
-    return folder
+    return write_measured_photos(tmp_path / "mine")
 
 
 def call(root: Path, *more: str) -> str:

@@ -122,11 +122,8 @@ def test_two_checkouts_with_packages_of_one_name_load_side_by_side(
     np.testing.assert_allclose(values, [0.75, 0.25, 0.75])
 
 
-def test_missing_files_of_deco_are_named(tmp_path: Path) -> None:
-    lacking = "\n".join(Deco(DecoOptions(checkout=str(tmp_path))).missing())
-    assert "is no checkout of DECO, for it has no models/deco.py" in lacking
-    assert "run fetch_data.sh of https://github.com/sha2nkt/deco, which asks for no account" in lacking
-    assert "the SMPL model is not given" in lacking
+def test_a_missing_body_model_is_named() -> None:
+    assert any("the SMPL model is not given" in line for line in Deco().missing())
 
 
 class PerfectDeco:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, DepthMap, Hints, Intrinsics, Pointmap
 from physic_human.moge import Moge1, Moge1Options
 from physic_human.unidepth import UniDepth, UniDepthOptions
@@ -160,15 +159,6 @@ def test_moge_puts_points_on_the_rays_of_a_given_camera(moge: Moge1) -> None:
     assert found.intrinsics == camera
     x, y, z = found.points[40, 50]
     np.testing.assert_allclose([310 * x / z + 38, 310 * y / z + 31], [50, 40], rtol=1e-5)
-
-
-def test_missing_files_of_camerahmr_are_named(tmp_path: Path) -> None:
-    for kind in (UniDepth, Moge1):
-        lacking = kind(kind.Options(checkout=str(tmp_path))).missing()
-        assert any("is no checkout of" in line for line in lacking)
-        assert any("physic weights fetch" in line for line in lacking)
-        with pytest.raises(BackendError, match="is not loaded"):
-            kind().infer(np.zeros((48, 64, 3), np.uint8), Hints())
 
 
 class PerfectUniDepth:

@@ -213,16 +213,13 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
     np.testing.assert_allclose(hands.confidence, 0.9, atol=1e-6)
 
 
-def test_missing_files_of_wilor_are_named_before_load(tmp_path: Path) -> None:
+def test_a_backend_without_its_checkout_is_not_loaded(tmp_path: Path) -> None:
     backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
-    said = "\n".join(backend.missing())
-    assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in said
-    assert "no" in said
+    assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in "\n".join(backend.missing())
     with pytest.raises(WeightsMissingError):
         backend.load()
     with pytest.raises(BackendError, match=r"WiLoR-mini is not loaded: call load\(\) before infer\(\)"):
         backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({}))
-    assert any("MANO_RIGHT.pkl" in line for line in Wilor(WilorOptions(checkout=str(tmp_path))).missing())
 
 
 def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tmp_path: Path) -> None:
@@ -232,14 +229,6 @@ def test_another_wilor_is_recognised_by_its_output(stub: Callable[..., Path], tm
     backend.load()
     with pytest.raises(BackendError, match="WiLoR-mini's network returned tuple"):
         backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
-
-
-def test_a_checkpoint_of_another_network_is_refused(stub: Callable[..., Path], tmp_path: Path) -> None:
-    files = wilor_files(tmp_path / "f")
-    torch.save({"state_dict": {"other": torch.zeros(1)}}, files / "wilor_final.ckpt")
-    backend = Wilor(WilorOptions(checkout=str(stub("w", WILOR_FILES)), weights=str(files)))
-    with pytest.raises(BackendError, match="is missing 1 of 1 parameters of the network, gain"):
-        backend.load()
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(stub: Callable[..., Path], tmp_path: Path) -> None:

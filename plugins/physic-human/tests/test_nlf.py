@@ -199,7 +199,7 @@ def test_torchvision_comes_before_the_file(tmp_path: Path, monkeypatch: pytest.M
         backend.load()
 
 
-def test_missing_files_of_camerahmr_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_names_weights_torchvision_and_body_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     lacking = Nlf(NlfOptions(weights=str(tmp_path / "no.torchscript"), smplx_file="no.npz")).missing()
     assert len(lacking) == 3

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import affine_transform
 
-from physic_core.types import SKELETONS
+from physic_core.types import SKELETONS, People
 from physic_testing.conformance.true_keypoints import world_keypoints
 
 if TYPE_CHECKING:
@@ -62,3 +62,19 @@ def sampled(photo: np.ndarray, origin: np.ndarray, step: np.ndarray, width: int,
         ],
         -1,
     )
+
+
+PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
+BOX = (50.0, 20.0, 150.0, 180.0)
+
+
+def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (200, 260)) -> People:
+    """People with these boxes, in a photo of this height and width."""
+    return People(np.zeros((len(boxes), *size), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
+
+
+def blobs(places: list[tuple[float, float]], size: tuple[int, int] = (200, 260), sigma: float = 9.0) -> np.ndarray:
+    """A photo with a red, a green and a blue blob."""
+    y, x = np.mgrid[: size[0], : size[1]]
+    apart = [(x - u) ** 2 + (y - v) ** 2 for u, v in places]
+    return np.stack([255 * np.exp(-square / (2 * sigma**2)) for square in apart], -1).astype(np.uint8)

@@ -103,20 +103,13 @@ class TestContract:
         assert np.nanmax(depth) <= 6.0
         assert np.isnan(depth[:, -20:]).all()
 
-    def test_without_a_focal_length_it_says_what_to_configure(self, contract_graph, loaded):
-        with pytest.raises(BackendError) as refusal:
+    def test_it_needs_a_focal_length(self, contract_graph, loaded):
+        with pytest.raises(BackendError, match="only for a known focal length"):
             loaded(DepthAnything3, contract_graph()).infer(ramp(252, 252, 0), Hints())
-        assert str(refusal.value) == (
-            "Depth Anything 3 metric gives metres only for a known focal length, and none is known: "
-            "set focal_px in [photo], or choose a relative_pointmap that finds the camera"
-        )
 
     def test_a_note_says_that_the_photo_was_squashed(self, contract_graph, loaded):
         answer = loaded(DepthAnything3, contract_graph("504 x 280")).infer(ramp(640, 480, 0), hints(500.0, 480, 640))
-        assert answer.notes == (
-            "model.onnx sees 504 x 280 px only, so that the photo is squashed by a factor 2.4; "
-            "a file of free size would see it as it is",
-        )
+        assert "504 x 280 px only, so that the photo is squashed by a factor 2.4" in answer.notes[0]
 
     def test_file_without_a_sky_is_refused(self, graph, node, tmp_path, loaded):
         """Trap: the relative files have the same names, and no sky."""
@@ -126,10 +119,8 @@ class TestContract:
             {"depth": ("float32", ("b", 504, 504))},
             [node("ReduceMax", ["image"], ["depth"], axes=[1], keepdims=0)],
         )
-        with pytest.raises(BackendError) as refusal:
+        with pytest.raises(BackendError, match="there is no output 'sky'"):
             loaded(DepthAnything3, str(path))
-        assert "but there is no output 'sky'" in str(refusal.value)
-        assert "found:\n  inputs:  image float32 (b, 3, 504, 504)" in str(refusal.value)
 
     def test_relative_file_with_a_sky_is_refused_by_its_name(self, contract_graph, loaded):
         with pytest.raises(BackendError, match="returns relative depth: use it as relative_pointmap"):

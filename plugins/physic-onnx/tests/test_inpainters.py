@@ -188,31 +188,6 @@ def test_a_crop_shows_more_than_hole():
     assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
 
 
-BACKENDS = {"mi-gan": MiGan, "lama": Lama}
-
-
-@pytest.fixture(params=BACKENDS)
-def either(request, pipeline, lama):
-    path = {"mi-gan": pipeline, "lama": lama()}[request.param]
-    return opened(BACKENDS[request.param], BACKENDS[request.param].Options(weights=str(path)))
-
-
-def test_an_empty_mask_changes_nothing(either, photo):
-    answer = either.infer(photo, np.zeros(photo.shape[:2], bool))
-    assert (answer == photo).all()
-    assert answer is not photo
-
-
-def test_a_full_mask_is_refused(either, photo):
-    with pytest.raises(BackendError, match="covers the whole image, which leaves nothing to fill it from"):
-        either.infer(photo, np.ones(photo.shape[:2], bool))
-
-
-def test_a_mask_of_another_size_is_refused(either, photo):
-    with pytest.raises(BackendError, match=r"\(H, W\) = \(90, 130\), got \(130, 90\): resize it first"):
-        either.infer(photo, np.zeros((130, 90), bool))
-
-
 class Painter:
     """A network that paints the hole of whatever it is shown from what is around it."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnythingMetric, DepthAnythingRelative
@@ -57,7 +57,7 @@ class TestFile:
         assert first != Metric3d(Metric3dOptions(weights=str(depth_file))).fingerprint() != ""
 
 
-class TestLife:
+class TestPrecision:
     def test_half_precision_is_fed_and_read(self, depth_file):
         backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
         backend.load()
@@ -66,17 +66,6 @@ class TestLife:
         depth = backend.infer(image, Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56))).depth
         assert depth.dtype == np.float32
         np.testing.assert_allclose(depth, np.arange(50, 162)[None, :] * np.ones((56, 1)) / 10, rtol=1e-3)
-
-    def test_may_be_loaded_and_closed_again(self, depth_file):
-        backend = Metric3d(Metric3dOptions(weights=str(depth_file)))
-        for step in (backend.close, backend.load, backend.load, backend.close, backend.close):
-            step()
-        with pytest.raises(BackendError, match=r"Metric3d is not loaded: call load\(\)"):
-            backend.infer(np.zeros((56, 112, 3), np.uint8), Hints(intrinsics=Intrinsics.from_focal(100.0, 112, 56)))
-
-    def test_missing_device_is_refused(self, depth_file):
-        with pytest.raises(DeviceError):
-            Metric3d(Metric3dOptions(weights=str(depth_file))).load("cuda:99")
 
 
 class TestMaps:

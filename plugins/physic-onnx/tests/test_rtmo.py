@@ -9,17 +9,12 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.types import People
 from physic_onnx.rtmo import Rtmo, assign_poses
 from physic_testing.conformance import check_backend
 
-from .pose_worlds import joints
+from .pose_worlds import joints, people
 
 PLACES = np.random.default_rng(0).uniform(20, 400, (2, 17, 2))
-
-
-def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (240, 320)) -> People:
-    return People(np.zeros((len(boxes), *size), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
 
 
 @pytest.fixture
@@ -57,14 +52,14 @@ def rtmo(tmp_path: Path, graph: Any, node: Any) -> Any:
 
 
 def test_points_come_back_into_the_photo_between_pixel_centres(rtmo: Any) -> None:
-    found = rtmo([[0, 0, 640, 480]]).infer(np.zeros((240, 320, 3), np.uint8), people((0, 0, 320, 240)))
+    found = rtmo([[0, 0, 640, 480]]).infer(np.zeros((240, 320, 3), np.uint8), people((0, 0, 320, 240), size=(240, 320)))
     assert np.allclose(found.points[0], (PLACES[0] + 0.5) / 2 - 0.5, atol=1e-4)
 
 
 def test_each_person_gets_the_pose_that_overlaps_most(rtmo: Any) -> None:
     photo = np.zeros((240, 320, 3), np.uint8)
     backend = rtmo([[0, 0, 200, 400], [300, 0, 500, 400]])
-    found = backend.infer(photo, people((150, 0, 250, 200), (0, 0, 100, 200), (260, 0, 320, 100)))
+    found = backend.infer(photo, people((150, 0, 250, 200), (0, 0, 100, 200), (260, 0, 320, 100), size=(240, 320)))
     assert np.allclose(found.points[0], (PLACES[1] + 0.5) / 2 - 0.5, atol=1e-4)
     assert np.allclose(found.points[1], (PLACES[0] + 0.5) / 2 - 0.5, atol=1e-4)
     assert (found.confidence[2] == 0).all()  # nobody's pose
@@ -81,7 +76,7 @@ def test_no_pose_is_given_twice() -> None:
 def test_poses_of_low_confidence_are_given_to_no_person(rtmo: Any) -> None:
     photo = np.zeros((240, 320, 3), np.uint8)
     backend = rtmo([[0, 0, 640, 480]], scores=(0.05,))
-    assert (backend.infer(photo, people((0, 0, 320, 240))).confidence == 0).all()
+    assert (backend.infer(photo, people((0, 0, 320, 240), size=(240, 320))).confidence == 0).all()
 
 
 def test_another_joint_set_is_refused(rtmo: Any) -> None:

@@ -10,12 +10,11 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
-from physic_core.types import People
 from physic_onnx.rtmpose import RtmPose
 from physic_testing import violations
 from physic_testing.conformance import check_backend
 
-from .pose_worlds import joints, normalised, region, sampled
+from .pose_worlds import BOX, PLACES, blobs, joints, normalised, people, region, sampled
 
 
 @pytest.fixture
@@ -56,19 +55,6 @@ def rtmpose(tmp_path: Path, graph: Any, node: Any) -> Any:
         return backend
 
     return make
-
-
-def people(*boxes: tuple[float, float, float, float]) -> People:
-    return People(np.zeros((len(boxes), 200, 260), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
-
-
-def blobs(places: list[tuple[float, float]]) -> np.ndarray:
-    y, x = np.mgrid[:200, :260]
-    return np.stack([255 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / 162) for u, v in places], -1).astype(np.uint8)
-
-
-PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
-BOX = (50.0, 20.0, 150.0, 180.0)
 
 
 @pytest.mark.parametrize("size", [(256, 192), (384, 288)])

@@ -106,40 +106,19 @@ class TestProviders:
         assert [s if isinstance(s, str) else (s[0], s[1]["device_id"]) for s in settings] == asked
 
     @pytest.mark.parametrize(
-        ("name", "device", "message"),
+        ("name", "device", "words"),
         [
-            (
-                "auto",
-                "cuda",
-                "device 'cuda' needs CUDA, and the installed onnxruntime has only 'cpu': "
-                "install onnxruntime-gpu in place of onnxruntime, or choose device 'cpu'",
-            ),
-            (
-                "tensorrt",
-                "cuda",
-                "provider 'tensorrt' is TensorRT, and the installed onnxruntime has only 'cpu': install "
-                "onnxruntime-gpu in place of onnxruntime, and TensorRT beside it, or choose provider 'cpu'",
-            ),
-            (
-                "coreml",
-                "cpu",
-                "provider 'coreml' is CoreML, and the installed onnxruntime has only 'cpu': "
-                "use the onnxruntime for macOS, which contains it, or choose provider 'cpu'",
-            ),
-            (
-                "directml",
-                "cpu",
-                "provider 'directml' is DirectML, and the installed onnxruntime has only 'cpu': "
-                "install onnxruntime-directml in place of onnxruntime, or choose provider 'cpu'",
-            ),
+            ("auto", "cuda", "device 'cuda' needs CUDA, .* has only 'cpu': install onnxruntime-gpu in place of"),
+            ("tensorrt", "cuda", "is TensorRT, .* install onnxruntime-gpu .* and TensorRT beside it"),
+            ("coreml", "cpu", "is CoreML, .* use the onnxruntime for macOS"),
+            ("directml", "cpu", "is DirectML, .* install onnxruntime-directml .*, or choose provider 'cpu'"),
             ("auto", "mps", "unknown device 'mps': use 'cpu', 'cuda' or 'cuda:N'"),
-            ("auto", "cpu:1", "unknown device 'cpu:1': use 'cpu', 'cuda' or 'cuda:N'"),
+            ("auto", "cpu:1", "unknown device 'cpu:1'"),
         ],
     )
-    def test_a_missing_provider_is_refused_with_the_package_to_install(self, name, device, message):
-        with pytest.raises(DeviceError) as refusal:
+    def test_a_missing_provider_is_refused_with_the_package_to_install(self, name, device, words):
+        with pytest.raises(DeviceError, match=words):
             select_provider(name, device, ["AzureExecutionProvider", CPU])
-        assert str(refusal.value) == message
 
     def test_available_providers_come_from_the_installed_onnxruntime(self, doubler, monkeypatch):
         monkeypatch.setattr(onnxruntime, "get_available_providers", lambda: [CPU])
@@ -154,11 +133,8 @@ class TestProviders:
         monkeypatch.setattr(
             onnxruntime, "InferenceSession", lambda path, options, providers: session(path, options, providers=[CPU])
         )
-        with pytest.raises(DeviceError) as refusal:
+        with pytest.raises(DeviceError, match=f"offers {words} but could not start it on this machine"):
             open_network(doubler(), OnnxOptions(provider=provider), "cuda")
-        assert f"offers {words} but could not start it on this machine, and would run double.onnx with {CPU}" in str(
-            refusal.value
-        )
 
     def test_cpu_runs_operators_that_a_provider_does_not_have(self, doubler, monkeypatch):
         asked = []
@@ -225,9 +201,5 @@ class TestFiles:
         (answer,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(4)}, ["y"])
         np.testing.assert_array_equal(answer, [0, 1, 2, 3])
         (tmp_path / location).unlink()
-        with pytest.raises(BackendError) as refusal:
+        with pytest.raises(BackendError, match=f"weights in other files, and {location} is not in {tmp_path}"):
             open_network(path, OnnxOptions(), "cpu")
-        assert str(refusal.value) == (
-            f"model.onnx has its weights in other files, and {location} is not in {tmp_path}: put it there, under "
-            "this name (`physic weights fetch` fetches all files of a set)"
-        )

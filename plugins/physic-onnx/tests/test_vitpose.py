@@ -11,12 +11,11 @@ import pytest
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
-from physic_core.types import People
 from physic_onnx.vitpose import VitPose
 from physic_testing import violations
 from physic_testing.conformance import check_backend
 
-from .pose_worlds import joints, normalised, region, sampled
+from .pose_worlds import BOX, PLACES, blobs, joints, normalised, people, region, sampled
 
 HEIGHT, WIDTH = 256, 192
 PORTS = {
@@ -81,25 +80,9 @@ def vitpose(tmp_path: Path, graph: Any, node: Any) -> Any:
     return make
 
 
-def people(*boxes: tuple[float, float, float, float], size: tuple[int, int] = (200, 260)) -> People:
-    return People(np.zeros((len(boxes), *size), bool), np.array(boxes, float).reshape(-1, 4), np.ones(len(boxes)))
-
-
-def blobs(size: tuple[int, int], places: list[tuple[float, float]], sigma: float = 9.0) -> np.ndarray:
-    """A photo with a red, a green and a blue blob."""
-    y, x = np.mgrid[: size[0], : size[1]]
-    return np.stack([255 * np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * sigma**2)) for u, v in places], -1).astype(
-        np.uint8
-    )
-
-
-PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]
-BOX = (50.0, 20.0, 150.0, 180.0)
-
-
 @pytest.mark.parametrize("kind", list(PORTS))
 def test_colours_are_found_where_they_are_and_in_their_order(vitpose: Any, kind: str) -> None:
-    found = vitpose(kind).infer(blobs((200, 260), PLACES), people(BOX))
+    found = vitpose(kind).infer(blobs(PLACES), people(BOX))
     assert violations(KeypointDetector, found, people=1) == []
     assert found.skeleton == "coco17"
     apart = np.linalg.norm(found.points[0, :3] - PLACES, axis=1)
@@ -114,14 +97,14 @@ def test_each_joint_set_is_read_on_the_grid_that_it_was_trained_on(vitpose: Any,
     backend = vitpose(count=count, stated=stated)
     worst = 0.0
     for places in ([(430.0, 80.0), (320.0, 250.0), (540.0, 690.0)], [(540.0, 380.0), (430.0, 360.0), (320.0, 640.0)]):
-        found = backend.infer(blobs((760, 900), places, sigma=30.0), people(box, size=(760, 900)))
+        found = backend.infer(blobs(places, (760, 900), sigma=30.0), people(box, size=(760, 900)))
         worst = max(worst, float(np.linalg.norm(found.points[0, :3] - places, axis=1).max()))
     print(f"{count} joints: {worst:.2f} px on a person of 640 px")
     assert worst < 1.0  # read on the other grid, a foot is 10 px off
 
 
 def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
-    seen = blobs((200, 260), PLACES)
+    seen = blobs(PLACES)
     boxes = [(60.0, 40.0, 140.0, 170.0), (20.0, 30.0, 220.0, 160.0), (-20.0, 10.0, 140.0, 199.0)]
     found = vitpose().infer(seen, people(*boxes))
     assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < 0.8
@@ -129,8 +112,8 @@ def test_people_of_all_shapes_at_the_edge_too(vitpose: Any) -> None:
 
 @pytest.mark.parametrize(("count", "skeleton"), [(17, "coco17"), (26, "halpe26"), (133, "coco_wholebody133")])
 def test_the_number_of_joints_decides_the_joint_set(vitpose: Any, count: int, skeleton: str) -> None:
-    assert vitpose(count=count).infer(blobs((200, 260), PLACES), people(BOX)).skeleton == skeleton
-    nobody = vitpose(count=count).infer(blobs((200, 260), PLACES), people())
+    assert vitpose(count=count).infer(blobs(PLACES), people(BOX)).skeleton == skeleton
+    nobody = vitpose(count=count).infer(blobs(PLACES), people())
     assert nobody.points.shape == (0, count, 2)
 
 
@@ -150,7 +133,7 @@ def test_keypoints_of_one_hand_are_refused(vitpose: Any) -> None:
 
 @pytest.mark.parametrize("batch", [1, "batch"])
 def test_people_do_not_depend_on_their_batch(vitpose: Any, batch: int | str) -> None:
-    seen = blobs((200, 260), PLACES)
+    seen = blobs(PLACES)
     boxes = [(60.0 + i, 40.0, 140.0, 170.0) for i in range(5)]
     together = vitpose(batch=batch).infer(seen, people(*boxes))
     alone = [vitpose(batch=batch).infer(seen, people(box)) for box in boxes]
@@ -162,7 +145,7 @@ def test_a_folder_with_one_graph_and_its_tensors_is_a_file(vitpose: Any, tmp_pat
     (tmp_path / "backbone.blocks.0.weight").write_bytes(b"tensor")
     backend = VitPose(VitPose.Options(weights=str(tmp_path)))
     backend.load()
-    assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco17"
+    assert backend.infer(blobs(PLACES), people(BOX)).skeleton == "coco17"
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +215,7 @@ def test_the_huge_network_is_a_graph_with_its_tensors_beside_it(
     backend = VitPose(VitPose.Options(weights="vitpose-h-wholebody"))
     assert backend.missing() == ()
     backend.load()
-    assert backend.infer(blobs((200, 260), PLACES), people(BOX)).skeleton == "coco_wholebody133"
+    assert backend.infer(blobs(PLACES), people(BOX)).skeleton == "coco_wholebody133"
     (folder / tensors).unlink()
     (problem,) = backend.missing()
     assert tensors in problem
