@@ -21,7 +21,7 @@ ADULT_YEARS = 16.0
 
 @dataclass(frozen=True)
 class AgeClasses:
-    """Children from birth to :data:`ADULT_YEARS` in C classes of age, all as frequent as their years are long.
+    """Children from birth to :data:`ADULT_YEARS` in C classes of age.
 
     Attributes:
         years: (C, 2) limits of each class.
@@ -40,12 +40,6 @@ class AgeClasses:
         """Mean age (C,) of each class, years."""
         middle: FloatArray = self.years.mean(1)
         return middle
-
-    @property
-    def share(self) -> FloatArray:
-        """Share (C,) of each class among the children."""
-        share: FloatArray = (self.years[:, 1] - self.years[:, 0]) / ADULT_YEARS
-        return share
 
     def at_age(self, years: float) -> tuple[float, float]:
         """Return mean and standard deviation of log stature at an age below :data:`ADULT_YEARS`."""

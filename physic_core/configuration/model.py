@@ -157,13 +157,6 @@ class PhotoSettings(_Table):
         max_length=_MAX_PROMPTS,
         description="known ages, years: one for all people, or one per person as in stature; 0 where unknown",
     )
-    child_share: float = Field(
-        default=0.0,
-        ge=0,
-        le=0.9,
-        description="share of people under 16 years among the people of such photos; 0 takes all people of unknown age "
-        "for adults, above 0 children are told by their size",
-    )
     camera_height: float | None = Field(
         default=None, ge=0.01, le=1000, description="known height of the camera over the floor, metres"
     )

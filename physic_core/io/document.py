@@ -179,7 +179,7 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "contact_vertices": int(np.sum(person.contact)),
         "contacts": None if person.contact_partner is None else to_record(person.contacts),
         "support": to_record(person.support),
-        "age": to_record(person.age),
+        "age": person.age,
         "vertices": len(person.vertices),
     }
 

@@ -52,7 +52,6 @@ from physic_core.io.result_folder import (
 )
 from physic_core.types import (
     NO_PARTNER,
-    AgeEstimate,
     BodyContact,
     BodyParameters,
     CameraView,
@@ -474,7 +473,7 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
         grade=parse_grade(record),
         contacts=from_records(BodyContact, record["contacts"]),
         support=from_record_or_none(Support, record["support"]),
-        age=from_record_or_none(AgeEstimate, record["age"]),
+        age=record["age"],
     )
 
 

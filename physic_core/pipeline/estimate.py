@@ -36,7 +36,6 @@ from physic_core.pipeline.invalid_results import (
 )
 from physic_core.pipeline.unknown_scale import guess_metric_depth
 from physic_core.types import (
-    AgeEstimates,
     Bodies,
     ContactProbability,
     DepthMap,
@@ -54,7 +53,6 @@ from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.configuration.model import PhotoSettings
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.joint.problem import View
     from physic_core.engine.settings import EngineSettings
@@ -98,7 +96,7 @@ class Estimates(ShortRepr):
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) metres, known ones, NaN where unknown; None if no stature is known.
         objects: (K, H, W) bool, visible pixels of objects in hands and on laps; None if the segmenter looks for none.
-        ages: of the people; None if all were taken for adults.
+        ages: (N,) years, known ones, NaN where unknown; None if no age is known.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
     """
@@ -120,7 +118,7 @@ class Estimates(ShortRepr):
     known: KnownSizes = field(default_factory=KnownSizes)
     statures: FloatArray | None = None
     objects: BoolArray | None = None
-    ages: AgeEstimates | None = None
+    ages: FloatArray | None = None
     scale_guess: str = ""
     views: tuple[View, ...] = ()
 
@@ -161,7 +159,7 @@ def run_backends(
     hints, camera, scene = maps.hints, maps.camera, maps.scene
 
     bodies = run.bodies(BodyEstimatorRequest(image, people, camera, keypoints, hints), known.stature)
-    bodies, ages = run.children(bodies, replace(hints, people=people, keypoints=keypoints), plan.photo, known)
+    bodies = run.resized_children(bodies, known)
     # Backends that need bodies get only people with finite bodies.
     embodied = ~run.missing["body_estimator"]
     seen = select_people(people, embodied)
@@ -189,8 +187,8 @@ def run_backends(
         depth=depth,
         missing_results=run.missing_per_person(len(people)),
         objects=objects,
-        ages=ages,
-        scale_guess=scale_guess or ("" if ages is None else ages.scale_guess()),
+        ages=known.years,
+        scale_guess=scale_guess,
         known=chosen.known,
         statures=known.stature,
     )
@@ -205,7 +203,7 @@ def _known_people(chosen: ChosenByUser, people: People) -> KnownPeople:
 
         stature = statures_of_people(known, people, chosen=alone) if any(known.stature) else None
         years = ages_of_people(known, people, chosen=alone) if any(known.age) else None
-    return KnownPeople(years, stature, known.camera_height)
+    return KnownPeople(years, stature)
 
 
 @dataclass(frozen=True)
@@ -353,19 +351,15 @@ class _BackendCalls:
         hands, self.missing["hand_estimator"] = discard_invalid_hands(found)
         return replace_hands(bodies, hands, self.model)
 
-    def children(
-        self, bodies: Bodies, hints: Hints, settings: PhotoSettings, known: KnownPeople
-    ) -> tuple[Bodies, AgeEstimates | None]:
-        """Give children their size, and return their ages; None if no person can be a child."""
-        if not len(bodies.parameters) or not (settings.child_share or known.years is not None):
-            return bodies, None
-        from physic_core.pipeline.ages import AgeSettings, find_children, resize_children
+    def resized_children(self, bodies: Bodies, known: KnownPeople) -> Bodies:
+        """Give people of a known age under 16 years a child's size."""
+        if known.years is None:
+            return bodies
+        from physic_core.pipeline.ages import resize_children
 
-        ages = find_children(bodies, self.model, hints, AgeSettings(child_share=settings.child_share), known)
-        if ages is None:
-            return bodies, None
-        self.stages.note(*ages.notes())
-        return resize_children(bodies, self.model, ages), ages
+        bodies, notes = resize_children(bodies, self.model, known)
+        self.stages.note(*notes)
+        return bodies
 
     def contact(self, image: UInt8Array, people: People, bodies: Bodies, embodied: BoolArray) -> ContactProbability:
         """Predict contact probabilities of all N people; 0 without a backend or a body.

@@ -5,6 +5,7 @@ The three steps are ``estimate.run_backends``, ``optimise.run_engine`` and ``che
 
 from __future__ import annotations
 
+import math
 import threading
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -445,7 +446,7 @@ def _result(
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
-                age=None if estimates.ages is None else estimates.ages.person(i),
+                age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
             )
         )
     stages.warn(*warning_messages(checks))

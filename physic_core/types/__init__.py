@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.types.age import AgeEstimate, AgeEstimates
 from physic_core.types.bodies import Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
 from physic_core.types.contacts import NO_PARTNER, PARTNER_KINDS, BodyContact, ContactPartner
@@ -37,8 +36,6 @@ __all__ = [
     "SKELETONS",
     "SURFACE_NAMES",
     "AffineAmbiguity",
-    "AgeEstimate",
-    "AgeEstimates",
     "Bodies",
     "BodyContact",
     "BodyParameters",

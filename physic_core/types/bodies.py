@@ -98,7 +98,6 @@ class Bodies(ShortRepr):
         joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN where unknown. None
             if the parameters alone define them.
         mesh: the surfaces, or None.
-        stature_sigma: (N,) standard deviation of the logarithm of each stature, or None for that of an estimated adult.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -106,7 +105,6 @@ class Bodies(ShortRepr):
     observed: BoolArray | None = field(default=None, metadata=PER_PERSON)
     joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
-    stature_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)

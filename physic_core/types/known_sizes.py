@@ -88,14 +88,12 @@ class KnownSizes:
 
 @dataclass(frozen=True)
 class KnownPeople(ShortRepr):
-    """What the user knows about N people of a photo, and its camera.
+    """What the user knows about N people of a photo.
 
     Attributes:
         years: (N,) ages, NaN where unknown; None if none is known.
         stature: (N,) metres, NaN where unknown; None if none is known.
-        camera_height: metres over the floor, or None.
     """
 
     years: FloatArray | None = None
     stature: FloatArray | None = None
-    camera_height: float | None = None

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from physic_core.types.age import AgeEstimate
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.bodies import BodyParameters
     from physic_core.types.camera import Intrinsics, Lens
@@ -83,7 +82,7 @@ class Person(ShortRepr):
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None without grades.
-        age: whether the person was taken for a child, and how sure the stature is; None if nothing was measured.
+        age: years, as given; None where unknown.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
@@ -105,7 +104,7 @@ class Person(ShortRepr):
     contact_partner: NDArray[np.int16] | None = None
     contacts: tuple[BodyContact, ...] = ()
     support: Support | None = None
-    age: AgeEstimate | None = None
+    age: float | None = None
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).

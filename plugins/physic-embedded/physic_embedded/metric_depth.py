@@ -27,7 +27,6 @@ __all__ = ["EmbeddedMetricDepth", "PersonScales", "scale_from_soles", "scale_fro
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 _LEAST_SIZE = 0.25  # of people with visible soles, as a share of the size of the best visible torso
 _FARTHEST_M = 1e4
-_ADULT_SIGMA = 0.06  # log standard deviation of an estimated adult's stature
 
 
 class EmbeddedMetricDepthOptions(Options):
@@ -59,12 +58,10 @@ class PersonScales:
     Attributes:
         contact: (N,) from soles on the floor.
         body_size: (N,) from the depth of the torso.
-        unsure: (N,) how much less is known of the stature than of an adult's, log standard deviation.
     """
 
     contact: FloatArray
     body_size: FloatArray
-    unsure: FloatArray
 
 
 class EmbeddedMetricDepth(MetricDepth):
@@ -109,7 +106,7 @@ class EmbeddedMetricDepth(MetricDepth):
         contact = nothing if hints.floor is None else scale_from_soles(vertices, model, observed, hints.floor)
         size = nothing if hints.original is None else scale_from_torsos(vertices, model, hints)
         vote, notes = self._vote(
-            PersonScales(contact, size, _unsure(hints.bodies.stature_sigma, count)),
+            PersonScales(contact, size),
             vertices[..., 2].mean(1),
             _visible_evidence(hints, count),
             hints.scene,
@@ -172,9 +169,7 @@ class EmbeddedMetricDepth(MetricDepth):
                 "give hints.floor or hints.original, or choose a metric depth network"
             )
         shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
-        weights = weights / (1 + (people.unsure / sigma) ** 2)
         vote = vote_on_scale(scales, depths, weights, sigma, shift_sigma or 0.0)
-        vote = replace(vote, sigma=float(np.hypot(vote.sigma, people.unsure[np.isfinite(scales)].min())))
         voters = _count_people(int((np.isfinite(scales) & ~vote.outliers).sum()))
         notes = [
             f"the scale is from the soles of {voters} on the floor"
@@ -189,14 +184,6 @@ class EmbeddedMetricDepth(MetricDepth):
             split = ", about as well visible as the others: the scale is that of the best visible" if vote.split else ""
             notes.append(f"{others} would give the scene another scale{split}")
         return vote, notes
-
-
-def _unsure(stature_sigma: FloatArray | None, count: int) -> FloatArray:
-    """Return what is not known of each stature besides that of an adult, (N,) log standard deviation."""
-    if stature_sigma is None:
-        return np.zeros(count)
-    unsure: FloatArray = np.sqrt(np.maximum(np.nan_to_num(stature_sigma) ** 2 - _ADULT_SIGMA**2, 0.0))
-    return unsure
 
 
 def _visible_evidence(hints: Hints, count: int) -> FloatArray:

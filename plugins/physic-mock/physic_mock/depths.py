@@ -329,9 +329,7 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
     rows = match_people(replace(found, present=np.ones(len(world.masks), bool)), hints.people)
     true = world.joints[rows, 0, 2].astype(np.float64)
     own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
-    sigma = hints.bodies.stature_sigma
-    weight = np.ones(len(true)) if sigma is None else 1 / np.square(sigma)  # people of sure size decide
-    return float(np.exp(np.average(np.log(np.maximum(own, 0.1 * true) / true), weights=weight)))
+    return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))
 
 
 def _camera(world: World, options: DepthOptions, purpose: str, hints: Hints) -> Intrinsics:

@@ -1,4 +1,4 @@
-"""Ages of the people of a moment: from the first photo to the others, and from the photos to the result."""
+"""Known ages of the people of a moment: from the first photo to the others, and from the photos to the result."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from physic_core.errors import InputError
-from physic_core.types import AgeEstimate, AgeEstimates
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.types import IntArray, Reconstruction
+    from physic_core.types import FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import ChosenPhotos, Photo
 
@@ -65,48 +62,17 @@ def _order(photo: Photo, *, prompted: bool) -> IntArray:
     return np.arange(len(boxes)) if prompted else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
 
 
-def ages_of_scene(people: Sequence[PersonOfScene], photos: Sequence[Photo], model: BodyModel) -> AgeEstimates | None:
-    """Return the ages of everybody in the result: the given ones, else what the photos alone found.
+def ages_of_scene(people: Sequence[PersonOfScene], photos: Sequence[Photo]) -> FloatArray | None:
+    """Return the known age (P,) of everybody in the result, years, NaN where unknown; None if no age is known.
 
     Raises:
         InputError: two photos give one person different ages.
     """
-    ages = [
-        _age({photos[v].name: age for v, row in one.shown.items() if (age := photos[v].result.people[row].age)})
-        for one in people
-    ]
-    if not any(ages):
-        return None
-    with torch.inference_mode():
-        betas = torch.from_numpy(np.concatenate([one.parameters.betas for one in people])).double()
-        stature = model.stature(betas).numpy()
-    child = np.array([age is not None and age.years is not None for age in ages])
-    values = [
-        [np.nan if age is None or (x := getattr(age, name)) is None else x for age in ages]
-        for name in ("child_probability", "years", "years_sigma", "stature_sigma")
-    ]
-    probability, years, years_sigma, stature_sigma = np.array(values, np.float64)
-    return AgeEstimates(probability, years, years_sigma, np.where(child, stature, np.nan), stature_sigma)
-
-
-def _age(by_photo: dict[str, AgeEstimate]) -> AgeEstimate | None:
-    """Return the age of a person from that of each photo alone; None without any.
-
-    A child of unknown age is one whom most of the photos take for a child.
-    """
-    given = {photo: age for photo, age in by_photo.items() if age.years_sigma == 0}
-    if len({age.years for age in given.values()}) > 1:
-        each = ", ".join(f"{age.years:g} in {photo}" for photo, age in given.items())
-        raise InputError(f"one person was given different ages, in years: {each}; correct them")
-    if given:
-        return next(iter(given.values()))
-    if not by_photo:
-        return None
-    ages = list(by_photo.values())
-    probability = float(np.mean([age.child_probability for age in ages]))
-    sigma = float(np.mean([age.stature_sigma for age in ages]))
-    child = [(age.years, age.years_sigma) for age in ages if age.years is not None and age.years_sigma is not None]
-    if 2 * len(child) <= len(ages):
-        return AgeEstimate(probability, None, None, sigma)
-    years, years_sigma = np.mean(child, axis=0).tolist()
-    return AgeEstimate(probability, years, years_sigma, sigma)
+    ages = np.full(len(people), np.nan)
+    for i, person in enumerate(people):
+        given = {photos[v].name: age for v, row in person.shown.items() if (age := photos[v].result.people[row].age)}
+        if len(set(given.values())) > 1:
+            each = ", ".join(f"{age:g} in {photo}" for photo, age in given.items())
+            raise InputError(f"one person was given different ages, in years: {each}; correct them")
+        ages[i] = next(iter(given.values()), np.nan)
+    return ages if np.isfinite(ages).any() else None

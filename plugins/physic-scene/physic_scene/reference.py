@@ -12,6 +12,7 @@ import torch
 
 from physic_core import Pipeline
 from physic_core.adapters.observed import observed_joints
+from physic_core.body.ages import ADULT_YEARS
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import ResolvedPipeline, resolve
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
-    from physic_core.types import AgeEstimates, BoolArray, FloatArray, IntArray, Reconstruction
+    from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.cameras import SolvedScene
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
@@ -67,7 +68,7 @@ class ReferenceInput(ShortRepr):
         views: what the other photos show of these people.
         alone: what all photos alone say of their contact, and of the floor.
         statures: (N,) metres, known ones, NaN where unknown.
-        ages: of the people; None if nothing is known of them.
+        ages: (N,) years, known ones, NaN where unknown; None if no age is known.
     """
 
     result: Reconstruction
@@ -79,7 +80,7 @@ class ReferenceInput(ShortRepr):
     views: tuple[View, ...]
     alone: OtherViews
     statures: FloatArray
-    ages: AgeEstimates | None = None
+    ages: FloatArray | None = None
 
     @classmethod
     def of(cls, solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> ReferenceInput:
@@ -123,8 +124,7 @@ class ReferenceInput(ShortRepr):
 
     def complete(self, estimates: Estimates) -> Estimates:
         """Return the estimates of the photo with the other photos, and with people whom only these show."""
-        guess = estimates.scale_guess or ("" if self.ages is None else self.ages.scale_guess())
-        estimates = replace(estimates, views=self.views, ages=self.ages, scale_guess=guess)
+        estimates = replace(estimates, views=self.views, ages=self.ages)
         if np.isfinite(self.statures).any():
             known = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
             estimates = replace(estimates, known=known, statures=self.statures)
@@ -182,8 +182,7 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         config: of the photos alone; its table ``[photo]`` was used there, and is not used again.
         errors: of keypoints.
     """
-    # The photos alone have said who is a child.
-    plain = config.model_copy(update={"photo": type(config.photo)(child_share=0)})
+    plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
     backends = {"body_estimator": SolvedBodies.of(own_bodies), "metric_depth": SolvedDepth.of(given.depth)}
     plan = resolve(plain, discover(), backends)
@@ -200,8 +199,9 @@ def solve_reference(given: ReferenceInput, config: Config, errors: KeypointSetti
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
         found = pipeline(given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete)
-    ages = [] if given.ages is None else given.ages.notes()
-    return replace(found, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *ages))
+    ages = () if given.ages is None else given.ages
+    notes = (f"person {i} is a child of {years:g} years" for i, years in enumerate(ages) if years < ADULT_YEARS)
+    return replace(found, photo=given.result.photo, lens=given.result.lens, notes=(*found.notes, *notes))
 
 
 def solved_camera(solved: SolvedScene, view: int) -> Intrinsics:

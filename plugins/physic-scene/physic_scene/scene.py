@@ -224,7 +224,7 @@ class Scene:
         progress("one solution", 2, 3)
         people = people_of_scene(solved, model)
         given = ReferenceInput.of(solved, people, model)
-        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos, model))
+        given = replace(given, ages=ages_of_scene(people, solved.chosen.photos))
         reconstruction = solve_reference(given, self._pipeline.config, self._settings.keypoints)
         return assemble(solved, people, reconstruction)
 
