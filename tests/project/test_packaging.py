@@ -69,7 +69,6 @@ def test_a_source_distribution_contains_the_licence(name: str):
 MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "ray[data]": "ray", "usd-core": "pxr"}
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
-    "physic-core": {"pxr"},  # physic-export
     "physic-onnx": {"onnxruntime"},  # physic-core
     "physic-serve": {"python-multipart"},  # fastapi
     "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},  # diffusers

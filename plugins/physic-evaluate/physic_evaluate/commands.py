@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from physic_core.cli.output import echo
-from physic_core.errors import InputError, PhysicError
+from physic_core.errors import InputError, PackageMissingError, PhysicError
 from physic_evaluate.datasets import DATA_SETS, data_set
 from physic_evaluate.wording import counted
 
@@ -215,7 +215,8 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.carry import Carrier
     from physic_evaluate.datasets.base import FrameSet
-    from physic_evaluate.output import check_output, write_evaluation
+    from physic_evaluate.output import PLOTS, check_output, write_evaluation
+    from physic_evaluate.plots import draw_plots
     from physic_evaluate.run import evaluate_methods, require_any_truth
     from physic_evaluate.scoring import ScoringRules
 
@@ -253,12 +254,17 @@ def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
         "contact_cm": contact_cm,
         "header": header,
     }
-    _, files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    tables, files = write_evaluation(evaluation, given.out, settings, contact_cm)
     files += chosen.write_more(evaluation, given.out, rules.carrier)
     echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     for file in files:
         if file.parent == given.out:
             echo(f"wrote {file}")
+    try:
+        if plot := draw_plots(evaluation.records, tables, given.out / PLOTS):
+            echo(f"wrote {plot}")
+    except PackageMissingError as error:
+        echo(f"note: {error}", err=True)
     errors += evaluation.errors
     if errors:
         echo("".join(error.traceback for error in errors), nl=False, err=True)

@@ -1,4 +1,4 @@
-"""Write an evaluation: tables, every record, plots and previews; completely or not at all."""
+"""Write an evaluation: tables, every record and previews; completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from physic_evaluate.wording import counted
 if TYPE_CHECKING:
     from physic_evaluate.run import Evaluation
 
-__all__ = ["check_output", "contact_rules", "summary_of", "write_evaluation"]
+__all__ = ["PLOTS", "check_output", "contact_rules", "summary_of", "write_evaluation"]
 
 _TABLES = ("table.txt", "table.md", "table.tex", "results.json")
-_PLOTS = "plots.png"
+PLOTS = "plots.png"
 
 NAMED = 5
 """Frames without a result that the notes name."""
@@ -35,7 +35,7 @@ def check_output(out: Path) -> None:
     from physic_core.batch.journal import check_journal
     from physic_core.files.own import check_own
 
-    check_own(*(out / name for name in (*_TABLES, _PLOTS)))
+    check_own(*(out / name for name in (*_TABLES, PLOTS)))
     check_own(*out.glob("results-*.zip"), *out.glob("worst/*/[0-9][0-9]-*.jpg"))
     check_journal(out / SCORES / "journal.jsonl")
 
@@ -50,7 +50,7 @@ def contact_rules(evaluation: Evaluation, contact_cm: tuple[float, ...]) -> list
 def write_evaluation(
     evaluation: Evaluation, out: Path, settings: Mapping[str, Any], contact_cm: tuple[float, ...]
 ) -> tuple[Tables, list[Path]]:
-    """Write table.txt, table.md, table.tex, results.json, plots.png and the previews of the worst frames.
+    """Write table.txt, table.md, table.tex, results.json and the previews of the worst frames.
 
     Returns:
         The figures, and the files.
@@ -60,7 +60,6 @@ def write_evaluation(
     """
     from physic_core.files.atomic import atomic_write, check_writable
     from physic_core.files.own import MARK
-    from physic_evaluate.plots import draw_plots
     from physic_evaluate.previews import write_previews
 
     check_output(out)
@@ -78,11 +77,7 @@ def write_evaluation(
     with atomic_write(check_writable(out)) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
-    files = [out / name for name in texts]
-    plot = draw_plots(evaluation.records, tables, out / _PLOTS)
-    files += [plot] if plot is not None else []
-    files += write_previews(evaluation, out / "worst")
-    return tables, files
+    return tables, [*(out / name for name in texts), *write_previews(evaluation, out / "worst")]
 
 
 def _comment(text: str) -> str:

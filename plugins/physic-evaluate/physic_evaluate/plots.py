@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.errors import PhysicError
+from physic_core.errors import PackageMissingError
 from physic_evaluate.intervals import figure
 from physic_evaluate.metrics import columns_for
 from physic_evaluate.scoring import CURVE_CM
@@ -30,14 +30,15 @@ def draw_plots(records: Sequence[Record], tables: Tables, path: Path) -> Path | 
     """Write the plots that there is data for; return None if there is none.
 
     Raises:
-        PhysicError: matplotlib is not installed.
+        PackageMissingError: matplotlib is not installed.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise PhysicError(
-            f"the plots need {error.name}: `pip install -e 'plugins/physic-evaluate[plot]'` in a checkout of PhySIC"
+        raise PackageMissingError(
+            f"{path.name} is not written, since {error.name} is not installed: "
+            "`pip install -e 'plugins/physic-evaluate[plot]'` in a checkout of PhySIC"
         ) from error
     from physic_core.files.atomic import atomic_write
     from physic_core.files.own import MARK

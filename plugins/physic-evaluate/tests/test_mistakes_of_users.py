@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,18 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
     done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one", (1, 2)))
     assert r"p\x1b]0;OWNED\x07 (no result)" in done.output
     assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
+
+
+def test_without_matplotlib_the_tables_are_printed(root: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one"))
+    assert done.exit_code == 0, done.output
+    assert "MPJPE" in done.stdout
+    assert done.stderr.splitlines()[-1] == (
+        "note: plots.png is not written, since matplotlib.figure is not installed: "
+        "`pip install -e 'plugins/physic-evaluate[plot]'` in a checkout of PhySIC"
+    )
+    assert not (root.parent / "out" / "plots.png").exists()
 
 
 def test_missing_frames_are_counted_and_named(root: Path):

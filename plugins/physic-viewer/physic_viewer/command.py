@@ -37,7 +37,10 @@ def view(
     from physic_core.errors import InputError, PackageMissingError
 
     if find_spec("viser") is None:
-        raise PackageMissingError("physic view needs viser, which is not installed: pip install 'physic-viewer[live]'")
+        raise PackageMissingError(
+            "physic view needs viser, which is not installed: `pip install -e 'plugins/physic-viewer[live]'` in a "
+            "checkout of PhySIC"
+        )
     from physic_viewer.sources import Source
 
     sources = [Source(folder) for folder in results]
