@@ -19,6 +19,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.errors import ConfigError, InputError, PhysicError
 from physic_core.io.photo import Photo, limit_size, photo_path_for_messages, read_source
 from physic_core.pipeline.loaded_backends import LoadedBackends, wrap_plugin_errors
+from physic_core.pipeline.memory_limit import limited_memory
 from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
@@ -201,7 +202,7 @@ class Pipeline:
         """Reconstruct a photo; with ``close``, close each backend after its last use, which frees its memory."""
         camera, plan, name = given.camera(), self._plan_with(settings), photo_path_for_messages(source)
         with self._exclusive(), _naming(name):
-            with timed_call(READING):
+            with timed_call(READING), limited_memory(self.config.run.device):
                 photo = read_source(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
                 camera = camera.resized(*photo.image.shape[1::-1])  # the file was reduced while it was read

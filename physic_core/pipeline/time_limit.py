@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["CONSTRUCTION", "READING", "limited_calls", "report_calls_to", "timed_call"]
+__all__ = ["CONSTRUCTION", "READING", "is_supervised", "limited_calls", "report_calls_to", "timed_call"]
 
 CONSTRUCTION = "import and construction of the backends"
 """Title of what happens before a backend is loaded."""
@@ -23,6 +23,11 @@ _limit: ContextVar[float | None] = ContextVar("limit", default=None)
 def report_calls_to(observer: Callable[[str, float], None]) -> None:
     """Report each call of this thread: ``observer(title, seconds)`` at its start, ``observer("", 0)`` at its end."""
     _observer.set(observer)
+
+
+def is_supervised() -> bool:
+    """Return whether another process can end this one, as that of a worker."""
+    return _observer.get() is not None
 
 
 @contextmanager

@@ -7,9 +7,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
+from click.testing import CliRunner
 from PIL import Image
 
-from fuzzing.photo_bombs import BOMBS
+from fuzzing.photo_bombs import BOMBS, huge_tile
+from physic_core.batch.journal import read_rows
+from physic_core.cli import main
+from physic_testing.worlds import build_world
 
 PEAK = """
 import contextlib, resource, sys
@@ -48,6 +53,20 @@ print(peak())
     for (name, (_, expected)), text in zip(BOMBS.items(), texts, strict=True):
         assert expected in text, name
     assert float(peak) < 1.5e9
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are limited on Linux")
+def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path: Path):
+    """A decoder may take more than the header of the image tells, such as a tile of 2 GB for an image of 64 px."""
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.tif").write_bytes(huge_tile())
+    Image.fromarray(build_world("stand", size=(96, 72)).image).save(tmp_path / "photos" / "b.png")
+    out = tmp_path / "out"
+    arguments = ("batch", tmp_path / "photos", "-o", out, "--preset", "mock", "--workers", "1", "--table", "csv")
+    done = CliRunner().invoke(main, list(map(str, arguments)))
+    assert done.stdout.splitlines()[0] == "1 done, 1 failed (1 InputError)"
+    (row,) = (row for row in read_rows(out).values() if row["state"] == "done")
+    assert row["peak_mb"] < 2000
 
 
 SIDE = 2000

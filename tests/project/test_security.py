@@ -70,6 +70,9 @@ READ = {
     "a config": "tests/configuration/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
     "a setting": "tests/configuration/test_bounds_of_settings.py::test_every_setting_is_bounded",
     "a photo, a file of masks": "tests/attacks/test_photo_bombs.py::test_decoding_takes_no_more_memory_than_estimated",
+    "a photo, in a worker of `physic batch` or `physic serve`": (
+        "tests/attacks/test_photo_bombs.py::test_a_worker_takes_no_more_memory_than_a_photo_needs"
+    ),
     "a JPEG": "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",
     "arrays in a result, an archive or the cache": (
         "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked"

@@ -78,6 +78,14 @@ def tiff(side: int, tags: list[tuple[int, int, int, int]], after: bytes = b"", f
     return b"II*\x00" + struct.pack("<LH", 8, len(rows)) + table + struct.pack("<L", following) + after
 
 
+def huge_tile() -> bytes:
+    """A tile of 2.1 gigapixels for an image of 64 x 64 px."""
+    place = 8 + 2 + 12 * 10 + 4
+    data = zlib.compress(bytes(1000))
+    tile = [(322, 4, 1, 46_000), (323, 4, 1, 46_000), (324, 4, 1, place), (325, 4, 1, len(data)), (259, 3, 1, 8)]
+    return tiff(64, tile, data)
+
+
 def many_frames() -> bytes:
     """A hundred thousand images, of which one is used."""
     count, size = 100_000, 2 + 12 * 8 + 4

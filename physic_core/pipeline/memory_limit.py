@@ -1,0 +1,40 @@
+"""Limit the memory that reading a photo takes in a worker process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from physic_core.pipeline.time_limit import is_supervised
+
+__all__ = ["limited_memory"]
+
+_MAX_READING_BYTES = 2_000_000_000
+"""More memory than a photo takes: files just below the limits of their formats took up to 1.27 GB."""
+
+
+@contextmanager
+def limited_memory(device: str) -> Iterator[None]:
+    """Let this process take at most 2 GB more in the block if it is a worker on Linux, and its networks are on a CPU.
+
+    What it already holds does not count, since networks take between some MB and many GB. CUDA reserves memory when it
+    likes, and is not limited.
+
+    Args:
+        device: of the networks.
+    """
+    if sys.platform != "linux" or device != "cpu" or not is_supervised():
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    limits = [limit for limit in (*before, held + _MAX_READING_BYTES) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)
