@@ -144,9 +144,9 @@ class BodyFiles:
             model.faces.numpy(),
         )
 
-    def smpl_body(self, parameters: Mapping[str, Any], gender: str = "neutral") -> PosedBody:
+    def smpl_body(self, parameters: Mapping[str, Any]) -> PosedBody:
         """Pose SMPL: ``global_orient``, ``body_pose`` (23 joints), ``betas``, ``transl``, as in :meth:`smplx_body`."""
-        body = _smpl(self.file("smpl", gender))
+        body = _smpl(self.file("smpl"))
         rotations = np.concatenate(
             [
                 rotations_of(parameters.get(name), count, name)

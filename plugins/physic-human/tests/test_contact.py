@@ -110,18 +110,6 @@ def test_deco_is_called_in_batches_and_never_without_people(deco: Callable[..., 
     assert found.probability.shape == (0, 6890)
 
 
-def test_two_checkouts_with_packages_of_one_name_load_side_by_side(
-    deco: Callable[..., Deco], stub: Callable[..., Path], tmp_path: Path
-) -> None:
-    first = deco()
-    other = stub("other", {"models/deco.py": DECO.replace("0.75", "0.25"), "utils/hrnet.py": "WIDTH = 32"})
-    second = Deco(first.options.model_copy(update={"checkout": str(other)}))
-    second.load()
-    image = np.zeros((200, 300, 3), np.uint8)
-    values = [b.infer(image, people([[100, 40, 180, 140]]), NOBODY).probability[0, 0] for b in (first, second, first)]
-    np.testing.assert_allclose(values, [0.75, 0.25, 0.75])
-
-
 def test_a_missing_body_model_is_named() -> None:
     assert any("the SMPL model is not given" in line for line in Deco().missing())
 
