@@ -74,7 +74,9 @@ def write_evaluation(
         "table.tex": _comment(header) + latex_table(tables) + "".join(map(_comment, lines)),
         "results.json": _document(evaluation, tables, {"note": MARK, **settings}, notes),
     }
-    with atomic_write(check_writable(out)) as temporary:
+    check_writable(out)
+    (out / PLOTS).unlink(missing_ok=True)  # of older figures; the new one may be left out
+    with atomic_write(out) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
     return tables, [*(out / name for name in texts), *write_previews(evaluation, out / "worst")]

@@ -68,8 +68,10 @@ def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
 
 
 def test_without_matplotlib_the_tables_are_printed(root: Path, monkeypatch: pytest.MonkeyPatch):
+    arguments = ("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one"))
+    assert "plots.png" in run(*arguments).stdout
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one"))
+    done = run(*arguments)
     assert done.exit_code == 0, done.output
     assert "MPJPE" in done.stdout
     assert done.stderr.splitlines()[-1] == (
