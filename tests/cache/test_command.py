@@ -33,7 +33,7 @@ def fill(folder: Path) -> None:
     for name, size in (
         ("metric_depth-embedded-00", 400_000),
         ("metric_depth-embedded-01", 900_000),
-        ("inpainter-patch-based-02", 1_000),
+        ("inpainter-navier-stokes-02", 1_000),
         ("segmenter-my_plugin_MyMasks-03", 60_000),
     ):
         (folder / f"{name}.answer.npz").write_bytes(bytes(size))
@@ -45,7 +45,7 @@ def physic(*arguments: str) -> Result:
 
 
 TABLE = (
-    "  inpainter          patch-based             1      0.0 MB\n"
+    "  inpainter          navier-stokes           1      0.0 MB\n"
     "  metric_depth       embedded                2      1.3 MB\n"
     "  segmenter          my_plugin_MyMasks       1      0.1 MB\n"
 )

@@ -188,7 +188,7 @@ def test_the_environment_of_the_process_is_read(monkeypatch):
     monkeypatch.setenv("PHYSIC__INPAINTER__BACKEND", "telea")
     assert load_config().inpainter.backend == "telea"
     assert as_config("mock").inpainter.backend == "telea"
-    assert as_config({"inpainter": {"backend": "patch-based"}}).inpainter.backend == "patch-based"
+    assert as_config({"inpainter": {"backend": "navier-stokes"}}).inpainter.backend == "navier-stokes"
 
 
 def test_a_variable_that_is_wrong_is_named():

@@ -76,7 +76,6 @@ THROUGH_OTHERS = {
 """Requirements that another library imports for us."""
 BY_THE_USER = {
     "physic-core": {"onnxruntime"},  # for plugins that run ONNX files
-    "physic-opencv": {"physic_testing"},  # for types only
     "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
     "physic-testing": {"pytest"},  # for the tests of plugins only
 }

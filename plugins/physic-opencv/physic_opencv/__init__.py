@@ -1,4 +1,4 @@
-"""Classical OpenCV backends: inpainting, people masks by GrabCut, and depth and point maps of the user's files."""
+"""Classical OpenCV backends: inpainting, and depth and point maps of the user's files."""
 
 from __future__ import annotations
 
@@ -24,20 +24,6 @@ def physic_backends() -> list[BackendRecord]:
             "physic_opencv.inpaint:NavierStokes",
             api=1,
             summary="Bertalmio 2001: continues the lines of equal brightness",
-        ),
-        BackendRecord(
-            "inpainter",
-            "patch-based",
-            "physic_opencv.patches:PatchBased",
-            api=1,
-            summary="Copies the best matching patches of the rest of the photo",
-        ),
-        BackendRecord(
-            "segmenter",
-            "grabcut",
-            "physic_opencv.grabcut:GrabCut",
-            api=1,
-            summary="People masks by graph cuts of colour models, from boxes or keypoints",
         ),
         BackendRecord(
             "metric_depth",

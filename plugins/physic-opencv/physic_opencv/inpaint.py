@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_opencv.checks import check_mask
+from physic_core.errors import InputError
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -48,7 +48,7 @@ class _Diffusion(interfaces.Inpainter):
         """
         import cv2
 
-        check_mask(image, mask)
+        _check_mask(image, mask)
         return _fill(image, mask, getattr(cv2, self._method), self.options)
 
 
@@ -65,6 +65,16 @@ class NavierStokes(_Diffusion):
     """Navier-Stokes (M. Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid."""
 
     _method = "INPAINT_NS"
+
+
+def _check_mask(image: UInt8Array, mask: BoolArray) -> None:
+    if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
+        raise InputError(
+            f"The mask must be {image.shape[:2]} bool like the image, got {mask.shape} {mask.dtype}: "
+            "resize it, or threshold it."
+        )
+    if mask.all():
+        raise InputError("The mask covers the whole image: leave some pixels unmasked to fill the hole from.")
 
 
 def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOptions) -> UInt8Array:
