@@ -11,7 +11,6 @@ needs EGL or OSMesa (``MUJOCO_GL``).
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -216,29 +215,6 @@ def draw_coco(files: list[Path]) -> None:
     plot("coco", files[0].parent / labels.loadImgs(found[0]["image_id"])[0]["file_name"], draw, window)
 
 
-def draw_hot(files: list[Path]) -> None:
-    labels = json.loads(next(file for file in files if file.suffix == ".json").read_text("utf-8"))
-    polygons = [(one, np.transpose([one["polygon"]["x"], one["polygon"]["y"]])) for one in labels["object"]]
-
-    def draw(axes: Any) -> None:
-        for one, polygon in polygons:
-            axes.fill(*polygon.T, color=f"C{one['person']}", alpha=0.7)
-            side = -1 if one["semantic_label"].startswith("right") else 1
-            axes.annotate(
-                one["semantic_label"],
-                polygon.mean(0),
-                (60 * side, 20),
-                textcoords="offset points",
-                ha="center",
-                color=f"C{one['person']}",
-                arrowprops={"arrowstyle": "-"},
-                bbox={"boxstyle": "round", "fc": "white", "ec": "none"},
-            )
-
-    points = np.concatenate([polygon for _, polygon in polygons])
-    plot("hot", files[0].parent / labels["filename"], draw, window_of(points.min(0), points.max(0), 60))
-
-
 DRAWN = {
     "glb": draw_glb,
     "bvh": draw_bvh,
@@ -248,7 +224,6 @@ DRAWN = {
     "vrm": draw_vrm,
     "mjcf": draw_mjcf,
     "coco": draw_coco,
-    "hot": draw_hot,
 }
 
 

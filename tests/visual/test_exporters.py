@@ -27,7 +27,7 @@ def physic_exporters():
         ExporterRecord("far", (".far",), target + "box", packages=("no_such_module",), extra="far"),
         ExporterRecord("lost", (".lost",), "physic_box_nowhere:lost"),
         ExporterRecord("ends", (".ends",), target + "ends"),
-        ExporterRecord("text", (".text",), target + "text"),
+        ExporterRecord("text", (".text", ".ends"), target + "text"),
     ]
 """
 EXPORTER = """
@@ -99,6 +99,12 @@ def test_a_broken_exporter_names_its_plugin(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_suffix_of_two_formats_is_refused(plugin: Any):
+    with pytest.raises(InputError) as refused:
+        find_exporter(None, ".ends")
+    assert str(refused.value) == "a file .ends can be ends or text: state which (--to, or format= in Python)"
+
+
 def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
     plugin.install("physic-other", PLUGIN)
     message = "the export format box is offered by physic-box and physic-other: uninstall one of them"
@@ -154,7 +160,7 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
     assert rest == (
-        "amass, bvh, coco, hot, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed, or hidden by "
+        "amass, bvh, coco, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed, or hidden by "
         "PHYSIC_PLUGINS='': `pip install -e plugins/physic-export` in a checkout of PhySIC"
     )
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0

@@ -1,4 +1,4 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, HOT, MJCF, OBJ, PLY, USD and
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, USD and
 VRM.
 """
 
@@ -60,16 +60,6 @@ def physic_exporters() -> list[ExporterRecord]:
             "textured bodies, skeletons, T-pose and pose, contact, scene, floor, camera",
             stem="skinned",
             options=_NAMES | _SKIN | _TEXTURES,
-        ),
-        ExporterRecord(
-            "hot",
-            (".json",),
-            "physic_export.hot:export_hot",
-            "contact labels of papers (HOT)",
-            "contact of each body part, as polygons and areas",
-            ups=("camera",),
-            stem="contact",
-            bodies="required",
         ),
         ExporterRecord(
             "mjcf",

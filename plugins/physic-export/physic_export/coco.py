@@ -11,12 +11,11 @@ import numpy as np
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.types import CameraView
 from physic_core.types.skeletons import SKELETONS, skeleton_named
-from physic_export.rle import run_lengths
 
 if TYPE_CHECKING:
-    from physic_core.types import Detection, UInt8Array
+    from physic_core.types import BoolArray, Detection, UInt8Array
 
-__all__ = ["export_coco", "png"]
+__all__ = ["export_coco", "run_lengths"]
 
 _VISIBLE_CONFIDENCE = 0.5
 """Minimum confidence of a keypoint that is labelled as visible (v = 2)."""
@@ -57,7 +56,7 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
         ],
     }
     text = json.dumps(document, allow_nan=False).encode()
-    images = {name: png(camera.image) for name, camera in zip(files, cameras, strict=True)}
+    images = {name: _png(camera.image) for name, camera in zip(files, cameras, strict=True)}
     return ExportedFiles({f"{stem}{request.suffix}": text, **images})
 
 
@@ -95,8 +94,14 @@ def _keypoints(request: ExportRequest, person: Detection) -> list[tuple[float, f
     return points
 
 
-def png(image: UInt8Array) -> bytes:
-    """Return a PNG of an image."""
+def run_lengths(mask: BoolArray) -> dict[str, Any]:
+    """Return COCO's uncompressed RLE of a mask (H, W): lengths of runs of 0 and 1 in turn, column by column."""
+    flat = np.concatenate([[False], mask.T.reshape(-1)])
+    starts = np.flatnonzero(flat[1:] != flat[:-1])
+    return {"size": list(mask.shape), "counts": np.diff([0, *starts.tolist(), mask.size]).tolist()}
+
+
+def _png(image: UInt8Array) -> bytes:
     from PIL import Image
 
     stream = io.BytesIO()

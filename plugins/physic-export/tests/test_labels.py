@@ -1,4 +1,4 @@
-"""COCO and HOT JSON."""
+"""COCO JSON."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from physic_core import Reconstruction
-from physic_core.body import load_body
-from physic_export.hot import HOT_PARTS, hot_part_of_vertex
-from physic_export.rle import run_lengths
+from physic_export.coco import run_lengths
 
 
 def document(files: tuple[Path, ...]) -> dict:
@@ -65,37 +63,3 @@ def test_coco_keypoints_are_those_of_the_detector(export, result: Reconstruction
     lost = replace(person, vertices=np.full_like(person.vertices, np.nan))
     bodiless = replace(result, people=(lost,))
     assert document(export("b.json", "coco", of=bodiless).files)["annotations"] == first["annotations"][:1]
-
-
-def test_hot_parts_lie_where_their_names_say():
-    body = load_body()
-    parts = hot_part_of_vertex(body)
-    rest = body(*body.zero_pose()).vertices[0].numpy()
-    centre = {name: rest[parts == number].mean(0) for number, name in enumerate(HOT_PARTS)}
-    order = ["leftfoot", "leftcalf", "leftthigh", "hip", "chest", "head"]
-    heights = [centre[name][1] for name in order]
-    assert heights == sorted(heights)
-    assert centre["back"][2] < centre["chest"][2]
-    assert centre["butt"][2] < centre["hip"][2]
-    assert centre["lefthand"][0] > centre["leftforearm"][0] > centre["leftupperarm"][0] > 0
-    assert [HOT_PARTS.index(name) + 1 for name in ("head", "back", "butt", "rightfoot")] == [1, 3, 10, 17]
-
-
-def test_hot_lists_the_contact_of_people_who_sit(export, result: Reconstruction):
-    made = document(export("a.json", "hot").files)
-    assert made["imsize"] == {"width": 160, "height": 120}
-    assert made["filename"] == "a.png"
-    for person in made["people"]:
-        truth = result.people[person["person"]]
-        own = [index for index, partner in enumerate(result.contact_partners) if partner.kind == "self"]
-        outward = truth.contact & ~np.isin(truth.contact_partner, own)
-        assert sum(part["vertices"] for part in person["parts"].values()) == outward.sum()
-        assert all(0 < part["share"] <= 1 and part["area_m2"] > 0 for part in person["parts"].values())
-    assert {"butt", "leftthigh"} & set(made["people"][0]["parts"])
-    for one in made["object"]:
-        assert one["semantic_label"] == HOT_PARTS[one["semantic_id"] - 1]
-        person = result.people[one["person"]]
-        touching = person.vertices[person.contact].astype(float) @ result.intrinsics.matrix.T
-        low, high = np.min(touching[:, :2] / touching[:, 2:], 0), np.max(touching[:, :2] / touching[:, 2:], 0)
-        assert low[0] - 2 <= min(one["polygon"]["x"]) <= max(one["polygon"]["x"]) <= high[0] + 2
-        assert low[1] - 2 <= min(one["polygon"]["y"]) <= max(one["polygon"]["y"]) <= high[1] + 2

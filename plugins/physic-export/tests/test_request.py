@@ -17,7 +17,7 @@ from physic_core.discovery.catalog import EXPORTERS
 from physic_core.errors import InputError, OutputError
 from physic_export import physic_exporters
 
-NAMES = "amass, bvh, coco, glb, hot, mjcf, obj, ply, usd, vrm"
+NAMES = "amass, bvh, coco, glb, mjcf, obj, ply, usd, vrm"
 
 
 def physic(*arguments: object) -> Result:
@@ -51,7 +51,15 @@ def test_the_catalog_lists_the_formats():
 
 @pytest.mark.parametrize(
     ("suffix", "name"),
-    [(".npz", "amass"), (".bvh", "bvh"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply"), (".usdz", "usd")],
+    [
+        (".npz", "amass"),
+        (".bvh", "bvh"),
+        (".glb", "glb"),
+        (".json", "coco"),
+        (".xml", "mjcf"),
+        (".PLY", "ply"),
+        (".usdz", "usd"),
+    ],
 )
 def test_a_suffix_selects_a_format(suffix: str, name: str):
     assert find_exporter(None, suffix).record.name == name
@@ -60,7 +68,6 @@ def test_a_suffix_selects_a_format(suffix: str, name: str):
 @pytest.mark.parametrize(
     ("name", "suffix", "message"),
     [
-        (None, ".json", "a file .json can be coco or hot: state which (--to, or format= in Python)"),
         (
             None,
             ".stl",
@@ -207,11 +214,6 @@ def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair: Pat
     ("arguments", "code", "message"),
     [
         (("out",), 2, "Error: no format is given: name one with --to, or a file with -o; --list prints the formats"),
-        (
-            ("out", "-o", "a.json"),
-            3,
-            "Error: a file .json can be coco or hot: state which (--to, or format= in Python)",
-        ),
         (
             ("nowhere", "--to", "glb"),
             3,
