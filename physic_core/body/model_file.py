@@ -120,8 +120,13 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     """
     if not path.is_file():
         raise BodyModelError(f"there is no body model file {path}: {layout.advice}")
-    with path.open("rb") as stream:
-        is_archive = stream.read(2) == b"PK"
+    try:
+        with path.open("rb") as stream:
+            is_archive = stream.read(2) == b"PK"
+    except OSError as error:
+        raise BodyModelError(
+            f"the body model file {path} cannot be read ({error.strerror}): {layout.advice}"
+        ) from error
     if is_archive:
         arrays = _from_npz(path, layout)
     elif layout.has_pickles:

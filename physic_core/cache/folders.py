@@ -11,7 +11,6 @@ __all__ = [
     "cache_folder",
     "correspondences_folder",
     "graphs_folder",
-    "models_folder",
     "results_folder",
 ]
 
@@ -52,11 +51,6 @@ def results_folder() -> Path | None:
 def correspondences_folder() -> Path | None:
     """Return the cache folder of mesh correspondences; None if disabled."""
     return cache_folder("maps", CACHE_VARIABLE)
-
-
-def models_folder() -> Path | None:
-    """Return the cache folder of converted body models; None if disabled."""
-    return cache_folder("models", CACHE_VARIABLE)
 
 
 def graphs_folder() -> Path | None:

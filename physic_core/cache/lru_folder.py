@@ -12,7 +12,6 @@ from pathlib import Path
 __all__ = [
     "GRAPH_SUFFIX",
     "MAP_SUFFIX",
-    "MODEL_SUFFIX",
     "RESULT_SUFFIX",
     "CacheFile",
     "clear_folder",
@@ -25,8 +24,6 @@ RESULT_SUFFIX = ".answer.npz"
 """Suffix of cached backend results; files without the suffix of a cache are never deleted."""
 MAP_SUFFIX = ".map.npz"
 """Suffix of cached mesh correspondences (:mod:`physic_core.cache.correspondences`)."""
-MODEL_SUFFIX = ".model.pkl"
-"""Suffix of converted copies of the user's body models (:mod:`physic_core.adapters.chumpy_free`)."""
 GRAPH_SUFFIX = ".graph.onnx"
 """Suffix of optimised graphs of networks (:mod:`physic_core.adapters.optimised_graphs`)."""
 

@@ -1,4 +1,4 @@
-"""``physic cache``: show and clear cached backend outputs, mesh correspondences and body models."""
+"""``physic cache``: show and clear the cache."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.folders import correspondences_folder, graphs_folder, models_folder
+from physic_core.cache.folders import correspondences_folder, graphs_folder
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
@@ -20,8 +20,7 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Show or clear the cache: outputs of backends, correspondences of body meshes, copies of body models,
-    optimised networks."""
+    """Show or clear the cache: outputs of backends, correspondences of body meshes, optimised networks."""
 
 
 @cache.command()
@@ -79,12 +78,11 @@ def _by_backend(files: Iterable[CacheFile]) -> list[str]:
 
 
 def _other_caches() -> list[tuple[Path, str, tuple[str, str]]]:
-    """Return folder, file suffix, and singular and plural name of the caches of body maps, body models and networks."""
-    from physic_core.cache.lru_folder import GRAPH_SUFFIX, MAP_SUFFIX, MODEL_SUFFIX
+    """Return folder, file suffix, and singular and plural name of the other caches."""
+    from physic_core.cache.lru_folder import GRAPH_SUFFIX, MAP_SUFFIX
 
     kinds = (
         (correspondences_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
-        (models_folder(), MODEL_SUFFIX, ("copy of a body model", "copies of body models")),
         (graphs_folder(), GRAPH_SUFFIX, ("optimised network", "optimised networks")),
     )
     return [(place, suffix, names) for place, suffix, names in kinds if place is not None]

@@ -63,14 +63,14 @@ def test_clear_removes_all_entries_and_lists_them(folder: Path):
     assert physic("clear").output == f"removed 0 answers, 0.0 MB from {folder}\n"
 
 
-def test_copies_of_body_models_are_listed_and_removed_too(folder: Path):
+def test_the_other_caches_are_listed_and_removed_too(folder: Path):
     folder.mkdir()
-    (folder / "MANO_RIGHT-00.model.pkl").write_bytes(bytes(3_000_000))
-    (folder / "MANO_RIGHT.pkl").write_text("not theirs")
+    (folder / "a.graph.onnx").write_bytes(bytes(3_000_000))
+    (folder / "a.onnx").write_text("not theirs")
     empty = f"{folder}: 0 answers, 0.0 MB\n"
-    assert physic("info").output == f"{empty}{folder}: 1 copy of a body model, 3.0 MB\n"
-    assert physic("clear").output.endswith(f"removed 1 copy of a body model, 3.0 MB from {folder}\n")
-    assert [path.name for path in folder.iterdir()] == ["MANO_RIGHT.pkl"]
+    assert physic("info").output == f"{empty}{folder}: 1 optimised network, 3.0 MB\n"
+    assert physic("clear").output.endswith(f"removed 1 optimised network, 3.0 MB from {folder}\n")
+    assert [path.name for path in folder.iterdir()] == ["a.onnx"]
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])
