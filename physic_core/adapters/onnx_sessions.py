@@ -8,6 +8,7 @@ import mmap
 import re
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from physic_core.adapters.devices import DEVICE_PATTERN
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from onnxruntime import InferenceSession, SessionOptions
 
-__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "read_compared", "release_memory", "select_provider"]
+__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "release_memory", "select_provider"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,7 +81,13 @@ class OnnxSession:
 
 
 def open_session(
-    path: Path, threads: int, device: str, provider: str = "auto", *, broken: str, sha256: str = "", keep: bool = False
+    path: Path,
+    threads: int,
+    device: str,
+    provider: str = "auto",
+    *,
+    broken: str,
+    published: Mapping[str, str] = MappingProxyType({}),
 ) -> OnnxSession:
     """Open an ONNX file.
 
@@ -90,13 +97,13 @@ def open_session(
         device: "cpu", "cuda" or "cuda:N".
         provider: "auto" follows the device; or "cpu", "cuda", "tensorrt", "coreml", "directml".
         broken: advice for a file that cannot be opened.
-        sha256: that the file must have, external data files not included; "" for any.
-        keep: keep the graph in the cache as onnxruntime optimises it for the CPU, and read it from there; needs
-            ``sha256``, which then stands for the file.
+        published: SHA-256 by name of the file and of all its external data files. The bytes that have it are those
+            that are used, or the graph is read from the cache, where it is kept as onnxruntime optimised it for the
+            CPU. Empty to compare and keep nothing.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
-        BackendError: the file is broken or has another SHA-256, or an external data file is missing.
+        BackendError: a file is broken, missing, or has another SHA-256.
     """
     import onnxruntime as ort
 
@@ -108,15 +115,23 @@ def open_session(
     def create(content: bytes | str, options: SessionOptions) -> InferenceSession:
         return ort.InferenceSession(content, options, providers=providers)
 
+    def create_compared(options: SessionOptions) -> InferenceSession:
+        contents = {name: _read_compared(path.with_name(name), sha256, broken) for name, sha256 in published.items()}
+        graph = contents.pop(path.name)
+        options.add_external_initializers_from_files_in_memory(
+            list(contents), list(contents.values()), list(map(len, contents.values()))
+        )
+        return create(graph, options)
+
     def optimise(graph: Path, weights: str) -> InferenceSession:
         options = _session_options(path.parent, threads, chosen)
         options.optimized_model_filepath = str(graph)
         options.add_session_config_entry("session.optimized_model_external_initializers_file_name", weights)
         options.add_session_config_entry("session.optimized_model_external_initializers_min_size_in_bytes", "1024")
-        return create(read_compared(path, sha256, broken), options)
+        return create_compared(options)
 
     session = None
-    kept = KeptGraph.of(path.stem, sha256) if keep and chosen.name == "CPU" else None
+    kept = KeptGraph.of(path.stem, " ".join(published.values())) if published and chosen.name == "CPU" else None
     if kept is not None:
         if (content := kept.read()) is not None:
             options = _session_options(kept.folder, threads, chosen)
@@ -127,9 +142,11 @@ def open_session(
                 kept.delete()
         session = session or kept.write(optimise)
     if session is None:
-        source = read_compared(path, sha256, broken) if sha256 else str(path)
+        options = _session_options(path.parent, threads, chosen)
         try:
-            session = create(source, _session_options(path.parent, threads, chosen))
+            session = create_compared(options) if published else create(str(path), options)
+        except BackendError:
+            raise
         except Exception as cause:
             raise _open_error(path, chosen, cause, broken) from cause
     running = session.get_providers()
@@ -200,7 +217,7 @@ def select_provider(
     return provider, [provider.key]
 
 
-def read_compared(path: Path, sha256: str, broken: str) -> bytes:
+def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
     """Return the bytes of a file that has a known SHA-256: they are used, whatever becomes of the file."""
     try:
         content = path.read_bytes()

@@ -6,8 +6,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import onnxruntime
 import pytest
 
 from physic_core.adapters.onnx_sessions import release_memory
@@ -73,6 +75,25 @@ def test_a_network_with_one_other_bit_is_refused(damaged_folder: Path, name: str
         f"{damaged_folder / file} is damaged: its SHA-256 is {hashlib.sha256(content).hexdigest()} instead of "
         f"{FILES[file]['sha256']}. Install physic-embedded again from its wheel."
     )
+
+
+def test_the_weights_that_were_compared_are_those_that_are_used(
+    damaged_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, weights = "depth_anything_v2_vits_int8", damaged_folder / "depth_anything_v2_vits.weights"
+    for file in (f"{name}.onnx", weights.name):
+        shutil.copy(WEIGHTS_FOLDER / file, damaged_folder)
+    image = {"image": np.random.default_rng(0).random((1, 3, 126, 126), np.float32)}
+    [expected] = open_packaged_session(name, threads=1).run(["depth"], image)
+    real = onnxruntime.InferenceSession
+
+    def overwrite_and_open(*arguments: Any, **options: Any) -> onnxruntime.InferenceSession:
+        with weights.open("r+b") as file:
+            file.write(bytes(weights.stat().st_size))
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(onnxruntime, "InferenceSession", overwrite_and_open)
+    np.testing.assert_array_equal(open_packaged_session(name, threads=1).run(["depth"], image)[0], expected)
 
 
 def test_a_manifest_without_the_network_is_refused(damaged_folder: Path) -> None:

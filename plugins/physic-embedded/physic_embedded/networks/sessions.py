@@ -92,16 +92,12 @@ def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> O
         DeviceError: the device does not exist, or the installed onnxruntime cannot use it.
     """
     path = weights_path(name)
-    network = _published(path)
-    if "weights" in network:
-        weights = path.with_name(network["weights"])
-        onnx_sessions.read_compared(weights, _published(weights)["sha256"], _BROKEN)
-    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, sha256=network["sha256"], keep=True)
+    return onnx_sessions.open_session(path, threads, device, broken=_BROKEN, published=_published(path))
 
 
 @cache
 def _published(path: Path) -> dict[str, str]:
-    """Return the SHA-256 of a packaged file, and for the graph of a network the file of its weights, if it has one.
+    """Return the SHA-256 of the graph of a packaged network, and of its weights if they are in another file, by name.
 
     Raises:
         BackendError: ``MANIFEST.json`` is damaged.
@@ -110,6 +106,7 @@ def _published(path: Path) -> dict[str, str]:
     try:
         content = json.loads(manifest.read_bytes())
         files = {entry["file"]: entry for entry in (*content["models"], *content["weights"])}
-        return {key: str(files[path.name][key]) for key in ("sha256", "weights") if key in files[path.name]}
+        weights = files[path.name].get("weights")
+        return {name: str(files[name]["sha256"]) for name in (path.name, weights) if name is not None}
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise BackendError(f"{manifest} is damaged: it has no SHA-256 of {path.name}. {_BROKEN}") from error
