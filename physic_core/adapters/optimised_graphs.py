@@ -1,6 +1,7 @@
 """Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time.
 
-A file has the weights, which onnxruntime maps into memory, then the graph, its size and a checksum of both.
+A file has the weights, which onnxruntime maps into memory, then the graph, its size and a checksum of both. The
+checksum finds damage, not forgery: files are kept only in a folder that nobody else can write.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from physic_core.cache.claim import claim_folder
 from physic_core.cache.folders import graphs_folder
 from physic_core.cache.lru_folder import GRAPH_SUFFIX, mark_used, trim_folder
 
@@ -50,10 +52,10 @@ class KeptGraph:
 
     @classmethod
     def of(cls, graph: str, sha256: str) -> KeptGraph | None:
-        """Return the kept form of a graph, by its name and SHA-256; None if the cache is switched off."""
+        """Return the kept form of a graph, by its name and the SHA-256 of its files; None if none can be kept."""
         import onnxruntime as ort
 
-        folder = graphs_folder()
+        folder = claim_folder(graphs_folder())
         made_of = f"mapped weights {sha256} {ort.__version__} {ort.get_build_info()} {_processor()}"
         return None if folder is None else cls(folder, f"{graph}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}")
 
@@ -83,7 +85,7 @@ class KeptGraph:
         part = self.folder / f".{self.name}{GRAPH_SUFFIX}.{token}.physic-part"
         complete = self.folder / f"{self.name}-{token}{GRAPH_SUFFIX}"
         try:
-            part.mkdir(parents=True)
+            part.mkdir(mode=0o700)
         except OSError:  # such as a cache that may only be read
             return None
         try:
@@ -92,6 +94,7 @@ class KeptGraph:
             with suppress(OSError):
                 if not self._files():  # else another process was faster
                     _append_graph(weights, graph.read_bytes())
+                    weights.chmod(0o600)
                     weights.rename(complete)
                 trim_folder(self.folder, MAX_BYTES, GRAPH_SUFFIX)
             return session

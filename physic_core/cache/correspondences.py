@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.correspondence import CORRESPONDENCE_VERSION, Correspondence, find_correspondence
+from physic_core.cache.claim import claim_folder
 from physic_core.cache.folders import correspondences_folder
 from physic_core.cache.lru_folder import MAP_SUFFIX
 from physic_core.errors import OutputError
@@ -29,7 +30,7 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     Raises:
         BodyModelError: as in :func:`physic_core.body.correspondence.find_correspondence`.
     """
-    folder = correspondences_folder()
+    folder = claim_folder(correspondences_folder())
     name = f"{_plain(rest.topology)}-{model.topology}-{_digest(rest, model)}{MAP_SUFFIX}"
     path = None if folder is None else folder / name
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))

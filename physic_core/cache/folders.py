@@ -1,4 +1,4 @@
-"""Cache folders: ``$XDG_CACHE_HOME/physic``, or the system's default cache folder."""
+"""Cache folders in ``$XDG_CACHE_HOME/physic``, or in the system's default cache folder."""
 
 from __future__ import annotations
 
@@ -45,14 +45,19 @@ def cache_folder(name: str, variable: str = "") -> Path | None:
 
 def results_folder() -> Path | None:
     """Return the cache folder of backend results; None if disabled."""
-    return cache_folder("answers", CACHE_VARIABLE)
+    return _folder("answers")
 
 
 def correspondences_folder() -> Path | None:
     """Return the cache folder of mesh correspondences; None if disabled."""
-    return cache_folder("maps", CACHE_VARIABLE)
+    return _folder("maps")
 
 
 def graphs_folder() -> Path | None:
     """Return the cache folder of optimised graphs of networks; None if disabled."""
-    return cache_folder("graphs", CACHE_VARIABLE)
+    return _folder("graphs")
+
+
+def _folder(name: str) -> Path | None:
+    root = cache_folder("", CACHE_VARIABLE)
+    return None if root is None else root / name

@@ -13,6 +13,7 @@ __all__ = [
     "GRAPH_SUFFIX",
     "MAP_SUFFIX",
     "RESULT_SUFFIX",
+    "SUFFIXES",
     "CacheFile",
     "clear_folder",
     "list_files",
@@ -26,6 +27,8 @@ MAP_SUFFIX = ".map.npz"
 """Suffix of cached mesh correspondences (:mod:`physic_core.cache.correspondences`)."""
 GRAPH_SUFFIX = ".graph.onnx"
 """Suffix of optimised graphs of networks (:mod:`physic_core.adapters.optimised_graphs`)."""
+SUFFIXES = (RESULT_SUFFIX, MAP_SUFFIX, GRAPH_SUFFIX)
+"""Suffixes of all caches."""
 
 _INCOMPLETE_AGE_S = 3600.0
 """Age after which an incomplete file is deleted, s."""

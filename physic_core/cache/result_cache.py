@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from physic_core import types
+from physic_core.cache.claim import claim_folder
 from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
 from physic_core.cache.folders import results_folder
@@ -103,8 +104,8 @@ class ResultCache:
 
     @classmethod
     def in_users_folder(cls, megabytes: int, code: CodeDigester | None = None) -> ResultCache | None:
-        """Open the cache in the user's cache folder; None if it is disabled."""
-        folder = results_folder()
+        """Open the cache in the user's cache folder; None if it is disabled, or belongs to another user."""
+        folder = claim_folder(results_folder())
         return None if folder is None else cls(folder, megabytes * 1_000_000, code)
 
     def key(self, backend: Backend, who: Provenance, device: str, inputs: tuple[object, ...]) -> CacheKey | None:

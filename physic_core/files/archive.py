@@ -113,7 +113,9 @@ def read_archive(path: Path) -> tuple[Arrays, Any]:
 
 
 def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any, *, stored: str = "") -> None:
-    """Write arrays and a document to a file, completely or not at all; its folder is created if missing.
+    """Write arrays and a document to a file that only its owner can read, completely or not at all.
+
+    Its folder is created if missing.
 
     A loss of power can damage the file, which :func:`read_archive` reports: it does not wait for the disk.
 
@@ -129,4 +131,5 @@ def write_archive(path: Path, arrays: Mapping[str, NDArray[Any]], document: Any,
     path.parent.mkdir(parents=True, exist_ok=True)
     text = np.frombuffer(json.dumps(document, allow_nan=False).encode(), np.uint8)
     with atomic_write(path.parent, durable=False) as temporary:
+        temporary(path.name).touch(mode=0o600)
         write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)

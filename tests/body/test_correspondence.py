@@ -168,7 +168,7 @@ def test_a_map_is_kept_and_found_again(
     monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
     rest = rest_mesh_of_model(other_model)
     cached_correspondence(rest, embedded)
-    (file,) = tmp_path.iterdir()
+    (file,) = (tmp_path / "maps").iterdir()
     assert file.name.startswith("smplx-physic-embedded-1-")
     assert file.name.endswith(".map.npz")
 

@@ -25,11 +25,11 @@ print(sorted({m.partition(".")[0] for m in sys.modules} & {"numpy", "torch", "sc
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
-    return tmp_path / "kept"
+    return tmp_path / "kept" / "answers"
 
 
 def fill(folder: Path) -> None:
-    folder.mkdir()
+    folder.mkdir(parents=True)
     for name, size in (
         ("metric_depth-embedded-00", 400_000),
         ("metric_depth-embedded-01", 900_000),
@@ -64,13 +64,19 @@ def test_clear_removes_all_entries_and_lists_them(folder: Path):
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder: Path):
-    folder.mkdir()
-    (folder / "a.graph.onnx").write_bytes(bytes(3_000_000))
-    (folder / "a.onnx").write_text("not theirs")
-    empty = f"{folder}: 0 answers, 0.0 MB\n"
-    assert physic("info").output == f"{empty}{folder}: 1 optimised network, 3.0 MB\n"
-    assert physic("clear").output.endswith(f"removed 1 optimised network, 3.0 MB from {folder}\n")
-    assert [path.name for path in folder.iterdir()] == ["a.onnx"]
+    others = {"maps": "a.map.npz", "graphs": "a.graph.onnx"}
+    for name, file in others.items():
+        (folder.parent / name).mkdir(parents=True)
+        (folder.parent / name / file).write_bytes(bytes(3_000_000))
+        (folder.parent / name / "mine.onnx").write_text("not theirs")
+    printed = [
+        f"{folder}: 0 answers, 0.0 MB",
+        f"{folder.parent / 'maps'}: 1 map between bodies, 3.0 MB",
+        f"{folder.parent / 'graphs'}: 1 optimised network, 3.0 MB",
+    ]
+    assert physic("info").output.splitlines() == printed
+    assert len(physic("clear").output.splitlines()) == 3
+    assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {"mine.onnx"}
 
 
 @pytest.mark.parametrize("command", ["info", "clear"])

@@ -99,11 +99,11 @@ def first(few_steps: None, photo: Path, tmp_path_factory: pytest.TempPathFactory
 
 @pytest.fixture
 def warm(first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the cache that the first run left."""
-    folder = tmp_path / "answers"
+    """The folder of answers in a copy of the cache that the first run left."""
+    folder = tmp_path / "cache"
     shutil.copytree(first[0], folder)
     monkeypatch.setenv("PHYSIC_CACHE", str(folder))
-    return folder
+    return folder / "answers"
 
 
 def by_file(photo: Path, folder: Path, swap: dict[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""The statements of SECURITY.md, with the test that holds each."""
+"""The statements of SECURITY.md, with the tests that hold each: one for each claim."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ CANNOT_RUN_CODE = {
     "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": (
         "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted"
     ),
-    "the cache": "tests/files/test_archive.py::test_a_pickle_is_never_opened",
+    "the cache": (
+        "tests/files/test_archive.py::test_a_pickle_is_never_opened",
+        "plugins/physic-embedded/tests/test_kept_graphs.py::test_a_graph_that_others_could_write_is_not_opened",
+        "tests/cache/test_claim.py::test_the_cache_of_another_user_is_not_used",
+        "tests/cache/test_claim.py::test_a_folder_that_others_could_write_is_narrowed_and_emptied",
+    ),
     "an upload to `physic serve`": (
         "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone"
     ),
@@ -47,6 +52,12 @@ WEIGHTS = {
     "A run compares a weight file": (
         "tests/weights/test_verify.py::test_a_file_that_is_written_while_it_is_compared_is_refused"
     ),
+    "The embedded networks and the embedded body": (
+        "plugins/physic-embedded/tests/test_weights.py::test_a_network_with_one_other_bit_is_refused",
+        "plugins/physic-embedded/tests/test_weights.py::test_the_weights_that_were_compared_are_those_that_are_used",
+        "plugins/physic-embedded/tests/test_kept_graphs.py::test_a_graph_that_others_could_write_is_not_opened",
+        "tests/body/test_embedded.py::test_a_changed_asset_is_refused",
+    ),
     "A file from a zip archive": "tests/weights/test_fetch.py::test_names_inside_a_zip_decide_no_place",
     "A weight set with a restricted licence": (
         "tests/weights/test_fetch.py::test_restricted_weights_are_fetched_only_with_accept_licence"
@@ -56,6 +67,10 @@ WRITTEN = {
     "Each file of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
     "The files of a result belong together": (
         "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced"
+    ),
+    "Files of the cache": (
+        "tests/cache/test_claim.py::test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
+        "plugins/physic-embedded/tests/test_kept_graphs.py::test_a_graph_is_kept_for_its_user_alone",
     ),
     "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
     "A result without its row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
@@ -109,11 +124,12 @@ def test_every_statement_has_its_test():
 
 
 @pytest.mark.parametrize(
-    "test", [test for tests in (CANNOT_RUN_CODE, WEIGHTS, WRITTEN, READ, LIMITS) for test in tests.values()]
+    "tests", [tests for table in (CANNOT_RUN_CODE, WEIGHTS, WRITTEN, READ, LIMITS) for tests in table.values()]
 )
-def test_the_test_of_a_statement_is_there(test: str):
-    file, _, name = test.partition("::")
-    assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
+def test_the_tests_of_a_statement_are_there(tests: str | tuple[str, ...]):
+    for test in (tests,) if isinstance(tests, str) else tests:
+        file, _, name = test.partition("::")
+        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere a current folder cannot be deleted")

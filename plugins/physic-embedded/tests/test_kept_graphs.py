@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +20,7 @@ NETWORK = "palm_detection_full"
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    return tmp_path / "cache"
+    return tmp_path / "cache" / "graphs"
 
 
 def outputs() -> list[np.ndarray]:
@@ -71,8 +72,45 @@ def test_a_graph_that_onnxruntime_does_not_open_is_made_again(folder: Path) -> N
     assert kept.stat().st_size > 1000
 
 
+def forge(kept: Path) -> None:
+    """Negate weights of a kept graph, with a checksum that is right."""
+    content = bytearray(kept.read_bytes())
+    for sign in range(3, len(content) // 2, 4):
+        content[sign] ^= 0x80
+    length, _ = struct.unpack("<QI", content[-12:])
+    content[-12:] = struct.pack("<QI", length, zlib.crc32(content[:-12]))
+    kept.write_bytes(content)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
+@pytest.mark.parametrize("owner", ["the user", "another user"])
+def test_a_graph_that_others_could_write_is_not_opened(
+    folder: Path, owner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = outputs()
+    [kept] = folder.iterdir()
+    forge(kept)
+    with pytest.raises(AssertionError):
+        assert_same(outputs(), made)
+    if owner == "the user":
+        folder.chmod(0o777)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: kept.stat().st_uid + 1)
+    assert_same(outputs(), made)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
+def test_a_graph_is_kept_for_its_user_alone(folder: Path) -> None:
+    before = os.umask(0)
+    try:
+        outputs()
+    finally:
+        os.umask(before)
+    assert [path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())] == [0o700, 0o600]
+
+
 def test_networks_open_where_nothing_can_be_kept(folder: Path) -> None:
-    folder.write_text("a file in place of the folder")
+    folder.parent.write_text("a file in place of the folder")
     assert len(outputs()) == 2
 
 

@@ -1,0 +1,59 @@
+"""Claim a cache folder for its user, so that what is read from it was written by nobody else."""
+
+from __future__ import annotations
+
+import logging
+import os
+import stat
+import sys
+from contextlib import suppress
+from functools import cache
+from typing import TYPE_CHECKING
+
+from physic_core.cache.folders import CACHE_VARIABLE
+from physic_core.cache.lru_folder import SUFFIXES, clear_folder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["claim_folder"]
+
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_ADVICE = f"name a folder of your own in {CACHE_VARIABLE}"
+
+
+def claim_folder(folder: Path | None) -> Path | None:
+    """Create a cache folder that only its user can open, or check that nobody else can write to an existing one.
+
+    A folder of the user that others can write is closed to them, and its cache files are deleted, since they can be
+    theirs. A folder of another user is not used. One warning in a process says so. On Windows nothing is checked.
+
+    Returns:
+        The folder, which does not exist if it cannot be created. None for None, and if the folder must not be used.
+    """
+    if folder is None:
+        return None
+    with suppress(OSError):  # the first write says why
+        for missing in reversed([path for path in (folder, *folder.parents) if not os.path.exists(path)]):
+            missing.mkdir(mode=stat.S_IRWXU, exist_ok=True)
+    if sys.platform == "win32" or not os.path.exists(folder):
+        return folder
+    if folder.stat().st_uid != os.geteuid():
+        _warn(f"the cache in {folder.parent} is not used, since it belongs to another user: {_ADVICE}")
+        return None
+    if folder.stat().st_mode & _OTHERS_WRITE:
+        with suppress(OSError):  # the next line finds out
+            folder.chmod(stat.S_IRWXU)
+        if folder.stat().st_mode & _OTHERS_WRITE:
+            _warn(f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}")
+            return None
+        for suffix in SUFFIXES:
+            clear_folder(folder, suffix)
+        _warn(f"others could write to the cache in {folder.parent}: now only you can, and its content was discarded")
+    return folder
+
+
+@cache
+def _warn(message: str) -> None:
+    """Log a warning once in a process."""
+    logging.getLogger(__name__).warning(message)
