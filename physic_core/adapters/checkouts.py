@@ -9,6 +9,7 @@ The code runs with the user's rights. Only folders that the user named are impor
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
 import os
@@ -17,6 +18,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -41,6 +43,11 @@ PIP_NAMES: Mapping[str, str] = {
     "yaml": "pyyaml",
 }
 """Name of a module -> name of its pip package, where they differ."""
+
+_CODE = (".py", ".yaml", ".yml", ".json", ".toml")
+"""Suffixes of code and configuration."""
+_MAX_CODE_BYTES = 1_000_000
+"""Larger files are data, such as annotations of a data set."""
 
 _lock = threading.RLock()
 
@@ -70,6 +77,7 @@ class Checkout:
     _modules: dict[str, ModuleType] = field(default_factory=dict, init=False, repr=False)
     _own: dict[str, Path | None] | None = field(default=None, init=False, repr=False)
     _is_active: bool = field(default=False, init=False, repr=False)
+    _fingerprint: str | None = field(default=None, init=False, repr=False)
 
     @property
     def root(self) -> Path | None:
@@ -106,6 +114,7 @@ class Checkout:
         fault = self._problem()
         if fault:
             raise WeightsMissingError(fault)
+        self._fingerprint = self.fingerprint()
         with self.activated():
             try:
                 return importlib.import_module(module or self.package)
@@ -167,20 +176,17 @@ class Checkout:
 
     def close(self) -> None:
         """Discard the imported modules."""
-        self._modules, self._own = {}, None
+        self._modules, self._own, self._fingerprint = {}, None, None
 
     def fingerprint(self) -> str:
-        """Return a hash of the names and sizes of the package's Python files; "" if the folder is missing."""
-        import hashlib
+        """Return a hash of the contents of all code and configuration in the folder; "" if the folder is missing.
 
+        After :meth:`load` it is that of the imported code, which does not follow later edits of its files.
+        """
         root = self.root
-        if root is None or not root.is_dir():
-            return ""
-        top = self.package.partition(".")[0]
-        base = root / top
-        files = sorted(base.rglob("*.py")) if base.is_dir() else [base.with_suffix(".py")]
-        parts = [f"{path.relative_to(root).as_posix()} {path.stat().st_size}" for path in files if path.is_file()]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        if self._fingerprint is not None or root is None or not root.is_dir():
+            return self._fingerprint or ""
+        return _digest_of_code(root)
 
     def _problem(self) -> str:
         """Return a message if the folder or the package is missing, else ""."""
@@ -266,6 +272,25 @@ def _top_names(root: Path) -> dict[str, Path | None]:
         elif place.suffix == ".py" and place.stem.isidentifier():
             names[place.stem] = None
     return {name: place for name, place in names.items() if name not in sys.stdlib_module_names}
+
+
+def _digest_of_code(root: Path) -> str:
+    """Return a hash of the names and contents of code and configuration in a folder.
+
+    Hidden folders, environments of Python and large files do not count. Of links to folders, packages are followed.
+    """
+    digest = hashlib.sha256()
+    linked = [root / name for name in sorted(_top_names(root)) if (root / name).is_symlink()]
+    for folder, folders, names in chain.from_iterable(map(os.walk, [root, *linked])):
+        folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
+        if "pyvenv.cfg" in names or "conda-meta" in folders:
+            folders.clear()
+            continue
+        for path in (Path(folder, name) for name in sorted(names) if name.endswith(_CODE)):
+            if path.is_file() and path.stat().st_size < _MAX_CODE_BYTES:
+                content = path.read_bytes()
+                digest.update(f"{path.relative_to(root).as_posix()} {len(content)};".encode() + content)
+    return digest.hexdigest()
 
 
 def _namespace(folder: Path) -> ModuleType:

@@ -1,3 +1,3 @@
-"""Caches of backend results, mesh correspondences and networks in the user's cache folder."""
+"""Caches of backend results, mesh correspondences, networks and hashes in the user's cache folder."""
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ __all__ = [
     "cache_folder",
     "correspondences_folder",
     "graphs_folder",
+    "hashes_folder",
     "results_folder",
 ]
 
@@ -56,6 +57,11 @@ def correspondences_folder() -> Path | None:
 def graphs_folder() -> Path | None:
     """Return the cache folder of optimised graphs of networks; None if disabled."""
     return _folder("graphs")
+
+
+def hashes_folder() -> Path | None:
+    """Return the cache folder of SHA-256s of the user's files; None if disabled."""
+    return _folder("hashes")
 
 
 def _folder(name: str) -> Path | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 __all__ = [
     "GRAPH_SUFFIX",
+    "HASH_SUFFIX",
     "MAP_SUFFIX",
     "RESULT_SUFFIX",
     "SUFFIXES",
@@ -27,7 +28,9 @@ MAP_SUFFIX = ".map.npz"
 """Suffix of cached mesh correspondences (:mod:`physic_core.cache.correspondences`)."""
 GRAPH_SUFFIX = ".graph.onnx"
 """Suffix of optimised graphs of networks (:mod:`physic_core.adapters.optimised_graphs`)."""
-SUFFIXES = (RESULT_SUFFIX, MAP_SUFFIX, GRAPH_SUFFIX)
+HASH_SUFFIX = ".sha256"
+"""Suffix of SHA-256s of the user's files (:mod:`physic_core.cache.file_hashes`)."""
+SUFFIXES = (RESULT_SUFFIX, MAP_SUFFIX, GRAPH_SUFFIX, HASH_SUFFIX)
 """Suffixes of all caches."""
 
 _INCOMPLETE_AGE_S = 3600.0

@@ -26,6 +26,7 @@ from physic_core import types
 from physic_core.cache.claim import claim_folder
 from physic_core.cache.code import CodeDigester
 from physic_core.cache.digest import Digester
+from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.cache.folders import results_folder
 from physic_core.cache.lru_folder import RESULT_SUFFIX, mark_used, trim_folder
 from physic_core.discovery.plugins import required_versions
@@ -220,7 +221,7 @@ def _unpack(arrays: dict[str, Any], document: Any) -> Any:
 
 
 def _files(options: Any) -> Iterator[list[Any]]:
-    """Yield path, size and modification time of every file that the options name."""
+    """Yield path and SHA-256 of every file that the options name."""
     if isinstance(options, Mapping):
         options = list(options.values())
     if isinstance(options, tuple | list):
@@ -230,8 +231,7 @@ def _files(options: Any) -> Iterator[list[Any]]:
         with suppress(OSError, ValueError):  # a text that cannot be a path
             path = Path(os.path.expanduser(options))
             if path.is_file():
-                status = path.stat()
-                yield [str(path.absolute()), status.st_size, status.st_mtime_ns]
+                yield [str(path.absolute()), remembered_sha256(path)]
 
 
 def _plain(name: str) -> str:

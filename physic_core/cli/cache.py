@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.folders import correspondences_folder, graphs_folder
+from physic_core.cache.folders import correspondences_folder, graphs_folder, hashes_folder
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
@@ -20,7 +20,8 @@ __all__ = ["cache"]
 
 @click.group()
 def cache() -> None:
-    """Show or clear the cache: outputs of backends, correspondences of body meshes, optimised networks."""
+    """Show or clear the cache: outputs of backends, correspondences of body meshes, optimised networks, hashes of
+    files."""
 
 
 @cache.command()
@@ -79,11 +80,12 @@ def _by_backend(files: Iterable[CacheFile]) -> list[str]:
 
 def _other_caches() -> list[tuple[Path, str, tuple[str, str]]]:
     """Return folder, file suffix, and singular and plural name of the other caches."""
-    from physic_core.cache.lru_folder import GRAPH_SUFFIX, MAP_SUFFIX
+    from physic_core.cache.lru_folder import GRAPH_SUFFIX, HASH_SUFFIX, MAP_SUFFIX
 
     kinds = (
         (correspondences_folder(), MAP_SUFFIX, ("map between bodies", "maps between bodies")),
         (graphs_folder(), GRAPH_SUFFIX, ("optimised network", "optimised networks")),
+        (hashes_folder(), HASH_SUFFIX, ("hash of a file", "hashes of files")),
     )
     return [(place, suffix, names) for place, suffix, names in kinds if place is not None]
 

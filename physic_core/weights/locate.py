@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from physic_core.cache.file_hashes import remembered_sha256
 from physic_core.discovery.close_names import format_choice, similar_names
 from physic_core.errors import WeightsMissingError
 from physic_core.weights.folders import (
@@ -123,7 +124,10 @@ def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, .
 
 
 def fingerprint(manifest: Path, value: str) -> str:
-    """Return a digest of the content of the weights, independent of their path; "" if they are missing."""
+    """Return a digest of the content of the weights, independent of their path; "" if they are missing.
+
+    Files without a published SHA-256 are read once, and again when they change.
+    """
     try:
         found = find(manifest, value)
     except WeightsMissingError:
@@ -271,8 +275,7 @@ def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
 
 
 def _identity(path: Path, file: WeightFile | None = None) -> str:
-    """Return the published SHA-256 of a file if known, else its size and modification time."""
-    status = path.stat()
-    if file is not None and file.sha256 is not None and file.bytes == status.st_size:
+    """Return the published SHA-256 of a file, which is compared when the file is loaded; without one, its own."""
+    if file is not None and file.sha256 is not None and file.bytes == path.stat().st_size:
         return file.sha256
-    return f"{status.st_size} {status.st_mtime_ns}"
+    return remembered_sha256(path)

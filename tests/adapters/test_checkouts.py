@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -131,9 +132,56 @@ def test_an_installed_package_needs_no_checkout() -> None:
     assert side.attribute("JSONDecoder").__name__ == "JSONDecoder"
 
 
-def test_the_fingerprint_follows_the_code_and_not_the_place(tmp_path: Path) -> None:
+def test_the_fingerprint_does_not_depend_on_the_place(tmp_path: Path) -> None:
     one, two = (checkout(tmp_path / name, {"core/net.py": "A = 1"}) for name in "ab")
     assert one.fingerprint() == two.fingerprint() != ""
-    (tmp_path / "b" / "core" / "net.py").write_text("A = 1000")
-    assert one.fingerprint() != two.fingerprint()
     assert Checkout(str(tmp_path / "no"), name="T", package="core.net", homepage="h").fingerprint() == ""
+
+
+FILES = {
+    "core/net.py": "A = 1.0",
+    "core/configs/net.json": "[1.0]",
+    "core/net.toml": "a = 1.0",
+    "other/tool.py": "A = 1.0",
+    "tool.py": "A = 1.0",
+    "configs/deep/net.yaml": "a: 1.0",
+    "net.yml": "a: 1.0",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_one_number_changes_the_fingerprint(tmp_path: Path, name: str) -> None:
+    side = checkout(tmp_path, FILES)
+    before, time = side.fingerprint(), (tmp_path / name).stat().st_mtime_ns
+    (tmp_path / name).write_text(FILES[name].replace("1.0", "2.0"))
+    os.utime(tmp_path / name, ns=(time, time))
+    assert side.fingerprint() != before
+
+
+def test_packages_that_are_links_are_in_the_fingerprint(tmp_path: Path) -> None:
+    checkout(tmp_path / "real", {"core/net.py": "A = 1"})
+    (tmp_path / "side").mkdir()
+    (tmp_path / "side" / "core").symlink_to(tmp_path / "real" / "core")
+    side = checkout(tmp_path / "side", {})
+    before = side.fingerprint()
+    (tmp_path / "real" / "core" / "net.py").write_text("A = 2")
+    assert side.fingerprint() != before
+
+
+def test_data_and_environments_are_not_in_the_fingerprint(tmp_path: Path) -> None:
+    side = checkout(tmp_path, FILES)
+    before = side.fingerprint()
+    others = {"data/labels.json": "0" * 1_000_000, "weights.bin": "0", ".git/hook.py": "0"}
+    others |= {"env/pyvenv.cfg": "0", "env/lib/site.py": "0", "conda/conda-meta/a.json": "0", "conda/lib/site.py": "0"}
+    checkout(tmp_path, others)
+    assert side.fingerprint() == before
+
+
+def test_loaded_code_keeps_its_fingerprint_until_it_is_closed(tmp_path: Path) -> None:
+    side = checkout(tmp_path, FILES)
+    before = side.fingerprint()
+    side.load()
+    (tmp_path / "core" / "net.py").write_text("A = 2.0")
+    assert side.fingerprint() == before
+    side.close()
+    assert side.fingerprint() != before

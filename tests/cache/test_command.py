@@ -64,7 +64,7 @@ def test_clear_removes_all_entries_and_lists_them(folder: Path):
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder: Path):
-    others = {"maps": "a.map.npz", "graphs": "a.graph.onnx"}
+    others = {"maps": "a.map.npz", "graphs": "a.graph.onnx", "hashes": "a.sha256"}
     for name, file in others.items():
         (folder.parent / name).mkdir(parents=True)
         (folder.parent / name / file).write_bytes(bytes(3_000_000))
@@ -73,9 +73,10 @@ def test_the_other_caches_are_listed_and_removed_too(folder: Path):
         f"{folder}: 0 answers, 0.0 MB",
         f"{folder.parent / 'maps'}: 1 map between bodies, 3.0 MB",
         f"{folder.parent / 'graphs'}: 1 optimised network, 3.0 MB",
+        f"{folder.parent / 'hashes'}: 1 hash of a file, 3.0 MB",
     ]
     assert physic("info").output.splitlines() == printed
-    assert len(physic("clear").output.splitlines()) == 3
+    assert len(physic("clear").output.splitlines()) == 4
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {"mine.onnx"}
 
 

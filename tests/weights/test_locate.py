@@ -152,13 +152,21 @@ def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists: Any
     assert fingerprint(folder, "net") != first
 
 
-def test_a_fingerprint_of_the_users_own_files_follows_size_and_time(lists: Any, tmp_path: Path):
+def test_a_fingerprint_of_files_without_a_published_hash_follows_their_content(
+    lists: Any, own_cache: Path, tmp_path: Path
+):
     folder = lists.add("net", {"path": "model.onnx", "source": SOURCE})
-    one, two = write(tmp_path / "one" / "x.onnx"), write(tmp_path / "two" / "x.onnx")
-    for path in (one, two):
-        os.utime(path, (5, 5))
+    one, two, listed = (
+        write(path) for path in (tmp_path / "one" / "x", tmp_path / "two" / "x", own_cache / "net" / "model.onnx")
+    )
+    os.utime(two, (5, 5))
     assert fingerprint(folder, str(one)) == fingerprint(folder, str(two))
     assert fingerprint(folder, str(one.parent)) == fingerprint(folder, str(two.parent))
-    os.utime(two, (6, 6))
+    before = fingerprint(folder, "net")
+    for path in (two, listed):
+        time = path.stat().st_mtime_ns
+        path.write_bytes(b"WEIGHTS")
+        os.utime(path, ns=(time, time))
+    assert fingerprint(folder, "net") != before
     assert fingerprint(folder, str(one)) != fingerprint(folder, str(two))
     assert fingerprint(folder, str(one.parent)) != fingerprint(folder, str(two.parent))

@@ -41,7 +41,9 @@ def check_fingerprint_works_before_load(subject: BackendUnderTest) -> None:
         f"{first!r}, then {again!r}, and {further!r} of another backend with the same options",
         "If the fingerprint changes between calls, cached results are never used.",
     )
-    _expect_quick("fingerprint()", seconds, "Use names, sizes and times of the files, as physic_core.weights does.")
+    _expect_quick(
+        "fingerprint()", seconds, "Use `physic_core.weights.fingerprint`, which reads a file again only if it changes."
+    )
 
 
 def _call_timed(subject: BackendUnderTest, name: str, ask: Callable[[], Any]) -> tuple[Any, Any, float]:

@@ -1,0 +1,68 @@
+"""SHA-256 of the user's files; large files are read once, also by several processes, until they change."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from physic_core.cache.claim import claim_folder
+from physic_core.cache.folders import hashes_folder
+from physic_core.cache.lru_folder import HASH_SUFFIX, mark_used, trim_folder
+from physic_core.errors import OutputError
+from physic_core.files.atomic import atomic_write
+
+__all__ = ["remembered_sha256"]
+
+_MAX_BYTES = 1 << 16
+"""All kept hashes have at most this size, which is 1000 files."""
+_CLOCK_NS = 2_000_000_000
+"""A file can change twice within one step of its clock, which is up to 2 s (FAT)."""
+
+_known: dict[str, str] = {}
+
+
+def remembered_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits, from the cache if the file has not changed.
+
+    A changed file has another size, inode, or time of the last change of content or inode. No user can set the last.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    with path.open("rb") as file:
+        status = os.fstat(file.fileno())
+        stamp = f"{status.st_dev} {status.st_ino} {status.st_size} {status.st_mtime_ns} {status.st_ctime_ns}"
+        name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32] + HASH_SUFFIX
+        found = _known.get(name) or _read(name)
+        if found is None:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+            if status.st_ctime_ns < time.time_ns() - _CLOCK_NS:
+                _known[name] = found
+                _write(name, found)
+    return found
+
+
+def _read(name: str) -> str | None:
+    folder = claim_folder(hashes_folder())
+    if folder is None:
+        return None
+    try:
+        text = (folder / name).read_text("ascii")
+    except (OSError, ValueError):
+        return None
+    mark_used(folder / name)
+    return text if re.fullmatch("[0-9a-f]{64}", text) else None
+
+
+def _write(name: str, sha256: str) -> None:
+    folder = claim_folder(hashes_folder())
+    with suppress(OSError, OutputError):  # it can be computed again
+        if folder is not None:
+            with atomic_write(folder, durable=False) as temporary:
+                temporary(name).touch(mode=0o600)
+                temporary(name).write_text(sha256, "ascii")
+            trim_folder(folder, _MAX_BYTES, HASH_SUFFIX)
