@@ -8,12 +8,16 @@ import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
 __all__ = [
     "AnyPath",
+    "complete_files",
     "configuration_options",
     "one_photo",
     "preset_options",
@@ -33,6 +37,16 @@ class AnyPath(click.ParamType[Path]):
             self.fail("it is empty: name a file or a folder", param, ctx)
         return Path(value)
 
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        return complete_files(ctx, param, incomplete)
+
+
+def complete_files(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Let the shell complete a word to the name of a file."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
+
 
 def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --config, --preset and --set to a command, which gets them as ``file``, ``preset`` and ``overrides``."""
@@ -44,7 +58,11 @@ def configuration_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def preset_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --preset and --set to a command with an eager parameter ``file``, which excludes --preset."""
     preset = click.option(
-        "--preset", metavar="NAME", callback=_refuse_file, help="Preset to build on.  [default: embedded]"
+        "--preset",
+        metavar="NAME",
+        callback=_refuse_file,
+        shell_complete=_complete_presets,
+        help="Preset to build on.  [default: embedded]",
     )
     several = "Change one value; may be repeated."
     return preset(click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help=several)(command))
@@ -56,6 +74,12 @@ def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | N
         name = file.opts[0] if isinstance(file, click.Option) else file.human_readable_name
         raise click.UsageError(f'--preset cannot be combined with {name}: write extends = "NAME" into the file')
     return preset
+
+
+def _complete_presets(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    from physic_core.configuration.model import preset_names
+
+    return [name for name in preset_names() if name.startswith(incomplete)]
 
 
 def one_photo(given: tuple[str, ...]) -> Path:

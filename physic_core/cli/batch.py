@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import configuration_options, refuse_nan
+from physic_core.cli.arguments import complete_files, configuration_options, refuse_nan
 from physic_core.cli.output import echo
 from physic_core.configuration.quoting import printable
 
@@ -24,7 +24,7 @@ _LEVELS = ("full", "compact", "numbers", "people", "summary")
 
 
 @click.command()
-@click.argument("photos", nargs=-1, required=True)
+@click.argument("photos", nargs=-1, required=True, shell_complete=complete_files)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Processes.  [default: by cores and memory]")
 @click.option("--save", "level", type=click.Choice(_LEVELS), default="numbers", show_default=True, help="What to keep.")

@@ -49,13 +49,26 @@ class ExtensibleGroup(click.Group):
         return sorted({*self.own, *self._plugin_commands()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command of the core or of a plugin, or None if no command has this name."""
+        """Import and return a command of the core or of a plugin, or None if no command has this name.
+
+        Raises:
+            PluginError: the plugin is broken; while a shell completes a word, its command is an empty one.
+        """
         if cmd_name in self.own:
             module, _, attribute = self.own[cmd_name][0].partition(":")
             own: click.Command = getattr(import_module(module), attribute)
             return own
         command = self._plugin_commands().get(cmd_name)
-        return None if command is None else _load(command)
+        if command is None:
+            return None
+        from physic_core.errors import PluginError
+
+        try:
+            return _load(command)
+        except PluginError:
+            if ctx.resilient_parsing:  # a shell completes a word
+                return click.Command(cmd_name, hidden=True, add_help_option=False)
+            raise
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -66,7 +79,7 @@ class ExtensibleGroup(click.Group):
             UsageError: there is no such command; the message names a known distribution that adds it.
         """
         name = args[0]
-        if not name.startswith("-") and self.get_command(ctx, name) is None:
+        if not name.startswith("-") and not ctx.resilient_parsing and self.get_command(ctx, name) is None:
             from physic_core.discovery.catalog import COMMANDS
             from physic_core.discovery.installed import explain_absence
 

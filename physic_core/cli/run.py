@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, configuration_options, one_photo
+from physic_core.cli.arguments import AnyPath, complete_files, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
@@ -70,7 +70,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 
 
 @click.command()
-@click.argument("photos", metavar="PHOTO", nargs=-1, required=True)
+@click.argument("photos", metavar="PHOTO", nargs=-1, required=True, shell_complete=complete_files)
 @click.option("-o", "--out", type=AnyPath(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
 @click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)

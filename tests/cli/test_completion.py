@@ -1,72 +1,77 @@
-"""``physic completion``: the scripts list what the command has, and complete it without starting a program."""
+"""``physic completion``: a shell completes commands, options, their values and files; a broken plugin to nothing."""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterator
+import sys
 from pathlib import Path
+from typing import Any
 
-import click
 import pytest
+from click.testing import CliRunner
 
 from physic_core.cli import main
-from physic_core.cli.completion import command_words, completion_script
 
-SHELLS = ("bash", "zsh", "fish")
+PLUGIN = """
+from physic_core import CommandRecord, hookimpl
 
-
-@pytest.fixture(scope="module")
-def scripts() -> dict[str, str]:
-    words = command_words(main, click.Context(main, **main.context_settings))
-    return {shell: completion_script(shell, words) for shell in SHELLS}
-
-
-def walk(command: click.Command, ctx: click.Context, path: tuple[str, ...] = ()) -> Iterator[tuple[str, set[str]]]:
-    """Every command and its options, as click knows them."""
-    parameters = [p for p in command.get_params(ctx) if isinstance(p, click.Option)]
-    yield " ".join(("physic", *path)), {text for p in parameters for text in (*p.opts, *p.secondary_opts)}
-    if isinstance(command, click.Group):
-        for name in command.list_commands(ctx):
-            inner = command.get_command(ctx, name)
-            assert inner is not None
-            yield from walk(inner, click.Context(inner, parent=ctx, **inner.context_settings), (*path, name))
+@hookimpl
+def physic_commands():
+    return [CommandRecord("configured", "physic_nowhere:configured"), CommandRecord("lost", "physic_nowhere:lost")]
+"""
 
 
-@pytest.mark.parametrize("shell", SHELLS)
-def test_the_script_lists_every_command_and_option(scripts: dict[str, str], shell: str):
-    for path, options in walk(main, click.Context(main, **main.context_settings)):
-        if shell == "fish":
-            lines = [line for line in scripts[shell].splitlines() if f" -n '__physic_at {path}' " in line]
-            named = {f"--{w.split()[0]}" for line in lines for w in line.split(" -l ")[1:]}
-            named |= {f"-{line.split(' -s ')[1].split()[0]}" for line in lines if " -s " in line}
-        else:
-            (line,) = [line for line in scripts[shell].splitlines() if line.startswith(f"    '{path}') commands=")]
-            named = set(line.split("options='")[1].split("'")[0].split())
-        assert named == options, path
+def offered(*words: str) -> str:
+    """Return what click offers for the last word, one in a line, as the scripts of the shells read it."""
+    environment = {
+        "_PHYSIC_COMPLETE": "bash_complete",
+        "COMP_WORDS": " ".join(("physic", *words)),
+        "COMP_CWORD": str(len(words)),
+    }
+    done = CliRunner().invoke(main, [], env=environment, prog_name="physic")
+    assert done.stderr == ""
+    return " ".join(done.stdout.splitlines())
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
 @pytest.mark.parametrize(
-    ("typed", "offered"),
+    ("words", "expected"),
     [
-        (("c",), "cache completion config"),
-        (("completion", ""), ""),
-        (("run", "--focal"), "--focal-px"),
-        (("config", "s"), "schema show"),
-        (("config", "show", "--a"), "--all"),
-        (("run", "--preset", "mo"), "mock"),
-        (("run", "--device", ""), ""),
-        (("batch", "--save", "f"), "full"),
-        (("run", "pho"), ""),
-        (("-",), "--version -h --help"),
+        (("c",), "plain,cache plain,completion plain,config"),
+        (("run", "--focal"), "plain,--focal-px"),
+        (("config", "s"), "plain,schema plain,show"),
+        (("run", "--preset", "mo"), "plain,mock"),
+        (("batch", "--save", "f"), "plain,full"),
+        (("run", "pho"), "file,pho"),
+        (("batch", "pho"), "file,pho"),
+        (("run", "--config", "pho"), "file,pho"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_bash_completes_without_a_program(
-    scripts: dict[str, str], typed: tuple[str, ...], offered: str, tmp_path: Path
-):
-    (tmp_path / "script").write_text(scripts["bash"])
-    call = 'source "$0"; PATH=; COMP_WORDS=(physic "$@"); COMP_CWORD=$#; _physic; echo "${COMPREPLY[*]}"'
-    done = subprocess.run(["bash", "-c", call, tmp_path / "script", *typed], capture_output=True, text=True, check=True)
-    assert (done.stdout.strip(), done.stderr) == (offered, "")
+def test_words_are_completed(words: tuple[str, ...], expected: str):
+    assert offered(*words) == expected
+
+
+def test_the_command_of_a_broken_plugin_completes_to_nothing(site: Any):
+    site.install("physic-broken", PLUGIN)
+    assert offered("con") == "plain,config"
+    assert offered("lost", "--") == ""
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_calls_physic(shell: str):
+    done = CliRunner().invoke(main, ["completion", shell])
+    assert done.exit_code == 0
+    assert f"_PHYSIC_COMPLETE={shell}_complete" in done.stdout
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
+def test_bash_completes(tmp_path: Path):
+    (tmp_path / "script").write_text(CliRunner().invoke(main, ["completion", "bash"]).stdout)
+    (tmp_path / "physic").write_text(f'#!/bin/sh\nexec {sys.executable} -P -m physic_core "$@"\n')
+    (tmp_path / "physic").chmod(0o755)
+    call = "source ./script; COMP_WORDS=(physic config s); COMP_CWORD=2; _physic_completion ./physic"
+    done = subprocess.run(
+        ["bash", "-c", f"{call}; echo ${{COMPREPLY[@]}}"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert (done.stdout, done.stderr) == ("schema show\n", "")
