@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Results", "check_results", "summarise_records", "write_results"]
 
-_NAMES = ("results.json", "table.txt", "table.md")
+_NAMES = ("table.txt", "table.md", "results.json")
 
 SCHEMA = 2
 """Version of the JSON document. Version 2 writes NaN as "NaN", version 1 as null."""
@@ -101,15 +101,15 @@ def check_results(folder: Path) -> None:
 
 
 def write_results(results: Results, folder: Path) -> tuple[Path, ...]:
-    """Write ``results.json``, ``table.txt`` and ``table.md`` atomically.
+    """Write ``table.txt``, ``table.md`` and, last, ``results.json``; each completely or not at all.
 
     Raises:
         OutputError: the folder cannot be written.
     """
     texts = (
-        json.dumps(results.document, indent=1, ensure_ascii=False),
         "\n\n\n".join([*map(as_text, results.tables), MARK]),
         "\n\n".join([*map(as_markdown, results.tables), MARK]),
+        json.dumps(results.document, indent=1, ensure_ascii=False),
     )
     with atomic_write(folder) as temporary:
         for name, text in zip(_NAMES, texts, strict=True):

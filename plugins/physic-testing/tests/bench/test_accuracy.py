@@ -147,14 +147,14 @@ def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     work = BenchmarkJob(config, select_rows("default", ["start"]), None)
     results = summarise_records([run_world(CASE, work)], [CASE, WorldCase("lie", 0, SIZE)], work, {"seed": 0})
     paths = write_results(results, tmp_path)
-    assert [path.name for path in paths] == ["results.json", "table.txt", "table.md"]
-    document = json.loads(paths[0].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
+    assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
+    document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
     assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
     assert {"physic-core", "physic-mock", "physic-mock noise", "torch"} <= set(document["versions"])
     assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
     assert document["settings"]["rows"]["start"] == {"label": "start (the estimators' own)", "engine": None}
-    assert paths[1].read_text().startswith("Ablation\n")
-    assert "| PA-MPJPE mm |" in paths[2].read_text()
+    assert paths[0].read_text().startswith("Ablation\n")
+    assert "| PA-MPJPE mm |" in paths[1].read_text()
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------
