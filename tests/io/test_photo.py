@@ -80,6 +80,20 @@ def test_a_file_that_is_no_image_is_refused(tmp_path, content):
     )
 
 
+@pytest.mark.parametrize("kind", ["EPS", "ICO", "PCX", "SGI", "TGA"])
+def test_other_formats_of_pillow_are_refused(tmp_path, kind):
+    path = tmp_path / "photo.jpg"
+    Image.new("RGB", (64, 64)).save(path, kind)
+    assert "give a JPEG, PNG, WebP, AVIF or TIFF" in message_of(path)
+
+
+def test_a_jpeg_of_more_than_400_mb_is_refused(tmp_path):
+    path = tmp_path / "photo.jpg"
+    Image.new("RGB", (64, 64)).save(path)
+    os.truncate(path, 400_000_001)
+    assert message_of(path) == f"cannot read the photo {path}: {DAMAGED}"
+
+
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tiff"])
 def test_a_truncated_photo_is_refused(tmp_path, suffix):
     path = tmp_path / f"photo.{suffix}"

@@ -15,11 +15,19 @@ PAGE = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
 
 CANNOT_RUN_CODE = {
     "a photo, a file of masks": (
-        "tests/attacks/test_photo_bombs.py::test_no_image_takes_more_than_one_and_a_half_gigabytes"
+        "tests/io/test_photo.py::test_other_formats_of_pillow_are_refused",
+        "tests/io/test_photo.py::test_a_photo_of_too_many_pixels_is_refused",
+        "tests/attacks/test_photo_bombs.py::test_no_image_takes_more_than_one_and_a_half_gigabytes",
     ),
-    "a result folder (`Reconstruction.load`)": "tests/io/test_results.py::test_a_pickle_in_the_arrays_is_not_opened",
+    "a result folder (`Reconstruction.load`)": (
+        "tests/io/test_results.py::test_a_pickle_in_the_arrays_is_not_opened",
+        "tests/io/test_results.py::test_values_that_do_not_belong",
+    ),
     "an SMPL-X archive": "tests/body/test_smplx_file.py::test_a_smplx_file_is_read_without_unpickling",
-    "an SMPL or MANO pickle": "tests/body/test_smpl_file.py::test_a_pickle_runs_nothing",
+    "an SMPL or MANO pickle": (
+        "tests/body/test_smpl_file.py::test_a_pickle_runs_nothing",
+        "tests/adapters/test_chumpy_free.py::test_a_file_that_would_run_code_is_refused",
+    ),
     "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without `trust_checkpoint`": (
         "plugins/physic-human/tests/test_hands.py::test_a_checkpoint_with_objects_is_read_only_if_trusted"
     ),
@@ -30,27 +38,53 @@ CANNOT_RUN_CODE = {
         "tests/cache/test_claim.py::test_a_folder_that_others_could_write_is_narrowed_and_emptied",
     ),
     "an upload to `physic serve`": (
-        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone"
+        "plugins/physic-serve/tests/test_worker.py::test_a_photo_that_breaks_the_process_costs_itself_alone",
+        "plugins/physic-serve/tests/test_app.py::test_the_name_of_the_file_is_shown_and_names_no_file",
     ),
     "a page of another site, while `physic view` or `physic serve` runs": (
-        "plugins/physic-viewer/tests/test_viewer.py::test_the_websocket_of_another_site_gets_no_result"
+        "plugins/physic-viewer/tests/test_viewer.py::test_the_websocket_of_another_site_gets_no_result",
+        "plugins/physic-viewer/tests/test_viewer.py::test_only_the_names_and_addresses_of_this_machine_are_answered",
+        "plugins/physic-serve/tests/test_app.py::test_a_foreign_or_malformed_host_or_origin_is_refused",
     ),
     "`report.html`, made from names and results of others": (
-        "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run"
+        "plugins/physic-viewer/tests/test_report.py::test_only_the_scripts_of_the_page_may_run",
+        "plugins/physic-viewer/tests/test_report.py::test_text_of_others_is_never_markup",
+        "plugins/physic-viewer/tests/test_report.py::test_a_page_has_no_address_and_is_small",
     ),
-    "the values of a config": "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
-    "a table of photos for `physic batch`": "tests/batch/test_photos.py::test_a_table_with_faults_is_an_error",
-    "text of others in messages": "tests/cli/test_printing.py::test_a_run_escapes_names_and_texts",
-    "the current folder": "tests/cli/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
+    "the values of a config": (
+        "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
+        "tests/configuration/test_config.py::test_hostile_variables_and_overrides_are_one_short_error",
+        "tests/configuration/test_config.py::test_hostile_tables_of_python_are_one_short_error",
+    ),
+    "a table of photos for `physic batch`": (
+        "tests/batch/test_photos.py::test_a_table_with_faults_is_an_error",
+        "tests/batch/test_photos.py::test_parquet_tables_of_pandas_have_nan_for_missing_values_and_numbers_as_ids",
+    ),
+    "text of others in messages": (
+        "tests/cli/test_printing.py::test_a_run_escapes_names_and_texts",
+        "tests/cli/test_printing.py::test_a_batch_escapes_names",
+        "tests/cli/test_printing.py::test_messages_and_logs_of_plugins_are_escaped",
+    ),
+    "the current folder": (
+        "tests/cli/test_current_folder.py::test_physic_imports_nothing_of_the_current_folder",
+        "tests/discovery/test_local_modules.py::test_what_lies_beside_the_module_is_not_found",
+    ),
 }
 WEIGHTS = {
     "A run downloads nothing.": "tests/project/test_no_network.py::test_a_test_that_uses_the_network_fails",
-    "A downloaded file is compared": "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
+    "A downloaded file is compared": (
+        "tests/weights/test_fetch.py::test_a_wrong_hash_is_said_and_the_file_removed",
+        "tests/weights/test_fetch.py::test_a_wrong_size_is_reported_without_a_content_length",
+        "tests/weights/test_manifest.py::test_every_fault_is_reported_at_once",
+    ),
     "`physic weights verify` repeats": (
         "tests/weights/test_command.py::test_verify_lists_what_differs_and_what_has_no_published_hash"
     ),
     "A run compares a weight file": (
-        "tests/weights/test_verify.py::test_a_file_that_is_written_while_it_is_compared_is_refused"
+        "tests/weights/test_verify.py::test_a_damaged_file_is_refused_and_not_missing",
+        "tests/weights/test_verify.py::test_a_file_is_read_once_in_a_process_until_it_changes",
+        "tests/weights/test_verify.py::test_a_file_that_is_written_while_it_is_compared_is_refused",
+        "tests/weights/test_verify.py::test_a_file_that_is_replaced_while_it_is_loaded_is_refused",
     ),
     "The embedded networks and the embedded body": (
         "plugins/physic-embedded/tests/test_weights.py::test_a_network_with_one_other_bit_is_refused",
@@ -64,9 +98,15 @@ WEIGHTS = {
     ),
 }
 WRITTEN = {
-    "Each file of a result": "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
+    "Each file of a result": (
+        "tests/attacks/test_saving.py::test_a_write_happens_completely_or_not_at_all",
+        "tests/attacks/test_saving.py::test_each_step_of_a_write_is_on_the_disk_before_the_next",
+        "tests/io/test_results.py::test_a_failing_write_leaves_the_former_result",
+    ),
     "The files of a result belong together": (
-        "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced"
+        "tests/io/test_output.py::test_a_result_states_the_digest_of_each_file_but_its_own",
+        "tests/attacks/test_saving.py::test_a_first_result_is_complete_or_not_there",
+        "tests/attacks/test_saving.py::test_a_file_of_the_user_in_the_folder_of_a_killed_run_is_never_replaced",
     ),
     "Files of the cache": (
         "tests/cache/test_claim.py::test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
@@ -74,21 +114,41 @@ WRITTEN = {
     ),
     "Each row of the journal": "tests/batch/test_run.py::test_a_damaged_row_counts_for_nothing",
     "A result without its row": "tests/batch/test_run.py::test_a_result_without_its_row_is_done_again",
-    "A file of yours is never replaced": "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
+    "A file of yours is never replaced": (
+        "tests/io/test_output.py::test_every_foreign_file_is_named_at_once",
+        "tests/io/test_output.py::test_an_edited_file_is_replaced_with_overwrite_only",
+        "tests/io/test_results.py::test_an_edited_document_is_read_and_replaced_as_the_runs_own",
+    ),
     "Tables, plots, pages and logs": (
-        "tests/batch/test_files_of_the_user.py::test_a_file_of_the_user_ends_the_batch_before_its_first_photo"
+        "tests/batch/test_files_of_the_user.py::test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
+        "tests/batch/test_files_of_the_user.py::test_the_table_of_photos_is_never_replaced_by_the_table_of_results",
+        "tests/files/test_own.py::test_everything_else_is_of_the_user",
     ),
     "No file of an output folder": "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",
-    "The photo is never replaced": "tests/io/test_output.py::test_the_photo_is_never_overwritten",
+    "The photo is never replaced": (
+        "tests/io/test_output.py::test_the_photo_is_never_overwritten",
+        "tests/io/test_output.py::test_a_photo_that_is_a_file_of_its_folders_result_is_never_overwritten",
+    ),
 }
 READ = {
-    "a config": "tests/configuration/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
+    "a config": (
+        "tests/configuration/test_config.py::test_a_file_that_is_too_large_for_a_config_is_not_read",
+        "tests/configuration/test_config.py::test_a_chain_of_many_files_is_refused",
+        "tests/configuration/test_config.py::test_hostile_values_are_one_short_error",
+        "tests/configuration/test_config.py::test_a_message_of_many_errors_counts_those_that_have_no_room",
+    ),
     "a setting": "tests/configuration/test_bounds_of_settings.py::test_every_setting_is_bounded",
-    "a photo, a file of masks": "tests/attacks/test_photo_bombs.py::test_decoding_takes_no_more_memory_than_estimated",
+    "a photo, a file of masks": (
+        "tests/io/test_photo.py::test_a_photo_of_too_many_pixels_is_refused",
+        "tests/attacks/test_photo_bombs.py::test_decoding_takes_no_more_memory_than_estimated",
+    ),
     "a photo, in a worker of `physic batch` or `physic serve`": (
         "tests/attacks/test_photo_bombs.py::test_a_worker_takes_no_more_memory_than_a_photo_needs"
     ),
-    "a JPEG": "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",
+    "a JPEG": (
+        "tests/io/test_photo.py::test_a_jpeg_of_more_than_400_mb_is_refused",
+        "tests/attacks/test_lost_data.py::test_the_number_of_scans_is_bounded",
+    ),
     "arrays in a result, an archive or the cache": (
         "tests/cache/test_damage.py::test_an_archive_that_claims_more_than_memory_is_not_unpacked"
     ),
