@@ -39,7 +39,7 @@ __all__ = [
 
 _BODY = 22  # joints without hands and face
 _PELVIS = 0
-_GARMENTS = {"top": [0, 2], "legs": [3, 4], "head and feet": [1, 5]}
+_GARMENTS = {"top": [0, 2], "legs": [3, 4]}
 """Cue of matching -> rows of COLOUR_GROUPS."""
 
 
@@ -51,8 +51,6 @@ class MatchingSettings:
         stranger: logarithm of the odds that two people are different, before anything was compared and besides the
             number of people. Between 0 and 3 no match of people of eight worlds changes; of strange photos among four,
             23 % match at 0 and 5 % at 3.
-        mirrored: the same that a photo is mirrored; photos are rarely mirrored. Of 240 pairs of photos of 40 worlds,
-            none of them mirrored, two count as mirrored at 10, and four at 7.
         ambiguous: logarithm of the least odds of the best assignment of two photos over the best that contradicts it;
             with lower odds who is who stays open. 3 are odds of 20 to 1, the error of one in twenty. Of 228 right pairs
             of photos of 40 worlds, all have more.
@@ -60,7 +58,6 @@ class MatchingSettings:
     """
 
     stranger: float = 3.0
-    mirrored: float = 10.0
     ambiguous: float = 3.0
     hypotheses: int = 16
 
@@ -187,15 +184,11 @@ def look_cues(one: PhotoPeople, two: PhotoPeople) -> tuple[dict[str, FloatArray]
     Returns:
         The cues (N, M), and the rotations (N, M, 3, 3) between the cameras that each pair gives. The cues are "pose",
         the mean distance of 22 joints after the best rotation about the pelvis, metres; "stature", the logarithm of the
-        ratio; "top", "legs" and "head and feet", mean CIELAB distances of the chroma of these body parts; "lightness",
-        that of the lightness of all of them; "contrast", that of the lightness of the top less that of the legs, which
-        no exposure changes; "pattern", that of the logarithm of the spread of lightness on the top. A cue is NaN where
-        no such part is seen in both photos.
+        ratio; "top" and "legs", mean CIELAB distances of the chroma of these body parts; "lightness", that of the
+        lightness of all parts. A cue is NaN where no such part is seen in both photos.
     """
     shape = (len(one), len(two))
-    cues = {
-        name: np.full(shape, np.nan) for name in ("pose", "stature", *_GARMENTS, "lightness", "contrast", "pattern")
-    }
+    cues = {name: np.full(shape, np.nan) for name in ("pose", "stature", *_GARMENTS, "lightness")}
     turns, weight = np.zeros((*shape, 3, 3)), np.ones(_BODY)
     for i, j in np.ndindex(shape):
         a, b = (p.joints[k, :_BODY] - p.joints[k, _PELVIS] for p, k in ((one, i), (two, j)))
@@ -210,10 +203,6 @@ def look_cues(one: PhotoPeople, two: PhotoPeople) -> tuple[dict[str, FloatArray]
                 cues[name][i, j] = np.linalg.norm(away[groups][seen[groups], 1:], axis=1).mean()
         if seen.any():
             cues["lightness"][i, j] = np.abs(away[seen, 0]).mean()
-        if seen[_GARMENTS["top"]].any() and seen[_GARMENTS["legs"]].any():
-            top, legs = (np.nanmean(np.where(seen, away[:, 0], np.nan)[_GARMENTS[name]]) for name in ("top", "legs"))
-            cues["contrast"][i, j] = abs(top - legs)
-        cues["pattern"][i, j] = abs(np.log(one.pattern[i] / two.pattern[j]))
     return cues, turns
 
 

@@ -52,7 +52,6 @@ class PhotoPeople:
         betas: (N, K) shape.
         stature: (N,) metres.
         colours: (N, G, 3) mean CIELAB of each of COLOUR_GROUPS, NaN where it is not seen.
-        pattern: (N,) spread of the lightness of the first of them, at least 1; NaN where it is not seen.
         size_px: (N,) stature in px.
         up: (3,) normal of the floor, NaN without one.
     """
@@ -69,7 +68,6 @@ class PhotoPeople:
     betas: FloatArray
     stature: FloatArray
     colours: FloatArray
-    pattern: FloatArray
     size_px: FloatArray
     up: FloatArray
 
@@ -101,7 +99,6 @@ def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
     inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
     finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
     joints, floor = body.joints.numpy(), result.scene.floor
-    clothes = [_colours(result, person, model) for person in people]
     return PhotoPeople(
         rows=rows,
         K=result.intrinsics.matrix,
@@ -114,8 +111,7 @@ def observe(result: Reconstruction, model: BodyModel) -> PhotoPeople:
         rotations=rotations.numpy(),
         betas=betas.numpy(),
         stature=stature,
-        colours=np.array([found for found, _ in clothes]).reshape(-1, len(COLOUR_GROUPS), 3),
-        pattern=np.array([spread for _, spread in clothes]),
+        colours=np.array([_colours(result, person, model) for person in people]).reshape(-1, len(COLOUR_GROUPS), 3),
         size_px=result.intrinsics.fy * stature / np.maximum(joints[:, 0, 2], 0.1),
         up=np.full(3, np.nan) if floor is None else np.asarray(floor.normal, np.float64),
     )
@@ -143,11 +139,8 @@ def _parameters(people: list[Person], model: BodyModel) -> tuple[torch.Tensor, t
     return rotations, betas, transl
 
 
-def _colours(result: Reconstruction, person: Person, model: BodyModel) -> tuple[FloatArray, float]:
-    """Return the mean CIELAB (G, 3) of a person's body parts, and the spread of lightness of the first of them.
-
-    They are those of the pixels of the person's mask under each part.
-    """
+def _colours(result: Reconstruction, person: Person, model: BodyModel) -> FloatArray:
+    """Return the mean CIELAB (G, 3) of a person's body parts: of the pixels of the person's mask under each part."""
     K, vertices = result.intrinsics.matrix, np.asarray(person.vertices, np.float64)
     uv = np.round((vertices @ K.T)[:, :2] / np.maximum(vertices[:, 2:], 1e-3)).astype(int)
     height, width = person.mask.shape
@@ -160,7 +153,7 @@ def _colours(result: Reconstruction, person: Person, model: BodyModel) -> tuple[
     own[own] = vertices[own, 2] < nearest[uv[own, 1], uv[own, 0]] + 0.05
     means = np.full((len(COLOUR_GROUPS), 3), np.nan)
     if not own.any():
-        return means, np.nan
+        return means
     lab = cv2.cvtColor(
         np.asarray(result.image)[None, uv[own, 1], uv[own, 0]].astype(np.float32) / 255, cv2.COLOR_RGB2LAB
     )
@@ -169,6 +162,4 @@ def _colours(result: Reconstruction, person: Person, model: BodyModel) -> tuple[
         here = np.isin(part, [model.part_names.index(name) for name in names])
         if here.sum() >= _FEWEST_PIXELS:
             means[row] = np.median(lab[0, here], axis=0)
-    torso = lab[0, np.isin(part, [model.part_names.index(name) for name in COLOUR_GROUPS[0]]), 0]
-    quarters = np.quantile(torso, [0.25, 0.75]) if len(torso) >= _FEWEST_PIXELS else np.array([np.nan, np.nan])
-    return means, float(np.maximum(quarters[1] - quarters[0], 1.0))
+    return means

@@ -196,7 +196,7 @@ class Scene:
             if result is not None
         ]
         own = self._settings
-        return select_photos(photos, names, own.matching, own.background, own.bundle)
+        return select_photos(photos, names, own.matching, own.background)
 
     def _with_results(self, chosen: ChosenPhotos, results: Mapping[int, Reconstruction | None]) -> ChosenPhotos:
         """Return the same people in the same photos, of which some have other results.

@@ -11,19 +11,17 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.types.short_repr import ShortRepr
-from physic_scene.background import Background, BackgroundSettings, background_turn, match_background, same_photo, sees
+from physic_scene.background import Background, BackgroundSettings, background_turn, same_photo, sees
+from physic_scene.bundle import PixelMatches
 from physic_scene.matching import MatchingSettings, PairMatch, join_tracks, joined_matches, match_pair
-from physic_scene.mirrored import mirrored_by_adjustment, mirrored_by_matches, mirrored_photo
 from physic_scene.types import LeftOut
 
 if TYPE_CHECKING:
     from physic_core.types import IntArray, Reconstruction
-    from physic_scene.bundle import BundleSettings, PixelMatches
     from physic_scene.observations import PhotoPeople
 
 __all__ = ["ChosenPhotos", "Photo", "select_photos"]
 
-_MIRRORED = "it is mirrored: left and right are swapped in its people or background"
 _CLEARER = "add a photo from a direction between the others, or one in which people wear clothes of different colours"
 
 
@@ -52,15 +50,23 @@ class ChosenPhotos(ShortRepr):
         photos: V photos.
         rows: (P, V) row of each person in ``people`` of each photo, -1 where not shown; each in at least two photos.
         matches: of each pair of photos a < b.
-        background: matched pixels of pairs of photos.
         left_out: the other photos.
     """
 
     photos: tuple[Photo, ...]
     rows: IntArray
     matches: dict[tuple[int, int], PairMatch]
-    background: tuple[PixelMatches, ...]
     left_out: tuple[LeftOut, ...]
+
+    @property
+    def background(self) -> tuple[PixelMatches, ...]:
+        """Matched pixels of pairs of photos that certainly show the same background."""
+        turns = {pair: match.background for pair, match in self.matches.items()}
+        return tuple(
+            PixelMatches(pair, turn.first, turn.second)
+            for pair, turn in turns.items()
+            if turn is not None and len(turn.first)
+        )
 
     def first(self, sizes: str) -> Photo:
         """Return the photo that was given first, whose people have known sizes, such as "ages".
@@ -83,21 +89,12 @@ class ChosenPhotos(ShortRepr):
             tuple(self.photos[v] for v in keep),
             rows[(rows >= 0).sum(1) > 1],
             {(number[a], number[b]): m for (a, b), m in self.matches.items() if view not in (a, b)},
-            tuple(
-                replace(m, views=(number[m.views[0]], number[m.views[1]]))
-                for m in self.background
-                if view not in m.views
-            ),
             (*self.left_out, _left_out(photo.index, photo.name, reason, why)),
         )
 
 
 def select_photos(
-    photos: Sequence[Photo],
-    names: Sequence[str],
-    matching: MatchingSettings,
-    settings: BackgroundSettings,
-    bundle: BundleSettings,
+    photos: Sequence[Photo], names: Sequence[str], matching: MatchingSettings, settings: BackgroundSettings
 ) -> ChosenPhotos:
     """Return the photos that show the same people at the same moment.
 
@@ -106,7 +103,6 @@ def select_photos(
         names: of all photos, as they were given.
         matching: settings of the people's match.
         settings: of the background's match.
-        bundle: settings of the adjustment that compares photos with their mirror images.
 
     Raises:
         InputError: no two photos share a person, or who is who is ambiguous in all pairs of photos.
@@ -132,31 +128,13 @@ def select_photos(
             f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: give two different "
             "photos that show the same people"
         )
-    pairs = list(itertools.combinations(range(len(kept)), 2))
-    pixels = {(a, b): match_background(seen[a], seen[b], (a, b), settings) for a, b in pairs}
-    matches = {(a, b): _match(kept[a], kept[b], (seen[a], seen[b]), matching, settings) for a, b in pairs}
-    turned = [(mirrored_photo(photo), own.in_a_mirror()) for photo, own in zip(kept, seen, strict=True)]
-    mirrors = {(a, b): _match(kept[a], turned[b][0], (seen[a], turned[b][1]), matching, settings) for a, b in pairs}
+    matches = {}
+    for a, b in itertools.combinations(range(len(kept)), 2):
+        one, two = kept[a].people, kept[b].people
+        turn = background_turn(seen[a], seen[b], (one.K, two.K), settings)
+        matches[a, b] = match_pair(one, two, matching, turn)
     no_rows = np.empty((0, len(kept)), np.int64)
-    found = ChosenPhotos(tuple(kept), no_rows, matches, tuple(m for m in pixels.values() if m is not None), tuple(left))
-    for view in reversed(mirrored_by_matches(len(kept), matches, mirrors, matching)):
-        found = found.without(view, "mirrored", _MIRRORED)
-    found = _joined(found, matching)
-    while (turned_view := mirrored_by_adjustment(found, matching, bundle)) is not None:
-        found = _joined(found.without(turned_view, "mirrored", _MIRRORED), matching)
-    return found
-
-
-def _match(
-    one: Photo,
-    two: Photo,
-    backgrounds: tuple[Background, Background],
-    matching: MatchingSettings,
-    settings: BackgroundSettings,
-) -> PairMatch:
-    """Match the people of two photos, with the evidence of their backgrounds."""
-    turn = background_turn(*backgrounds, (one.people.K, two.people.K), settings)
-    return match_pair(one.people, two.people, matching, turn)
+    return _joined(ChosenPhotos(tuple(kept), no_rows, matches, tuple(left)), matching)
 
 
 def _joined(chosen: ChosenPhotos, settings: MatchingSettings) -> ChosenPhotos:

@@ -13,7 +13,6 @@ from physic_core.body import JOINT_INDEX
 from physic_core.errors import InputError
 from physic_core.types import skeleton_named
 from physic_scene.background import BackgroundSettings, BackgroundTurn
-from physic_scene.bundle import BundleSettings
 from physic_scene.matching import MatchingSettings, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import Pose, angle_deg
@@ -44,10 +43,14 @@ def photo(joints: np.ndarray) -> PhotoPeople:
         betas=np.zeros((n, 10)),
         stature=np.full(n, 1.75),
         colours=np.full((n, len(COLOUR_GROUPS), 3), 40.0),
-        pattern=np.ones(n),
         size_px=np.full(n, 45.0),
         up=np.full(3, np.nan),
     )
+
+
+def turned(rotation: np.ndarray, llr: float) -> BackgroundTurn:
+    """Return a rotation between two cameras by backgrounds, without its pixels."""
+    return BackgroundTurn(rotation, llr, np.zeros((0, 2)), np.zeros((0, 2)))
 
 
 @pytest.fixture
@@ -66,7 +69,7 @@ def facing_each_other():
 def test_the_background_tells_people_apart_who_face_each_other(facing_each_other, swapped):
     one, two, motion = facing_each_other
     rotation = motion.rotation @ HALF_TURN if swapped else motion.rotation
-    found = match_pair(one, two, MatchingSettings(), BackgroundTurn(rotation, 20.0))
+    found = match_pair(one, two, MatchingSettings(), turned(rotation, 20.0))
     assert {(i, j) for i, j, _ in found.pairs} == ({(0, 1), (1, 0)} if swapped else {(0, 0), (1, 1)})
     assert angle_deg(found.motion.rotation, rotation) < 1
 
@@ -74,7 +77,7 @@ def test_the_background_tells_people_apart_who_face_each_other(facing_each_other
 def test_a_background_that_matches_by_chance_changes_nothing(facing_each_other):
     one, two, _ = facing_each_other
     alone = match_pair(one, two, MatchingSettings())
-    chance = BackgroundTurn(Rotation.from_euler("x", 90, degrees=True).as_matrix(), -9.2)
+    chance = turned(Rotation.from_euler("x", 90, degrees=True).as_matrix(), -9.2)
     found = match_pair(one, two, MatchingSettings(), chance)
     assert found.pairs == alone.pairs
     assert found.score == pytest.approx(alone.score)
@@ -89,7 +92,7 @@ def test_people_who_look_alike_have_no_margin(facing_each_other):
     one, two, motion = facing_each_other
     limit = MatchingSettings().ambiguous
     assert match_pair(one, two, MatchingSettings()).margin == pytest.approx(0, abs=0.01)
-    assert match_pair(one, two, MatchingSettings(), BackgroundTurn(motion.rotation, 20.0)).margin > limit
+    assert match_pair(one, two, MatchingSettings(), turned(motion.rotation, 20.0)).margin > limit
     assert match_pair(in_clothes(one, 20, 60), in_clothes(two, 20, 60), MatchingSettings()).margin > limit
 
 
@@ -108,7 +111,7 @@ def choose():
             Photo(i, name, replace(result, image=picture), one)
             for i, (name, picture, one) in enumerate(zip(names, pictures, people, strict=False))
         ]
-        return select_photos(photos, names, MatchingSettings(), BackgroundSettings(), BundleSettings())
+        return select_photos(photos, names, MatchingSettings(), BackgroundSettings())
 
     return chosen
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
-from physic_core.body import JOINT_NAMES, load_body
+from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
@@ -145,52 +145,6 @@ def test_a_photo_of_other_people_is_left_out(solver, config, alone):
     found = solver.join([*alone, other], ["a.png", "b.png", "c.png", "other.png"])
     assert [(one.photo, one.reason) for one in found.left_out] == [("other.png", "other people")]
     assert len(found.cameras) == 3
-
-
-def in_a_mirror(result):
-    """Return the result of a photo in a mirror."""
-    size = result.image.shape[1]
-    sides = [JOINT_NAMES.index(other_side(name)) for name in JOINT_NAMES[:22]]
-    points = [result.skeleton.names.index(other_side(name)) for name in result.skeleton.names]
-    people = []
-    for person in result.people:
-        own = person.parameters
-        pose = np.concatenate([own.global_orient, own.body_pose], axis=1).reshape(22, 3)[sides] * [1, -1, -1]
-        parameters = replace(
-            own,
-            global_orient=pose[:1].astype(np.float32),
-            body_pose=pose[1:].reshape(1, -1).astype(np.float32),
-            transl=own.transl * np.float32([-1, 1, 1]),
-        )
-        people.append(
-            replace(
-                person,
-                parameters=parameters,
-                vertices=person.vertices * np.float32([-1, 1, 1]),
-                mask=person.mask[:, ::-1],
-                keypoints=(person.keypoints * [-1, 1] + [size - 1, 0])[points].astype(person.keypoints.dtype),
-                keypoint_confidence=person.keypoint_confidence[points],
-            )
-        )
-    return replace(result, image=np.ascontiguousarray(result.image[:, ::-1]), people=tuple(people))
-
-
-def other_side(name):
-    side, _, rest = name.partition("_")
-    return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
-
-
-def test_a_mirrored_photo_is_left_out(solver, alone):
-    found = solver.join([alone[0], alone[1], in_a_mirror(alone[2])], ["a.png", "b.png", "mirrored.png"])
-    assert [(one.photo, one.reason) for one in found.left_out] == [("mirrored.png", "mirrored")]
-    assert found.left_out[0].message.startswith("mirrored.png is left out: it is mirrored")
-
-
-def test_of_two_photos_the_second_may_be_mirrored(solver, alone):
-    names = ["a.png", "mirrored.png"]
-    with pytest.raises(InputError, match=r"mirrored\.png is left out: it is mirrored"):
-        solver.join([alone[0], in_a_mirror(alone[1])], names)
-    assert not solver.join(alone[:2], names).left_out
 
 
 def stepped_aside(result, metres):
