@@ -323,7 +323,7 @@ def test_hamer_widens_boxes_to_its_crop(hamer: Hamer) -> None:
 
 def test_hamers_own_paths_are_those_of_its_files(hamer: Hamer) -> None:
     settings = network_of(hamer).cfg
-    assert Path(settings.MANO.MODEL_PATH).name.startswith("MANO_RIGHT-")
+    assert Path(settings.MANO.MODEL_PATH).name == "MANO_RIGHT.pkl"
     assert Path(settings.MANO.MEAN_PARAMS).is_file()
 
 
