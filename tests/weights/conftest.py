@@ -65,9 +65,7 @@ class Page:
         status: of every answer, where it is no file.
         headers: more of them.
         cut: bytes after which a connection is dropped, once for each number.
-        ranges: whether it answers parts.
         length: whether it says how long the file is.
-        stall: bytes after which it falls silent, with the connection open.
     """
 
     content: bytes = b""
@@ -75,9 +73,7 @@ class Page:
     status: int = 200
     headers: dict[str, str] = field(default_factory=dict)
     cut: list[int] = field(default_factory=list)
-    ranges: bool = True
     length: bool = True
-    stall: int | None = None
 
 
 class Server:
@@ -128,7 +124,7 @@ class Server:
                     headers["ETag"] = page.etag
                 wanted = self.headers.get("Range")
                 fits = self.headers.get("If-Range") in (None, page.etag)
-                if status == 200 and wanted and page.ranges and fits:
+                if status == 200 and wanted and fits:
                     begin = int(wanted.removeprefix("bytes=").rstrip("-"))
                     if begin >= len(content):
                         status, headers["Content-Range"], content = 416, f"bytes */{len(content)}", b""
@@ -153,11 +149,6 @@ class Server:
                         self.wfile.flush()
                         self.connection.shutdown(socket.SHUT_RDWR)
                         self.close_connection = True
-                    elif page.stall is not None:
-                        self.wfile.write(content[: page.stall])
-                        self.wfile.flush()
-                        self.connection.recv(1)  # until who asked has gone
-                        self.close_connection = True
                     else:
                         self.wfile.write(content)
 
@@ -170,10 +161,3 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
     running = Server()
     yield running
     running.close()
-
-
-@pytest.fixture
-def no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
-    from physic_setup import transfer
-
-    monkeypatch.setattr(transfer.time, "sleep", lambda seconds: None)

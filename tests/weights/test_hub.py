@@ -98,7 +98,6 @@ def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub: Hub, lists: 
     assert (snapshot / "config.json").read_bytes() == CONFIG
     assert ("model.onnx", len(CONTENT), len(CONTENT)) in steps
     assert not own_cache.exists()
-    assert [name for name in left(tmp_path / "hub") if ".part" in name] == []
     asked = len(hub.server.asked)
     assert fetch(chosen) == ()
     assert len(hub.server.asked) == asked
@@ -143,56 +142,26 @@ def test_weights_of_a_revision_are_fetched(hub: Hub, lists: Any, tmp_path: Path)
     assert locate(folder, "net").read_bytes() == CONTENT
 
 
-def test_an_interrupted_file_goes_on_where_it_stopped(hub: Hub, tmp_path: Path, no_pause: None):
-    """The library of today keeps nothing of what it was fetching when it was stopped."""
-    source = hub.add("model.onnx", CONTENT, cut=[262_144, 0])
-    address = f"{hub.server.address}/owner/net/resolve/main/model.onnx"
-    assert refusal(source) == (f"{address}: the connection was lost; 262 kB are kept; the next download resumes")
-    assert left(tmp_path / "hub") == [
-        f"models--owner--net/blobs/{HASH}.part",
-        f"models--owner--net/blobs/{HASH}.part.of",
-    ]
-    fetch(weights(WeightFile("model.onnx", source=source)))
-    assert hub.server.ranges(f"/cdn/{HASH}") == ["", "bytes=262144-", "bytes=262144-"]
+def test_a_broken_connection_is_taken_up_again_at_once(hub: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from huggingface_hub import constants
+
+    monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 65_536)
+    fetch(weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT, cut=[262_144]))))
+    assert hub.server.ranges(f"/cdn/{HASH}") == ["", "bytes=262144-"]
     assert (tmp_path / "hub" / "models--owner--net" / "blobs" / HASH).read_bytes() == CONTENT
 
 
-def test_ctrl_c_keeps_the_partial_download(hub: Hub, tmp_path: Path):
-    chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
-
-    def interrupt(file: str, done: int, total: int | None) -> None:
-        if done > 400_000:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fetch(chosen, progress=interrupt)
-    here = (tmp_path / "hub" / "models--owner--net" / "blobs" / f"{HASH}.part").stat().st_size
-    fetch(chosen)
-    assert hub.server.ranges(f"/cdn/{HASH}") == ["", f"bytes={here}-"]
-
-
-@pytest.mark.parametrize("content", [CONTENT, CONFIG], ids=["sha256", "git"])
-def test_what_comes_spoilt_never_gets_into_the_cache(hub: Hub, tmp_path: Path, content: bytes):
-    source = hub.add("model.onnx", content)
-    page = hub.server.pages[f"/cdn/{HASH}" if content is CONTENT else "/owner/net/resolve/main/model.onnx"]
-    page.content = content[::-1]
-    if content is CONTENT:
-        wrong = f"its SHA-256 is {hashlib.sha256(content[::-1]).hexdigest()} instead of {HASH}"
-    else:
-        wrong = f"its git hash is {git(content[::-1])} instead of {git(content)}"
-    assert refusal(source) == f"{source} was downloaded, but {wrong}: removed"
-    assert left(tmp_path / "hub") == []
-
-
-def test_a_file_replaced_since_the_manifest_is_not_fetched(hub: Hub):
+@pytest.mark.parametrize("to", [None, "stick"])
+def test_a_file_that_differs_from_the_manifest_is_removed(hub: Hub, tmp_path: Path, to: str | None):
     source = hub.add("model.onnx", CONTENT)
-    assert refusal(source, {"sha256": "ab" * 32}) == (
-        f"{source} has changed, its SHA-256 is {HASH} instead of {'ab' * 32}: not downloaded"
+    folder = None if to is None else tmp_path / to
+    assert refusal(source, {"sha256": "ab" * 32}, to=folder) == (
+        f"{source} was downloaded, but its SHA-256 is {HASH} instead of {'ab' * 32}: removed"
     )
-    assert refusal(source, {"bytes": 7}) == (
-        f"{source} has changed, it has {len(CONTENT)} bytes instead of 7: not downloaded"
+    assert refusal(source, {"bytes": 7}, to=folder) == (
+        f"{source} was downloaded, but it has {len(CONTENT)} bytes instead of 7: removed"
     )
-    assert hub.server.ranges(f"/cdn/{HASH}") == []
+    assert [name for name in left(tmp_path) if "model.onnx" in name or HASH in name] == []
 
 
 def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: Any, monkeypatch):

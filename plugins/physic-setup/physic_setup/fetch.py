@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import IO
 
 from physic_core.errors import DownloadError
+from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.weights.folders import default_download_folder
 from physic_core.weights.locate import format_licence, locate_files
 from physic_core.weights.lock import locked
@@ -17,7 +16,7 @@ from physic_core.weights.manifest import HubSource, WebSource, WeightFile, Weigh
 from physic_core.weights.verify import describe_mismatch
 from physic_setup.hub import download_from_hub
 from physic_setup.pins import pin_files
-from physic_setup.transfer import ResumableDownload, require_room, wrap_write_errors
+from physic_setup.web import ByteProgress, download_from_web
 
 __all__ = ["Progress", "fetch"]
 
@@ -47,8 +46,8 @@ def fetch(
         Paths of the downloaded files, relative to the set.
 
     Raises:
-        DownloadError: the licence is not accepted, a file has no source, or a download failed. Partial downloads are
-            kept.
+        DownloadError: the licence is not accepted, a file has no source, or a download failed. Complete files are kept.
+        OutputError: the folder cannot be written.
     """
     weights = locked(weights)
     missing_files = _missing_files(weights, to)
@@ -150,21 +149,21 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, in_hubs_cach
     origin = file.origin
     advice = f"see {weights.homepage}" if weights.homepage else ""
     if isinstance(origin, HubSource):
+        if not in_hubs_cache:
+            check_writable(target.parent)
         download_from_hub(file, None if in_hubs_cache else target, report, advice)
         return
     assert isinstance(origin, WebSource)
     if weights.account:
         advice = f"{format_licence(weights).strip()}\n{_browser_instructions(target)}"
-    with wrap_write_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
+    check_writable(target.parent)
     if not origin.member:
         _download(origin.url, target, file, report, advice)
         return
     name = Path(origin.url.partition("?")[0]).name
     archive = folder / _ARCHIVES / (name if name.endswith(".zip") else f"{name}.zip")
     if not archive.is_file():
-        with wrap_write_errors(archive):
-            archive.parent.mkdir(parents=True, exist_ok=True)
+        check_writable(archive.parent)
         _download(origin.url, archive, WeightFile(archive.name), report, advice)
     _extract_member(archive, origin, file, target)
 
@@ -173,14 +172,8 @@ def _copy_if_valid(here: Path | None, file: WeightFile, target: Path) -> bool:
     """Copy a valid existing file to ``target``; return False if there is none."""
     if here is None or describe_mismatch(here, file):
         return False
-    part = target.with_name(f"{target.name}.copy")
-    with wrap_write_errors(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            shutil.copyfile(here, part)
-            os.replace(part, target)
-        finally:
-            part.unlink(missing_ok=True)
+    with atomic_write(check_writable(target.parent)) as temporary:
+        shutil.copyfile(here, temporary(target.name))
     return True
 
 
@@ -188,70 +181,57 @@ def _browser_instructions(target: Path) -> str:
     return f"or download it with a browser to {target}"
 
 
-def _download(url: str, target: Path, file: WeightFile, report: Callable[[int, int | None], None], advice: str) -> None:
-    transfer = ResumableDownload(
-        target.with_name(f"{target.name}.part"),
-        file.bytes,
-        hashed=file.sha256 is not None,
-        advice=advice,
-        report=report,
-    )
-    transfer.fetch(url, target, lambda path: describe_mismatch(path, file), advice)
+def _download(url: str, target: Path, file: WeightFile, report: ByteProgress, advice: str) -> None:
+    with atomic_write(target.parent) as temporary:
+        part = temporary(target.name)
+        download_from_web(url, part, file.bytes, report, advice)
+        if wrong := describe_mismatch(part, file):
+            raise DownloadError(f"{url} was downloaded, but {wrong}: removed{f'; {advice}' if advice else ''}")
 
 
 def _extract_member(archive: Path, origin: WebSource, file: WeightFile, target: Path) -> None:
     """Extract one file of a zip archive to ``target``; names in the archive never determine the path."""
-    part = target.with_name(f"{target.name}.member")
+    try:
+        with atomic_write(target.parent) as temporary:
+            _extract(archive, origin, file, temporary(target.name))
+    except DownloadError:  # the archive is invalid or has another version
+        shutil.rmtree(archive.parent, ignore_errors=True)
+        raise
+
+
+def _extract(archive: Path, origin: WebSource, file: WeightFile, part: Path) -> None:
     try:
         with zipfile.ZipFile(archive) as opened:
-            member, wrong = _find_member(opened, origin, file)
-            if not wrong:
-                require_room(part.parent, opened.getinfo(member).file_size)
-                with opened.open(member) as inside, part.open("wb") as out:
-                    _copy(inside, out, part)
-                if wrong := describe_mismatch(part, file):
-                    wrong = f"{origin.url}#{origin.member} was extracted, but {wrong}: removed"
-        if not wrong:
-            with wrap_write_errors(target):
-                os.replace(part, target)
+            member = _find_member(opened, origin, file)
+            with opened.open(member) as inside, part.open("wb") as out:
+                shutil.copyfileobj(inside, out)
     except DownloadError:
         raise
     except Exception as error:  # of zipfile and its decompressors, which share no base class
         reason = ascii(str(error))[1:-1][:200]
-        wrong = f"{origin.url} is not a readable zip archive ({reason}): removed"
-    finally:
-        part.unlink(missing_ok=True)
-    if wrong:  # the archive is invalid or has another version
-        shutil.rmtree(archive.parent, ignore_errors=True)
-        raise DownloadError(wrong)
+        raise DownloadError(f"{origin.url} cannot be extracted ({reason}): removed") from error
+    if wrong := describe_mismatch(part, file):
+        raise DownloadError(f"{origin.url}#{origin.member} was extracted, but {wrong}: removed")
 
 
-def _copy(inside: IO[bytes], out: IO[bytes], part: Path) -> None:
-    while piece := inside.read(1 << 20):
-        with wrap_write_errors(part):
-            out.write(piece)
+def _find_member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> str:
+    """Return the name of the member of a zip archive that the manifest names, with or without its folders.
 
-
-def _find_member(opened: zipfile.ZipFile, origin: WebSource, file: WeightFile) -> tuple[str, str]:
-    """Find the member of a zip archive that the manifest names, with or without its folders.
-
-    Returns:
-        The name of the member, and an error text that is empty if there is no error.
+    Raises:
+        DownloadError: there is none, there are several, or it has another size.
     """
     names = [info.filename for info in opened.infolist() if not info.is_dir()]
     found = [origin.member] if origin.member in names else [n for n in names if n.endswith(f"/{origin.member}")]
     if not found:
-        return "", f"{origin.url} does not contain {origin.member}, only {_abbreviate(names)}"
+        raise DownloadError(f"{origin.url} does not contain {origin.member}, only {_abbreviate(names)}")
     if len(found) > 1:
-        return (
-            "",
-            f"{origin.url} contains several {origin.member}; the manifest should name one: {_abbreviate(found)}",
+        raise DownloadError(
+            f"{origin.url} contains several {origin.member}; the manifest should name one: {_abbreviate(found)}"
         )
     size = opened.getinfo(found[0]).file_size
     if file.bytes not in (None, size):
-        wrong = f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it has changed"
-        return "", wrong
-    return found[0], ""
+        raise DownloadError(f"{origin.url}#{origin.member} has {size} bytes instead of {file.bytes}: it has changed")
+    return found[0]
 
 
 def _abbreviate(names: list[str]) -> str:

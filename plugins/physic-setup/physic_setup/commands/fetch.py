@@ -40,7 +40,7 @@ __all__ = ["fetch"]
 def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
     """Download the missing files of the weight sets NAME..., and verify their size and SHA-256.
 
-    The next call resumes an interrupted download. Exits with code 4 if a file is still missing.
+    The next call goes on with the files that are missing. Exits with code 4 if one still is.
     """
     from physic_core.discovery.plugins import discover
     from physic_core.weights.library import read_library
@@ -58,7 +58,7 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
             failed = True
             echo(f"{name}: {error}", err=True)
         except KeyboardInterrupt:
-            echo(f"{name}: interrupted; the partial download is kept, and the next one resumes", err=True)
+            echo(f"{name}: interrupted; complete files are kept", err=True)
             ctx.exit(INTERRUPTED)
         else:
             where = to / name if to is not None else _location(one)
@@ -87,8 +87,7 @@ def _progress(name: str) -> Iterator[Progress]:
         def print_line(file: str, done: int, total: int | None) -> None:
             if file not in started:
                 started.add(file)
-                resumed = f", resumed at {format_size(done)}" if done else ""
-                echo(f"{name}: {file} ({format_size(total) or '-'}){resumed}", err=True)
+                echo(f"{name}: {file} ({format_size(total) or '-'})", err=True)
 
         yield print_line
         return
