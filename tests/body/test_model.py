@@ -168,3 +168,9 @@ def test_inputs_of_wrong_shape_are_refused(embedded: BodyModel, name: str, shape
         f"{name} must be {wanted} for the embedded body, got {shape}:"
         " give one row a person, and parameters that were made for this body"
     )
+
+
+def test_the_coarse_mesh_has_a_vertex_within_each_cell_of_2_cm(embedded: BodyModel) -> None:
+    vertices, coarse = embedded.skin.template.T, embedded.coarse
+    distance = torch.linalg.vector_norm(vertices - vertices[coarse.ids][coarse.of_vertex], dim=-1)
+    assert 0.02 < distance.max() < 0.02 * 3**0.5

@@ -65,6 +65,10 @@ def alone(body, plane=None, foot_gap=None) -> ContactInput:
     )
 
 
+def test_up_is_that_of_an_upright_camera_without_a_floor(body):
+    assert alone(body).up.tolist() == [0.0, -1.0, 0.0]
+
+
 def test_depth_behind_a_foot_speaks_against_its_contact(body):
     given = alone(body, foot_gap=torch.tensor([[0.2, math.nan]]))
     settings = engine_preset("default").contact

@@ -16,6 +16,7 @@ from physic_core.engine.scene.solve import SceneState
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.floor import PlaneFit
+from physic_core.geometry.plane import height_over_plane
 
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
@@ -81,7 +82,9 @@ def test_a_floor_through_the_people_is_dropped_and_they_are_placed_again(given):
     assert torch.equal(found.placement.transl, solve_placement(without, DEFAULT).placement.transl)
 
 
-def test_people_are_resized_to_a_scene_of_known_size(given):
+@pytest.fixture
+def known(given) -> KnownGeometry:
+    """A known height of the camera, a tenth above the estimated one."""
     nothing = KnownDistances(
         torch.zeros(0),
         torch.zeros(0, 2, dtype=torch.int64),
@@ -89,7 +92,17 @@ def test_people_are_resized_to_a_scene_of_known_size(given):
         torch.zeros(0, 2, 3),
         torch.zeros(0, dtype=torch.int64),
     )
-    known = KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor_offset, nothing)
+    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given.scene.floor_offset, nothing)
+
+
+def test_heights_over_the_floor_grow_with_the_scene(given, known):
+    before = replace(given.scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
+    scenes = before, scale_scene(before, known, 1.1)[0]
+    low, high = (height_over_plane(s.floor_points, s.floor_normal, s.floor_offset) for s in scenes)
+    torch.testing.assert_close(high, 1.1 * low)
+
+
+def test_people_are_resized_to_a_scene_of_known_size(given, known):
     scene, geometry = scale_scene(given.scene, known, 1.1)
     found = solve_placement(replace(given, scene=scene, known=KnownScene(scene, given.scene, geometry, 1.1)), DEFAULT)
     before, after = (b.model.stature(b.betas) for b in (given.bodies, found.bodies))

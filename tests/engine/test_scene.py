@@ -10,7 +10,7 @@ from torch import Tensor
 
 from physic_core import engine_preset
 from physic_core.engine.scene import cleaning
-from physic_core.engine.scene.camera import Cameras
+from physic_core.engine.scene.camera import Cameras, convert_to_common_camera
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene.solve import SceneInput, SceneState, solve_scene
@@ -127,6 +127,14 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen: float) -> None:
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
     torch.testing.assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
     assert float((state.points[..., 2] / DEPTH).median()) == pytest.approx(mean / 140.0, rel=0.01)
+
+
+def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth() -> None:
+    own, given = camera(100.0), camera(200.0)
+    points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
+    converted, _, _ = convert_to_common_camera(points, DEPTH, Cameras(given=given, pointmap=own))
+    torch.testing.assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
+    assert torch.equal(converted[..., 2], DEPTH)
 
 
 def test_the_metric_depths_camera_comes_before_the_point_maps() -> None:
