@@ -87,7 +87,7 @@ def save_photo(
     Raises:
         OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
     """
-    from physic_core.io.results import add_files, save_people, save_reconstruction
+    from physic_core.io.results import save_people, save_reconstruction
     from physic_core.visual.preview import preview_png
 
     if saving.can_be_loaded:
@@ -99,9 +99,10 @@ def save_photo(
             glb="combined" if saving.level == "compact" and not saving.glb else pictures or saving.glb,
             compact=not saving.exact,
             overwrite=overwrite,
+            beside=beside,
         )
     elif saving.level == "people":
-        save_people(result, folder, preview=saving.preview, overwrite=overwrite)
+        save_people(result, folder, preview=saving.preview, overwrite=overwrite, beside=beside)
     elif saving.preview:
         _write_file(folder / "preview.png", preview_png(result))
     if saving.report:
@@ -111,8 +112,6 @@ def save_photo(
             save_report(result, folder / REPORT_FILE, title)
         else:
             add_report(folder, result, title)
-    if beside and saving.level != "summary":
-        add_files(folder, beside)
 
 
 def _write_file(path: Path, content: bytes) -> None:

@@ -104,7 +104,7 @@ def unchanged_result_files(folder: str | os.PathLike[str]) -> frozenset[str]:
     def is_unchanged(name: str) -> bool:
         try:
             status = os.lstat(folder / name)
-        except OSError:
+        except (OSError, ValueError):  # ValueError: a document of others can list a name that no file can have
             return False
         if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
             return False
@@ -189,7 +189,7 @@ def _digests(document: Mapping[str, Any]) -> dict[str, str]:
 def _files(*documents: Mapping[str, Any]) -> frozenset[str]:
     lists = [document.get("files") for document in documents]
     named = [str(name) for files in lists if isinstance(files, list) for name in files]
-    return frozenset(name for name in named if name in _FIXED or _PERSON.fullmatch(name))
+    return frozenset(name for name in named if os.path.basename(name) == name)
 
 
 def _kinds(photo: str) -> set[str]:

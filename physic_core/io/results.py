@@ -105,6 +105,7 @@ def save_reconstruction(
     glb: bool | Literal["combined"] = True,
     compact: bool = False,
     overwrite: bool = False,
+    beside: Mapping[str, bytes] | None = None,
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
 
@@ -119,6 +120,7 @@ def save_reconstruction(
         glb: whether to write the GLB files; "combined" for ``combined.glb`` alone, which has everything.
         compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
         overwrite: whether to replace another photo's result, or changed files of a result.
+        beside: name and content of further files, which are files of the result too.
 
     Returns:
         Paths of the written files.
@@ -132,7 +134,7 @@ def save_reconstruction(
         names.append("combined.glb")
     if glb is True:
         names += ["scene.glb", *(f"person_{index}.glb" for index in range(len(reconstruction.people)))]
-    names += [PREVIEW_FILE] if preview else []
+    names += [*([PREVIEW_FILE] if preview else []), *(beside or ())]
     check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
     folder = check_writable(folder)
     arrays = to_arrays(reconstruction)
@@ -142,15 +144,20 @@ def save_reconstruction(
     pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
     specs = array_specs(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
     stored = _StoredArrays(ARRAYS_FILE, arrays, specs, "" if compact else "f")
-    pictures = {name: pictures[name] for name in names if name in pictures}
-    written = _write(reconstruction, folder, stored, pictures, overwrite=overwrite)
+    further = {name: pictures[name] for name in names if name in pictures} | dict(beside or {})
+    written = _write(reconstruction, folder, stored, further, overwrite=overwrite)
     if failure is not None:
         raise failure
     return written
 
 
 def save_people(
-    reconstruction: Reconstruction, folder: str | os.PathLike[str], *, preview: bool = False, overwrite: bool = False
+    reconstruction: Reconstruction,
+    folder: str | os.PathLike[str],
+    *,
+    preview: bool = False,
+    overwrite: bool = False,
+    beside: Mapping[str, bytes] | None = None,
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json`` and the people's arrays in their smaller form, which :func:`load_people` reads.
 
@@ -164,7 +171,7 @@ def save_people(
     shared, of_person = array_specs(arrays, compact=True, views=views)
     specs = tuple(spec for spec in shared if spec.name in arrays), of_person
     stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
-    return _write(reconstruction, check_writable(folder), stored, pictures, overwrite=overwrite)
+    return _write(reconstruction, check_writable(folder), stored, pictures | dict(beside or {}), overwrite=overwrite)
 
 
 @dataclass(frozen=True)
@@ -181,12 +188,12 @@ def _write(
     reconstruction: Reconstruction,
     folder: Path,
     stored: _StoredArrays,
-    pictures: Mapping[str, bytes],
+    further: Mapping[str, bytes],
     *,
     overwrite: bool,
 ) -> tuple[Path, ...]:
-    """Write document, arrays and pictures, all or none; delete unchanged files of an earlier result."""
-    names = [DOCUMENT_FILE, stored.file, *pictures]
+    """Write document, arrays and further files, all or none; delete unchanged files of an earlier result."""
+    names = [DOCUMENT_FILE, stored.file, *further]
     with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
         check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
@@ -194,7 +201,7 @@ def _write(
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)
         write_arrays(arrays_file, stored.arrays, stored=stored.uncompressed)
         digests = {stored.file: file_digest(arrays_file)}
-        for name, content in pictures.items():
+        for name, content in further.items():
             temporary(name).write_bytes(content)
             digests[name] = digest_of(content)
         document = to_document(reconstruction, names, digests, stored.specs)

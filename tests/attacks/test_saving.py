@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import physic_core.io.report_file as report_file
@@ -25,6 +26,8 @@ from physic_core.files.archive import write_archive
 from physic_core.files.atomic import atomic_write
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.types import Reconstruction
+from physic_scene.output import save_scene
+from physic_scene.types import SceneResult
 
 OLD, NEW = tiny_result(0), tiny_result(1)
 NEW = replace(NEW, people=NEW.people[:1], photo=OLD.photo, checks=())
@@ -59,6 +62,12 @@ def save_people(folder: Path, result: Reconstruction) -> None:
     save_photo(result, folder, Saving("people"))
 
 
+def save_moment(folder: Path, result: Reconstruction) -> None:
+    points, colors = np.full((4, 3), float(mark(result)), np.float32), np.zeros((4, 3), np.uint8)
+    moment = SceneResult(result, 0, (), (), (), points, colors, (), {"seed": mark(result)})
+    save_scene(moment, str(folder), overwrite=True, page=f"page of {mark(result)}")
+
+
 def add_page(folder: Path, result: Reconstruction) -> None:
     if not (folder / "reconstruction.json").exists():
         save_reconstruction(OLD, folder)
@@ -77,8 +86,8 @@ def export(folder: Path, result: Reconstruction) -> None:
     result.export(str(folder / "a.obj"), overwrite=True)
 
 
-OPERATIONS = [save, save_compact, save_people, add_page, write_page, write_cache, export]
-RESULTS = (save, save_compact, save_people, add_page)
+OPERATIONS = [save, save_compact, save_people, save_moment, add_page, write_page, write_cache, export]
+RESULTS = (save, save_compact, save_people, save_moment, add_page)
 REFUSED = "there is no such file; name the folder of a finished run"
 
 

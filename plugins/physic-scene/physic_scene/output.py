@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 
-from physic_core.files.atomic import atomic_write
+from physic_core import save_reconstruction
 from physic_core.files.strict_json import to_json
 
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-__all__ = ["MOMENT_FILE", "moment_document", "moment_json", "save_scene"]
+__all__ = ["MOMENT_FILE", "POINTS_FILE", "moment_document", "moment_json", "save_scene"]
 
-MOMENT_FILE, POINTS_FILE = "moment.json", "scene_points.ply"
+MOMENT_FILE, POINTS_FILE, REPORT_FILE = "moment.json", "scene_points.ply", "report.html"
 
 
-def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False) -> None:
-    """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``.
+def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "") -> None:
+    """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``, as one result.
 
     Args:
         scene: what to write.
         folder: created if missing.
         overwrite: whether to replace the result of another photo.
+        page: of the result, written as ``report.html``; "" for none.
 
     Raises:
         OutputError: the folder cannot be written, or a file of the user's would be lost.
     """
-    scene.reconstruction.save(folder, overwrite=overwrite)
     cloud = trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply")
-    with atomic_write(Path(folder)) as temporary:
-        temporary(MOMENT_FILE).write_text(moment_json(scene), "utf-8")
-        temporary(POINTS_FILE).write_bytes(cloud)
+    beside = {MOMENT_FILE: moment_json(scene).encode(), POINTS_FILE: cloud}
+    beside |= {REPORT_FILE: page.encode()} if page else {}
+    save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside)
 
 
 def moment_json(scene: SceneResult) -> str:
