@@ -34,8 +34,14 @@ def show(out: Path, verbose: bool, as_json: bool) -> None:
     print_summary(out, verbose=verbose, as_json=as_json)
 
 
-def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False) -> None:
+def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False, seconds: float | None = None) -> None:
     """Print the summary of a result.
+
+    Args:
+        folder: of the result.
+        verbose: as of :func:`summary_text`.
+        as_json: whether to print one object as JSON.
+        seconds: as of :func:`summary_text`.
 
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema version.
@@ -47,7 +53,7 @@ def print_summary(folder: Path, *, verbose: bool = False, as_json: bool = False)
         echo_json(summary_record(document, folder))
         return
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    echo(summary_text(document, folder, width=width, verbose=verbose))
+    echo(summary_text(document, folder, width=width, verbose=verbose, seconds=seconds))
 
 
 def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -86,7 +92,14 @@ def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     }
 
 
-def summary_text(document: Mapping[str, Any], folder: Path, *, width: int | None = None, verbose: bool = False) -> str:
+def summary_text(
+    document: Mapping[str, Any],
+    folder: Path,
+    *,
+    width: int | None = None,
+    verbose: bool = False,
+    seconds: float | None = None,
+) -> str:
     """Return the summary of a result as text: a table of its people, its grade, and where its page is.
 
     Args:
@@ -94,15 +107,18 @@ def summary_text(document: Mapping[str, Any], folder: Path, *, width: int | None
         folder: of the result.
         width: of the terminal, characters; None for lines of any length.
         verbose: whether to list the time of each stage, and each check that is not ok.
+        seconds: that the whole command took; None for the time of the stages of the result.
     """
     stages, people = from_records(StageRecord, document["stages"]), document["people"]
     checks = from_records(CheckResult, document["checks"])
     found = {0: "no person, the scene alone", 1: "1 person"}.get(len(people), f"{len(people)} people")
-    seconds, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
-    lines = [f"{found} in {seconds:.1f} s, and {loading:.1f} s to load models"]
+    work, loading = (sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds"))
+    time = f"{work:.1f} s, and {loading:.1f} s to load models"
+    lines = [f"{found} in {time if seconds is None else f'{seconds:.1f} s, with all steps'}"]
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
-        lines.append(f"{cached} of {len(backends)} outputs of backends come from the cache; --no-cache runs them all")
+        count = f"{cached} of {len(backends)}"
+        lines.append(f"{count} outputs of backends come from the cache; --set run.cache=false runs them all")
     if people:
         lines.append(_table([_row(person, checks) for person in people], width))
     lines += [_no_body(one) for one in document.get("unposed", ())]

@@ -16,6 +16,7 @@ import click
 
 from physic_core.cli.arguments import AnyPath, complete_files, configuration_options, one_photo
 from physic_core.cli.output import echo
+from physic_core.cli.output_folder import reserve_folder
 from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
 
@@ -244,25 +245,11 @@ def sigterm_as_exception() -> Iterator[None]:
 
 @contextmanager
 def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
-    """Check and yield the output folder; it must be writable, and no data may be lost.
-
-    After an error, new empty folders are deleted.
-    """
-    from physic_core.files.atomic import check_writable
-    from physic_core.io.result_folder import check_overwrite
-
+    """Check and yield the output folder of a photo."""
     digest = _digest(photo)
     folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
-    parts = [*reversed(folder.absolute().parents), folder.absolute()]
-    made += [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
-    try:
-        if digest:  # otherwise the run reports the unreadable photo
-            check_overwrite(folder, digest, overwrite=overwrite)
-        check_writable(folder)
+    with reserve_folder(folder, digest, overwrite=overwrite, made=made):
         yield folder
-    except BaseException:
-        _remove(made)
-        raise
 
 
 def _digest(photo: Path) -> str:
@@ -304,10 +291,3 @@ def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, li
             echo(f"{first}{os.sep} is taken: results go to {folder}{os.sep}", err=True)
         return folder, [folder] if made else []
     raise AssertionError
-
-
-def _remove(folders: list[Path]) -> None:
-    """Delete folders, the last first, if they are empty."""
-    for folder in reversed(folders):
-        with suppress(OSError):  # it is not empty, or was never created
-            folder.rmdir()

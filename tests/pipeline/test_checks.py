@@ -277,8 +277,8 @@ def test_one_seen_ankle_is_enough_of_a_leg() -> None:
         ),
         (
             {"camera": replace(CAMERA, source="default", trust=CameraTrust.GUESSED), "scene_camera": None},
-            "the focal length is a guess, and all distances along the view are off by its error: give it with "
-            "--focal-px",
+            "the focal length is a guess, and all distances along the view are off by its error: give it, as in "
+            "--set photo.focal_px=900",
         ),
         (
             {"scene_camera": replace(CAMERA, fx=700, fy=700)},

@@ -146,7 +146,8 @@ def _check_focal(estimates: Estimates, solution: Solution) -> Iterator[CheckResu
     yield check_value(
         "focal_known",
         None if camera.guessed and camera.focal_sigma is not None else float(not camera.guessed),
-        "the focal length is a guess, and all distances along the view are off by its error: give it with --focal-px",
+        "the focal length is a guess, and all distances along the view are off by its error: give it, as in "
+        "--set photo.focal_px=900",
         unmeasured="the focal length is a guess with a stated spread, see focal_sigma",
     )
     off_x, off_y = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,14 +56,16 @@ def scene(
     Writes the files of `physic run --save full` with all cameras and a row of the preview for each photo, moment.json
     and scene_points.ply. The frame is that of the photo that shows most people.
     """
+    start = time.monotonic()
     cameras = _cameras(intrinsics, len(photos))
     statures = _numbers(stature, "--stature") if stature is not None else ()
     ages = _numbers(age, "--age") if age is not None else ()
     from physic_core import KnownSizes, load_config
     from physic_core.cli.output import echo
+    from physic_core.cli.output_folder import reserve_folder
     from physic_core.cli.result_summary import print_summary
     from physic_core.errors import InputError
-    from physic_core.files.atomic import check_writable
+    from physic_scene.output import MOMENT_FILE, POINTS_FILE, save_scene
     from physic_scene.scene import Scene
 
     try:
@@ -72,19 +74,18 @@ def scene(
         raise InputError(str(error)) from error
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
-    check_writable(out)
     sized, digests = _read(photos, cameras)
-    if not overwrite:
-        _check_result_there(out, digests)
 
     def progress(name: str, done: int, total: int) -> None:
         if not quiet:
             echo(f"[{done + 1}/{total}] {name}", err=True)
 
-    with Scene(load_config(file, preset=preset, overrides=overrides)) as solver:
+    with (
+        reserve_folder(out, " ".join(digests), overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
+        Scene(load_config(file, preset=preset, overrides=overrides)) as solver,
+    ):
         result = solver(photos, intrinsics=sized, known=known, progress=progress)
-    result.save(str(out), overwrite=overwrite)
-    _write_page(result, out, quiet=quiet)
+        save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet))
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
     if quiet:
@@ -92,19 +93,21 @@ def scene(
             echo(f"warning: {text}", err=True)
     else:
         echo(_table(result))
-        print_summary(out)
+        print_summary(out, seconds=time.monotonic() - start)
 
 
-def _write_page(result: SceneResult, out: Path, *, quiet: bool) -> None:
-    """Write ``report.html`` if a plugin makes it; else say which one does."""
+def _page(result: SceneResult, *, quiet: bool) -> str:
+    """Return the page if a plugin makes it; else say which one does, and return ""."""
     from physic_core.cli.output import echo
     from physic_core.errors import PackageMissingError
+    from physic_core.visual.report import report_html
 
     try:
-        result.reconstruction.report(str(out / "report.html"), result.reconstruction.cameras[0].photo)
+        return report_html(result.reconstruction, result.reconstruction.cameras[0].photo)
     except PackageMissingError as error:
         if not quiet:
             echo(f"no page: {error}", err=True)
+        return ""
 
 
 def _numbers(text: str, option: str) -> tuple[float, ...]:
@@ -151,25 +154,6 @@ def _read(
         fx, fy, cx, cy = camera
         found.append(Intrinsics(fx, fy, cx, cy, width, height, trust=CameraTrust.KNOWN))
     return found if any(cameras) else None, digests
-
-
-def _check_result_there(out: Path, digests: set[str]) -> None:
-    """Check that a folder has no result of other photos than those with these digests.
-
-    Raises:
-        OutputError: it has one, and saving would refuse to replace it after all photos are reconstructed.
-    """
-    from physic_core.errors import OutputError
-
-    try:
-        there = str(json.loads((out / "reconstruction.json").read_text("utf-8"))["photo"]).split()
-    except (OSError, ValueError, LookupError, TypeError):
-        return
-    if digests.isdisjoint(there):
-        raise OutputError(
-            f"cannot write results to {out}: it holds the result of another photo: name another folder, or replace "
-            "that result with --overwrite"
-        )
 
 
 def _table(result: SceneResult) -> str:

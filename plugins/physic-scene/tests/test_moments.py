@@ -13,7 +13,7 @@ from PIL import Image
 
 from physic_core import Pipeline, load_config, load_reconstruction, with_cameras
 from physic_core.body import load_body
-from physic_core.errors import ConfigError, InputError
+from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
 from physic_scene.command import scene as command
@@ -304,8 +304,25 @@ def test_the_command_names_what_is_wrong(tmp_path):
             f"cannot read the photo {photos[1]}: it is not an image, or of an unknown kind; give a JPEG, PNG, WebP, "
             "AVIF or TIFF"
         )
+    assert not (tmp_path / "out").exists()
+    run = CliRunner().invoke(command, [photos[0], "-o", str(tmp_path / "out"), "--preset", "mock"])
+    assert str(run.exception).startswith("a scene needs 2 to 8 photos of one moment, got 1")
+    assert not (tmp_path / "out").exists()
     run = CliRunner().invoke(command, ["a.png", "b.png", "-o", "out", "--intrinsics", "1,2,3,4"])
     assert "--intrinsics: give it once for each of the 2 photos, - where unknown" in run.output
+
+
+@pytest.mark.parametrize("name", ["moment.json", "scene_points.ply", "preview.png"])
+def test_the_command_replaces_no_file_of_the_user(name, tmp_path):
+    for photo, grey in (("a.png", 10), ("b.png", 20)):
+        Image.new("L", (80, 80), grey).save(tmp_path / photo)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text("mine")
+    photos = [str(tmp_path / photo) for photo in ("a.png", "b.png")]
+    run = CliRunner().invoke(command, [*photos, "-o", str(tmp_path / "out"), "--preset", "mock", "--overwrite"])
+    assert isinstance(run.exception, OutputError)
+    assert f"{name} there is not of an earlier run" in str(run.exception)
+    assert [(path.name, path.read_text()) for path in (tmp_path / "out").iterdir()] == [(name, "mine")]
 
 
 def test_the_command_writes_result_moment_and_page(worlds, tmp_path):
@@ -321,6 +338,8 @@ def test_the_command_writes_result_moment_and_page(worlds, tmp_path):
     assert [line.split()[0] for line in lines[1:3]] == ["a.png", "b.png"]
     assert any(line.startswith("grade: ") for line in lines)
     assert f"results: {out}/" in lines
+    assert f"page: {out / 'report.html'}" in lines
+    assert any(line.startswith("2 people in ") and line.endswith(" s, with all steps") for line in lines)
     files = {path.name for path in out.iterdir()}
     assert {"reconstruction.json", "moment.json", "scene_points.ply", "preview.png", "report.html"} <= files
     Image.fromarray(worlds[0].image[::-1]).save(tmp_path / "c.png")
@@ -328,7 +347,7 @@ def test_the_command_writes_result_moment_and_page(worlds, tmp_path):
     run = CliRunner().invoke(command, [*others, "-o", str(out), "--preset", "mock"])
     assert str(run.exception) == (
         f"cannot write results to {out}: it holds the result of another photo: name another folder, or replace that "
-        "result with --overwrite"
+        "result with --overwrite (overwrite=True in Python)"
     )
     page = (out / "report.html").read_text("utf-8")
     assert '"further":[{"name":"' in page
