@@ -60,11 +60,12 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
 
 def _write_index(folder: Path, each: bool) -> None:
     """Write the contact sheet of a folder of results, and with ``each`` the page of every result."""
-    from physic_core.batch.contact_sheet import find_results, write_index
+    from physic_core.batch.contact_sheet import check_contact_sheet, find_results, write_index
     from physic_core.errors import InputError
     from physic_core.io.report_file import add_report
 
     found = find_results(folder)
+    check_contact_sheet(folder)
     for number, result in enumerate(found if each else (), 1):
         try:
             path = add_report(result)

@@ -116,6 +116,13 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     assert "it is not JSON" in (tmp_path / "broken" / "report.html").read_text(encoding="utf-8")
 
 
+def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(folder, tmp_path):
+    (tmp_path / "contact-sheet.html").write_text("mine")
+    done = physic("report", "--each", tmp_path)
+    assert (done.exit_code, (tmp_path / "contact-sheet.html").read_text()) == (2, "mine")
+    assert not (folder / "report.html").exists()
+
+
 def cards(folder: Path) -> list[dict]:
     page = (folder / "contact-sheet.html").read_text(encoding="utf-8")
     return json.loads(page.split('type="application/json">')[1].split("</script>")[0])
