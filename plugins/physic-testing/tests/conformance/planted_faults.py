@@ -341,6 +341,12 @@ FAULTS: tuple[Fault, ...] = (
         "contact_is_more_likely_where_bodies_touch",
         with_contact(lambda p: p[:, ::-1].copy()),
     ),
+    Fault(
+        _CONTACT,
+        "the same everywhere",
+        "contact_is_more_likely_where_bodies_touch",
+        with_contact(lambda p: np.full_like(p, 0.3)),
+    ),
     Fault(_CONTACT, "vertices moved by 37", "vertices_are_in_order", with_contact(lambda p: np.roll(p, 37, axis=1))),
     Fault(_CONTACT, "mirrored", "vertices_are_in_order", with_contact(mirrored_contact)),
     Fault(
