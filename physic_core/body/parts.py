@@ -82,7 +82,8 @@ def label_parts(weights: NDArray[np.float64]) -> NDArray[np.int64]:
     member = np.zeros((len(JOINT_NAMES), len(PART_NAMES)))
     for joint, name in enumerate(JOINT_NAMES):
         member[joint, PART_NAMES.index(_part_of_joint(name))] = 1.0
-    labels: NDArray[np.int64] = np.argmax(weights @ member, axis=1)
+    # Vertices on the middle plane belong to left and right alike but for rounding: ties go to the first part.
+    labels: NDArray[np.int64] = np.argmax((weights @ member).round(6), axis=1)
     return labels
 
 

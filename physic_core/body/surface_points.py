@@ -94,4 +94,5 @@ def _in_front(mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float6
 def _first(mask: NDArray[np.bool_], cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     """Return the ids of the ``count`` vertices of the mask with the least cost, ascending; of all if it is empty."""
     ids = np.flatnonzero(mask if mask.any() else np.ones_like(mask))
-    return np.sort(ids[np.argsort(cost[ids], kind="stable")[:count]])
+    # Mirrored vertices have the same cost but for rounding: ties go to the first vertex.
+    return np.sort(ids[np.argsort(cost[ids].round(6), kind="stable")[:count]])

@@ -203,7 +203,10 @@ def composite(layer: Layer, picture: NDArray[np.float32], opacity: float = 1.0) 
 
 
 def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1) -> Layer:
-    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top."""
+    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest on top.
+
+    Of points at the same distance, the last is on top.
+    """
     import cv2
 
     width, height = viewer.size
@@ -211,7 +214,8 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
     with np.errstate(invalid="ignore"):
         inside = (column > -0.5) & (column < width) & (row > -0.5) & (row < height) & (distance > 0)
     order = np.flatnonzero(inside)
-    order = order[np.argsort(-distance[order])]  # the nearest come last
+    # The nearest come last; kernels of the CPU order equal distances differently unless the sort is stable.
+    order = order[np.argsort(-distance[order], kind="stable")]
     columns = np.minimum(np.round(column[order]), width - 1).astype(np.int64)
     rows = np.minimum(np.round(row[order]), height - 1).astype(np.int64)
     rank = np.zeros((height, width), np.float32)

@@ -126,10 +126,11 @@ def _synthetic_smplx() -> dict[str, Any]:
     triangles = np.concatenate([triangles, triangles[: NUM_FACES - len(triangles)]])
     squared = ((vertices[:, None] - joints) ** 2).sum(-1)
     weights = np.exp(-(squared - squared.min(1, keepdims=True)) / (2 * 0.03**2))
-    np.put_along_axis(weights, np.argsort(-weights, 1)[:, 4:], 0.0, 1)
+    # Vertices of a ring are equally far from its bone but for rounding: ties go to the first.
+    np.put_along_axis(weights, np.argsort(-weights.round(9), 1, kind="stable")[:, 4:], 0.0, 1)
     regressor = np.zeros((55, NUM_VERTICES))
     for joint in range(55):
-        regressor[joint, np.argsort(squared[:, joint])[:24]] = 1 / 24
+        regressor[joint, np.argsort(squared[:, joint].round(9), kind="stable")[:24]] = 1 / 24
     names = {name: i for i, name in enumerate(JOINT_NAMES)}
     return {
         "v_template": vertices,

@@ -105,6 +105,13 @@ def test_a_splat_is_a_square_and_the_nearer_wins():
     np.testing.assert_array_equal(layer.color[10, 20], [0, 0, 1])
 
 
+def test_of_splats_at_one_distance_the_last_wins():
+    view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
+    colors = np.random.default_rng(0).random((1000, 3)).astype(np.float32)
+    layer = render_points(view, np.tile([0.0, 0.0, 1.0], (1000, 1)), colors)
+    np.testing.assert_array_equal(layer.color[5, 10], colors[-1])
+
+
 # --- panels -----------------------------------------------------------------------------------------------------------
 
 

@@ -249,7 +249,7 @@ def _known_statures(chosen: ChosenPhotos, rows: IntArray, statures: Sequence[flo
         return np.full(len(rows), statures[0] if any(statures) else np.nan)
     first = chosen.first("statures")
     people = first.people
-    order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows])
+    order = np.argsort([np.mean(first.result.people[row].box[[0, 2]]) for row in people.rows], kind="stable")
     known = np.zeros(len(people))
     known[order] = np.resize(statures, len(people))
     found = np.where(rows[:, 0] >= 0, known[rows[:, 0]], 0.0)

@@ -106,7 +106,7 @@ def match_pair(
     looks = _llr(cues, np.zeros((len(one), len(two))))
     found = [PairMatch((), 0.0, Pose.identity(), looks, background)]
     accept = settings.accept(len(one), len(two))
-    order = np.argsort(-looks, axis=None)[: settings.hypotheses]
+    order = np.argsort(-looks, axis=None, kind="stable")[: settings.hypotheses]
     for i, j in zip(*np.unravel_index(order, looks.shape), strict=True):
         pairs = [(int(i), int(j), float(looks[i, j]))]
         for _ in range(3):
