@@ -22,10 +22,7 @@ from physic_core.geometry.neighbors import NearestPointSearch
 from .adjusted import adjusted, with_options
 
 DEFAULT = engine_preset("default").joint
-HERE = {
-    "default": DEFAULT,
-    "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
-}
+HERE = {"default": DEFAULT, "points": with_options(engine_preset("prox").joint, nearest_every_step=False)}
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
 

@@ -16,11 +16,7 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.visibility import SelfOcclusion, sample_mask_neighbours
-from physic_core.engine.limbs import (
-    is_standing,
-    keypoints_of_observed_limbs,
-    observed_parts,
-)
+from physic_core.engine.limbs import is_standing, keypoints_of_observed_limbs, observed_parts
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS

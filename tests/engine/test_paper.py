@@ -58,8 +58,7 @@ def test_the_energy_falls_and_everybody_moves(start):
 def test_stage_three_moves_in_a_world(name):
     world = build_world(name, seed=3, size=(128, 96))
     diagnostics = reconstruct(
-        world.image,
-        load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false"]),
+        world.image, load_config(preset="mock", overrides=["engine.preset=paper", "run.cache=false"])
     ).diagnostics
     losses, scale = diagnostics["joint"]["losses"], diagnostics["joint"]["scene_scale"]
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))

@@ -12,22 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from physic_core.engine.contact.support import (
-    ContactEvidence,
-    PosedPerson,
-    beside_hull,
-    find_support,
-    support_record,
-)
+from physic_core.engine.contact.support import ContactEvidence, PosedPerson, beside_hull, find_support, support_record
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import BodyContact, ContactPartner, Support, SupportState
 
-SITS = {
-    "left_hip": (-1.45, 0, 0),
-    "right_hip": (-1.45, 0, 0),
-    "left_knee": (1.45, 0, 0),
-    "right_knee": (1.45, 0, 0),
-}
+SITS = {"left_hip": (-1.45, 0, 0), "right_hip": (-1.45, 0, 0), "left_knee": (1.45, 0, 0), "right_knee": (1.45, 0, 0)}
 SQUATS = {
     "left_hip": (-2.0, 0, 0),
     "right_hip": (-2.0, 0, 0),
@@ -68,10 +57,7 @@ def evidence(model, *touching, prior=(), lifted=(False, False), unseen=()):
     for name in prior:
         probability[model.contact_sets[name]] = 0.9
     return ContactEvidence(
-        contact=contact,
-        prior=probability,
-        lifted_feet=torch.tensor(lifted),
-        seen=~members(model, *unseen),
+        contact=contact, prior=probability, lifted_feet=torch.tensor(lifted), seen=~members(model, *unseen)
     )
 
 

@@ -11,12 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from physic_core.geometry.alignment import (
-    Alignment,
-    AlignmentOptions,
-    align,
-    apply_alignment,
-)
+from physic_core.geometry.alignment import Alignment, AlignmentOptions, align, apply_alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.types import AffineAmbiguity
 

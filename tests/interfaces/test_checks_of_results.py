@@ -139,11 +139,7 @@ def test_an_image_is_a_result() -> None:
         ),
         (PEOPLE, {"floor": np.zeros((H, W), np.float32)}, ["floor must be bool, got float32"]),
         (PEOPLE, {"keypoints": np.ones(3)}, ["keypoints must be Keypoints, got ndarray"]),
-        (
-            PEOPLE,
-            {"surfaces": SurfaceLabels(np.zeros((H, W), np.int64))},
-            ["surfaces.labels must be uint8, got int64"],
-        ),
+        (PEOPLE, {"surfaces": SurfaceLabels(np.zeros((H, W), np.int64))}, ["surfaces.labels must be uint8, got int64"]),
         (
             PEOPLE,
             {"surfaces": SurfaceLabels(np.zeros((H, 2), np.uint8))},

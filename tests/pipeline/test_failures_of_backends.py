@@ -15,11 +15,7 @@ from physic_core import load_config, reconstruct
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BackendOutputError
-from physic_core.types import (
-    Bodies,
-    Intrinsics,
-    Reconstruction,
-)
+from physic_core.types import Bodies, Intrinsics, Reconstruction
 from physic_mock import backends
 from physic_testing.worlds import World
 
@@ -103,10 +99,7 @@ ANSWERED = "person 0: no valid values for this person from {}: results that need
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (
-            fail,
-            f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})",
-        ),
+        (fail, f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})"),
         (
             nans("rotvecs", "confidence"),
             " returned what the interface does not allow: confidence must lie in [0, 1], got nan to nan",
@@ -135,10 +128,7 @@ def test_without_hands_the_fingers_stay_as_they_were(
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (
-            fail,
-            f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})",
-        ),
+        (fail, f": RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno + 1})"),
         (
             nans("probability"),
             " returned what the interface does not allow: probability must lie in [0, 1], got nan to nan",

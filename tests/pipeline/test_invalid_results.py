@@ -16,10 +16,7 @@ from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
 from physic_core.errors import BackendOutputError
-from physic_core.pipeline.invalid_results import (
-    discard_invalid_hands,
-    discard_invalid_keypoints,
-)
+from physic_core.pipeline.invalid_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
 from physic_mock import backends

@@ -19,18 +19,8 @@ from physic_core.discovery.registry import BackendRecord
 from physic_core.errors import BodyModelError
 from physic_core.files.archive import join_arrays, read_archive, split_arrays, write_archive
 from physic_core.interfaces import BodyEstimator
-from physic_core.pipeline.invalid_results import (
-    discard_invalid_bodies,
-)
-from physic_core.types import (
-    Bodies,
-    BodyParameters,
-    ContactProbability,
-    Hands,
-    Mesh,
-    Reconstruction,
-    RestMesh,
-)
+from physic_core.pipeline.invalid_results import discard_invalid_bodies
+from physic_core.types import Bodies, BodyParameters, ContactProbability, Hands, Mesh, Reconstruction, RestMesh
 from physic_mock import backends
 from physic_testing import violations
 from physic_testing.worlds import World

@@ -14,11 +14,7 @@ from physic_core.configuration.model import PhotoSettings
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
 from physic_core.engine.joint.problem import View
-from physic_core.errors import (
-    BodyModelError,
-    DeviceError,
-    NoPersonError,
-)
+from physic_core.errors import BodyModelError, DeviceError, NoPersonError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
 from physic_core.pipeline.estimate import feet_pixels

@@ -138,10 +138,7 @@ def test_a_plugin_with_a_wrong_record_is_a_broken_plugin(plugin: Any, arguments:
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [
-        (("--to", "bvh"), "the export format 'bvh' needs"),
-        (("-o", "a.usdz"), "the export to a file .usdz needs"),
-    ],
+    [(("--to", "bvh"), "the export format 'bvh' needs"), (("-o", "a.usdz"), "the export to a file .usdz needs")],
 )
 def test_a_format_of_a_missing_distribution_names_it(
     monkeypatch: pytest.MonkeyPatch, saved_pair: Path, arguments: tuple[str, ...], message: str

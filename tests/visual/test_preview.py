@@ -22,13 +22,7 @@ from physic_core.visual.panels import (
     render_contact_views,
 )
 from physic_core.visual.preview import preview_image, preview_png, summary_line
-from physic_core.visual.render import (
-    LONGEST_BODY_EDGE_M,
-    View,
-    prepare_meshes,
-    render_mesh,
-    render_points,
-)
+from physic_core.visual.render import LONGEST_BODY_EDGE_M, View, prepare_meshes, render_mesh, render_points
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
 FRONT = np.diag([1.0, -1.0, -1.0])  # right, top and eye of a view along z

@@ -16,11 +16,7 @@ from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks import hand_landmarks as module
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
-from physic_embedded.networks.hand_landmarks import (
-    find_hand,
-    hand_search_square,
-    predict_hand_landmarks,
-)
+from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square, predict_hand_landmarks
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_testing import violations
 

@@ -98,11 +98,7 @@ def test_the_file_has_what_vrm_requires_and_not_what_it_does_not_use(files: list
     assert {"VRMC_vrm", "KHR_materials_unlit"} <= set(tree.extensionsUsed)
     entry = tree.extensions["VRMC_vrm"]
     assert entry["specVersion"] == "1.0"
-    assert entry["meta"] == {
-        "name": "person 0",
-        "authors": ["unknown"],
-        "licenseUrl": "https://vrm.dev/licenses/1.0/",
-    }
+    assert entry["meta"] == {"name": "person 0", "authors": ["unknown"], "licenseUrl": "https://vrm.dev/licenses/1.0/"}
     assert tree.cameras == []
     assert tree.animations == []
 

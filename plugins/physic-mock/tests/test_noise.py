@@ -8,17 +8,8 @@ import pytest
 from physic_core.body import JOINT_INDEX
 from physic_core.types import Hints, Keypoints, People
 from physic_mock import NOISE_VERSION
-from physic_mock.backends import (
-    MockBodyEstimator,
-    MockContactPrior,
-    MockMetricDepth,
-    MockRelativePointmap,
-)
-from physic_mock.body_noise import (
-    BONES,
-    LIMBS,
-    draw_bone_errors,
-)
+from physic_mock.backends import MockBodyEstimator, MockContactPrior, MockMetricDepth, MockRelativePointmap
+from physic_mock.body_noise import BONES, LIMBS, draw_bone_errors
 from physic_mock.contact import ContactOptions
 from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
 from physic_mock.humans import BodyOptions

@@ -182,10 +182,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     weight = released_keypoint_weights(SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks)
     placed = place_bodies(
         PosedBodies(
-            posed.vertices,
-            mean_face_normals(posed.vertices, model.faces),
-            model.landmarks(posed, SKELETON),
-            transl,
+            posed.vertices, mean_face_normals(posed.vertices, model.faces), model.landmarks(posed, SKELETON), transl
         ),
         PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),
         problem.K,
