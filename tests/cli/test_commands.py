@@ -5,7 +5,7 @@ import json
 import re
 import sys
 import tomllib
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -131,9 +131,7 @@ def test_show_prints_what_the_run_printed(pipeline):
     done = physic(*run())
     assert physic("show", "photo-physic").stdout == done.stdout
     assert "people: 1.2 s\nscene: 2.0 s\n" in physic("show", "photo-physic", "-v").stdout
-    assert refusal("show", "photos", code=3) == (
-        "cannot read photos/reconstruction.json: there is no such file; name the folder of a finished run"
-    )
+    assert "photos/reconstruction.json: there is no such file" in refusal("show", "photos", code=3)
 
 
 @pytest.mark.parametrize(
@@ -144,23 +142,9 @@ def test_show_prints_what_the_run_printed(pipeline):
             2,
             "physic run takes one photo, and 2 are given; for many, type: physic batch a.jpg 'b c.jpg' -o results",
         ),
-        (
-            ["photos"],
-            3,
-            "cannot read the photo photos: it is a folder; name one image file; for many, "
-            "type: physic batch photos -o results",
-        ),
-        (
-            ["photos/*.jpg"],
-            3,
-            "cannot read the photo photos/*.jpg: it is a pattern; name one image file; for many, "
-            "type: physic batch 'photos/*.jpg' -o results",
-        ),
-        (
-            ["https://example.org/a.jpg"],
-            3,
-            "cannot read the photo https://example.org/a.jpg: it is an address; download it, and name the file",
-        ),
+        (["photos"], 3, "it is a folder; name one image file; for many, type: physic batch photos -o results"),
+        (["photos/*.jpg"], 3, "it is a pattern; name one image file; for many, type: physic batch 'photos/*.jpg'"),
+        (["https://example.org/a.jpg"], 3, "it is an address; download it, and name the file"),
         ([""], 2, "the name of the photo is empty: name an image file"),
     ],
 )
@@ -169,30 +153,21 @@ def test_run_on_a_folder_names_the_batch_command(pipeline, photos: list[str], co
     Path("photos/a.jpg").touch()
     done = physic("run", *photos, "--preset", "mock")
     assert (done.exit_code, done.stdout, pipeline.calls) == (code, "", [])
-    assert done.stderr.splitlines()[-1] == f"Error: {message}"
+    assert message in done.stderr.splitlines()[-1]
 
 
 def test_run_keeps_what_fails_cheaply_in_front_of_the_pipeline(pipeline):
-    assert refusal(*run("--set", "photo.max_side=1")) == "--set: 1 error\nphoto.max_side   should be >= 128 (got 1)"
-    assert refusal(*run("--device", "foo")) == (
-        "--device: 1 error\nrun.device   should be 'cpu', 'cuda' or 'cuda:N' (got 'foo')"
-    )
-    assert (
-        refusal("run", "photo.jpg", "--preset", "no")
-        == "no preset named 'no'; there are: best, embedded, light-cpu, mock, open, paper"
-    )
     Path("taken").write_text("")
-    assert refusal(*run("-o", "taken")) == (
-        "cannot write results to taken: it is a file; name a folder, or move the file away"
-    )
-    assert refusal(*run("-o", "taken/deep")) == (
-        "cannot write results to taken/deep: Not a directory; name another folder"
-    )
-    # On the way to a folder that may not be entered, even the question whether something is there fails.
-    long = "x" * 300
-    assert refusal(*run("-o", f"new/{long}/deep")) == (
-        f"cannot write results to new/{long}/deep: File name too long; name another folder"
-    )
+    long = "x" * 300  # a folder that may not be entered
+    for arguments, message in (
+        (run("--set", "photo.max_side=1"), "photo.max_side   should be >= 128 (got 1)"),
+        (run("--device", "foo"), "run.device   should be 'cpu', 'cuda' or 'cuda:N' (got 'foo')"),
+        (("run", "photo.jpg", "--preset", "no"), "no preset named 'no'; there are: best, embedded, light-cpu, mock"),
+        (run("-o", "taken"), "cannot write results to taken: it is a file; name a folder, or move the file away"),
+        (run("-o", "taken/deep"), "cannot write results to taken/deep: Not a directory; name another folder"),
+        (run("-o", f"new/{long}/deep"), "/deep: File name too long; name another folder"),
+    ):
+        assert message in refusal(*arguments)
     assert pipeline.calls == []
     assert [p.name for p in Path().iterdir()] == ["taken"]
 
@@ -209,13 +184,10 @@ def test_a_run_does_not_ask_the_system_whether_files_may_be_read(pipeline, monke
 def test_a_missing_gpu_is_reported(pipeline, monkeypatch):
     torch = pytest.importorskip("torch")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert refusal(*run("--device", "cuda")) == (
-        f"device 'cuda' is not there: torch {torch.__version__} finds no CUDA GPU; "
-        "use 'cpu', or install a torch build that fits your GPU"
-    )
+    assert f"torch {torch.__version__} finds no CUDA GPU" in refusal(*run("--device", "cuda"))
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
-    assert refusal(*run("--device", "cuda:1")) == "device 'cuda:1' is not there: only 'cuda:0' is"
+    assert refusal(*run("--device", "cuda:1")).endswith("only 'cuda:0' is")
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     assert refusal(*run("--device", "cuda:2")) == "device 'cuda:2' is not there: only 'cuda:0' to 'cuda:1' are"
 
@@ -249,42 +221,26 @@ def test_a_lack_of_memory_is_a_message(pipeline, error):
     pipeline.error = error
     done = physic(*run())
     assert done.exit_code == 1
-    assert done.stderr.splitlines()[-1] == (
-        "Error: there is not enough memory. Close other programs, allow this one more memory, use a smaller photo, or "
-        "close backends early with --low-memory (physic run)"
-    )
+    assert done.stderr.splitlines()[-1].startswith("Error: there is not enough memory. Close other programs")
+
+
+BOTH = '--preset cannot be combined with {}: write extends = "NAME" into the file'
 
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (
-            ("--focal-px", "900", "--intrinsics", "1,2,3,4"),
-            "--focal-px and --intrinsics both set the camera: give one of them",
-        ),
-        (("--config", "x.toml"), '--preset cannot be combined with --config: write extends = "NAME" into the file'),
-        (
-            ("--intrinsics", "1,2,3"),
-            "Invalid value for '--intrinsics': '1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px",
-        ),
-        (("-o", ""), "Invalid value for '-o' / '--out': it is empty: name a file or a folder"),
+        (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics both set the camera"),
+        (run("--config", "x.toml"), BOTH.format("--config")),
+        (run("--intrinsics", "1,2,3"), "'1,2,3' is not four numbers with commas between them: fx,fy,cx,cy in px"),
+        (run("-o", ""), "Invalid value for '-o' / '--out': it is empty: name a file or a folder"),
+        (("config", "show", "--preset", "mock", "x.toml"), BOTH.format("FILE")),
+        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), BOTH.format("--config")),
+        (("serve", "--preset", "mock", "--config", "x.toml"), BOTH.format("--config")),
     ],
 )
 def test_a_wrong_use_exits_with_2(arguments: tuple[str, ...], expected: str, pipeline):
-    assert refusal(*run(*arguments)).splitlines()[-1] == f"Error: {expected}"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "file"),
-    [
-        (("config", "show", "--preset", "mock", "x.toml"), "FILE"),
-        (("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"), "--config"),
-        (("serve", "--preset", "mock", "--config", "x.toml"), "--config"),
-    ],
-)
-def test_a_preset_beside_a_file_is_refused_in_any_order(arguments: tuple[str, ...], file: str):
-    expected = f'--preset cannot be combined with {file}: write extends = "NAME" into the file'
-    assert refusal(*arguments).splitlines()[-1] == f"Error: {expected}"
+    assert expected in refusal(*arguments).splitlines()[-1]
 
 
 def test_debug_shows_the_traceback(pipeline, monkeypatch):
@@ -406,17 +362,9 @@ def test_details_show_what_a_backend_is():
 
 
 def test_details_of_a_class_that_is_broken_keep_the_rest():
-    assert details(offers(), "physic-b:big").splitlines() == [
-        "segmenter 'big'",
-        "  People.",
-        "  plugin    physic-b 2.0",
-        "  class     json:dumps",
-        "  weights   none",
-        "  needs     a checkpoint, no_package",
-        "  status    NOT READY: not installed: no_package, slow: 2.1 s to register",
-        "  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is no subclass of "
-        "physic_core.interfaces.Segmenter",
-    ]
+    *rest, options = details(offers(), "physic-b:big").splitlines()
+    assert "  needs     a checkpoint, no_package" in rest
+    assert options.startswith("  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is no subclass of ")
 
 
 def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
@@ -491,13 +439,6 @@ def test_init_writes_the_preset_as_it_is_and_uncommented(preset: str):
     assert (opened.photo, opened.body_model, opened.device) == (plain.photo, plain.body_model, plain.device)
     assert opened.config.run == plain.config.run
     assert {k: b.provenance for k, b in opened.backends.items()} == {k: b.provenance for k, b in plain.backends.items()}
-
-
-def _keys(table, settings):
-    """(table, key) of all settings, those of tables inside too."""
-    values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    inner = [_keys(f"{table}.{name}", value) for name, value in values.items() if is_dataclass(value)]
-    return {(table, name) for name, value in values.items() if not is_dataclass(value)}.union(*inner)
 
 
 def test_config_init_never_overwrites_a_file():
