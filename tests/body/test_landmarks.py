@@ -15,21 +15,14 @@ from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Keypoints, Skeleton
 
-SIZES = {
-    "coco17": 17,
-    "coco23": 23,
-    "blazepose33": 33,
-    "openpose_hand21_left": 21,
-    "openpose_hand21_right": 21,
-    "wholebody69": 69,
-}
+ON_BODY = ("coco17", "coco23", "blazepose33", "openpose_hand21_left", "openpose_hand21_right", "wholebody69")
 
 
 @pytest.fixture(scope="module")
 def at_rest(embedded: BodyModel) -> dict[str, dict[str, Tensor]]:
     """Joint set -> name -> point in the T-pose."""
     output = embedded(*embedded.zero_pose())
-    return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in SIZES}
+    return {s: dict(zip(SKELETONS[s].names, embedded.landmarks(output, s)[0], strict=True)) for s in ON_BODY}
 
 
 def test_blazepose_points_have_their_published_order() -> None:
@@ -151,9 +144,8 @@ def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
 def test_refuses_points_without_a_place(
     embedded: BodyModel, names: tuple[str, ...], on_body: dict[str, dict[str, float]], fault: str
 ) -> None:
-    with pytest.raises(BodyModelError) as caught:
+    with pytest.raises(BodyModelError, match=fault):
         embedded.regressor(Skeleton("own", names, on_body))
-    assert fault in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -203,10 +195,5 @@ def test_landmarks_are_differentiable(embedded64: BodyModel) -> None:
 
 
 def test_refuses_an_unknown_joint_set(embedded: BodyModel) -> None:
-    with pytest.raises(BodyModelError) as caught:
+    with pytest.raises(BodyModelError, match="no standard skeleton is named 'coco18': choose one of coco17, coco23"):
         embedded.landmarks_only(("coco18",))
-    assert str(caught.value) == (
-        "no standard skeleton is named 'coco18': choose one of coco17, coco23, blazepose33, openpose_hand21_left,"
-        " openpose_hand21_right, wholebody69, coco_wholebody133, halpe26,"
-        " or give a physic_core.types.Skeleton of your own"
-    )

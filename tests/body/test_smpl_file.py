@@ -72,6 +72,12 @@ def chumpy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "chumpy", ModuleType("chumpy"))
 
 
+def refusal(path: Path) -> str:
+    with pytest.raises(BodyModelError) as caught:
+        read_smpl(path)
+    return str(caught.value).removeprefix(str(path))
+
+
 def pickled(path: Path, thing: object, protocol: int = 2) -> Path:
     path.write_bytes(pickle.dumps(thing, protocol=protocol))
     return path
@@ -139,11 +145,9 @@ def test_a_pickle_runs_nothing(
     call: tuple[Any, ...], name: str, protocol: int, light: dict[str, Any], tmp_path: Path
 ) -> None:
     path = pickled(tmp_path / "SMPL.pkl", {**light, "bs_type": Harm(call)}, protocol)
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(path)
     shown_name = name.replace("builtins", "__builtin__") if protocol == 2 else name
-    assert str(caught.value) == (
-        f"{path} is a pickle that asks for '{shown_name}', which no SMPL file holds and which could run code: "
+    assert refusal(path) == (
+        f" is a pickle that asks for '{shown_name}', which no SMPL file holds and which could run code: "
         f"it is not opened; {ADVICE}"
     )
 
@@ -151,18 +155,14 @@ def test_a_pickle_runs_nothing(
 def test_an_npz_runs_nothing(light: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "SMPL.npz"
     np.savez(path, **{**light, "weights": np.array(Harm((pytest.fail, "unpickled")), dtype=object)})
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(path)
-    assert str(caught.value) == f"{path} holds a pickled object where numbers belong: {ADVICE}"
+    assert refusal(path).startswith(" holds a pickled object where numbers belong: ")
 
 
 @pytest.mark.parametrize("content", [b"", b"not a pickle", b"\x80\x02}q\x00"])
 def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "SMPL.pkl"
     path.write_bytes(content)
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(path)
-    assert str(caught.value) == f"{path} is neither an .npz archive nor a pickle of SMPL: {ADVICE}"
+    assert refusal(path).startswith(" is neither an .npz archive nor a pickle of SMPL: ")
 
 
 @pytest.mark.parametrize(
@@ -182,10 +182,7 @@ def test_refuses_what_is_no_pickle(tmp_path: Path, content: bytes) -> None:
 def test_files_of_other_models_are_refused(
     change: dict[str, Any], words: str, light: dict[str, Any], tmp_path: Path
 ) -> None:
-    path = pickled(tmp_path / "SMPL.pkl", {**light, **change})
-    with pytest.raises(BodyModelError) as caught:
-        read_smpl(path)
-    assert str(caught.value) == f"{path}{words}: {ADVICE}"
+    assert refusal(pickled(tmp_path / "SMPL.pkl", {**light, **change})).startswith(f"{words}: ")
 
 
 def test_indices_outside_of_the_regressor_end_in_words_and_not_in_a_crash(

@@ -22,6 +22,19 @@ ADVICE = (
 
 
 @pytest.fixture
+def small(smplx_arrays: dict[str, Any]) -> dict[str, Any]:
+    """A file's arrays whose large ones compress to nothing."""
+    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
+    return {**smplx_arrays, **flat}
+
+
+def refusal(path: Path, **options: int) -> str:
+    with pytest.raises(BodyModelError) as caught:
+        load_smplx(path, **options)
+    return str(caught.value).removeprefix(str(path))
+
+
+@pytest.fixture
 def pose() -> dict[str, torch.Tensor]:
     generator = torch.Generator().manual_seed(1)
 
@@ -85,21 +98,16 @@ def test_picks_are_derived_from_the_file(smplx_v10: Path) -> None:
     )
 
 
-def test_a_smplx_file_is_read_without_unpickling(smplx_arrays: dict[str, Any], tmp_path: Path) -> None:
+def test_a_smplx_file_is_read_without_unpickling(small: dict[str, Any], tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
             return (pytest.fail, ("the file was unpickled",))
 
     path = tmp_path / "SMPLX_NEUTRAL.npz"
-    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
-    small = {**smplx_arrays, **flat}
     np.savez_compressed(path, **{**small, "part2num": np.array(Trap(), dtype=object)})
     load_body(path)
-
     np.savez_compressed(path, **{**small, "J_regressor": np.array(Trap(), dtype=object)})
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == (f"{path} holds a pickled object where numbers belong: {ADVICE}")
+    assert refusal(path) == f" holds a pickled object where numbers belong: {ADVICE}"
 
 
 @pytest.mark.parametrize(("vertices", "whose"), [(6890, "a SMPL"), (778, "a MANO"), (5023, "a FLAME")])
@@ -108,19 +116,13 @@ def test_files_of_related_models_are_refused_by_their_number_of_vertices(
 ) -> None:
     path = tmp_path / "model.npz"
     np.savez(path, v_template=np.zeros((vertices, 3)))
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"{path} is {whose} file ({vertices} vertices), not SMPL-X: {ADVICE}"
+    assert refusal(path).startswith(f" is {whose} file ({vertices} vertices), not SMPL-X: ")
 
 
 def test_a_smplx_file_without_an_array_is_refused(tmp_path: Path, smplx_arrays: dict[str, Any]) -> None:
     path = tmp_path / "model.npz"
     np.savez(path, v_template=smplx_arrays["v_template"], f=smplx_arrays["f"])
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == (
-        f"{path} lacks the arrays shapedirs, posedirs, J_regressor, weights, kintree_table: {ADVICE}"
-    )
+    assert refusal(path).startswith(" lacks the arrays shapedirs, posedirs, J_regressor, weights, kintree_table: ")
 
 
 @pytest.mark.parametrize(
@@ -136,44 +138,36 @@ def test_a_smplx_file_without_an_array_is_refused(tmp_path: Path, smplx_arrays: 
     ],
 )
 def test_a_smplx_file_with_an_array_of_wrong_shape_is_refused(
-    tmp_path: Path, smplx_arrays: dict[str, Any], name: str, wrong: np.ndarray, message: str
+    tmp_path: Path, small: dict[str, Any], name: str, wrong: np.ndarray, message: str
 ) -> None:
     path = tmp_path / "model.npz"
-    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
-    np.savez_compressed(path, **{**smplx_arrays, **flat, name: wrong})
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"{path}: {message}: {ADVICE}"
+    np.savez_compressed(path, **{**small, name: wrong})
+    assert refusal(path).startswith(f": {message}: ")
 
 
 def test_more_shape_components_than_the_file_has_are_refused(smplx_v10: Path) -> None:
-    with pytest.raises(BodyModelError) as caught:
-        load_smplx(smplx_v10, num_betas=16)
-    assert str(caught.value) == f"{smplx_v10}: num_betas is 16, but the file has 10: ask for 0 to 10"
+    assert refusal(smplx_v10, num_betas=16) == ": num_betas is 16, but the file has 10: ask for 0 to 10"
 
 
 @pytest.mark.parametrize(
     ("shape", "kind", "message"),
     [
         ("(1000000000000, 55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
-        ("(0, 55)", "'<f8'", ": weights must be (10475, 55), got (0, 55): " + ADVICE),
-        ("(0, 55)", "'<U9'", ": weights holds <U9, not numbers: " + ADVICE),
-        ("(10475, -55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
-        ("(10475, 55)", "'<f8'", " cannot be read, the file is damaged: copy or download it again"),
+        ("(0, 55)", "'<f8'", ": weights must be (10475, 55), got (0, 55): "),
+        ("(0, 55)", "'<U9'", ": weights holds <U9, not numbers: "),
+        ("(10475, -55)", "'<f8'", " cannot be read, the file is damaged"),
+        ("(10475, 55)", "'<f8'", " cannot be read, the file is damaged"),
     ],
 )
 def test_refuses_what_an_array_says_of_itself_before_taking_memory(
-    tmp_path: Path, smplx_arrays: dict[str, Any], shape: str, kind: str, message: str
+    tmp_path: Path, small: dict[str, Any], shape: str, kind: str, message: str
 ) -> None:
     path = tmp_path / "model.npz"
-    flat = {"posedirs": np.zeros((10475, 3, 486), np.float16), "shapedirs": np.zeros((10475, 3, 20), np.float16)}
-    np.savez(path, **{name: array for name, array in {**smplx_arrays, **flat}.items() if name != "weights"})
+    np.savez(path, **{name: array for name, array in small.items() if name != "weights"})
     text = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}\n"
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("weights.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode())
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"{path}{message}"
+    assert refusal(path).startswith(message)
 
 
 def test_refuses_an_archive_whose_list_is_damaged(tmp_path: Path) -> None:
@@ -182,6 +176,4 @@ def test_refuses_an_archive_whose_list_is_damaged(tmp_path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[data.rindex(b"PK\x01\x02")] = 0
     path.write_bytes(data)
-    with pytest.raises(BodyModelError) as caught:
-        load_body(path)
-    assert str(caught.value) == f"{path} cannot be read, the file is damaged: copy or download it again"
+    assert refusal(path).startswith(" cannot be read, the file is damaged")

@@ -61,26 +61,14 @@ def test_a_plugin_adds_a_command(plugin: Any, group: tuple[str, ...]):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        (
-            "lost",
-            "the command 'lost' of physic-hello 1.0 cannot be imported: "
-            "ModuleNotFoundError: No module named 'physic_hello_nowhere'",
-        ),
-        (
-            "absent",
-            "the command 'absent' of physic-hello 1.0 cannot be imported: "
-            "AttributeError: module 'physic_hello_commands' has no attribute 'absent'",
-        ),
-        (
-            "number",
-            "the command 'number' of physic-hello 1.0 should be a click.Command, "
-            "but physic_hello_commands:number is a int",
-        ),
+        ("lost", "the command 'lost' of physic-hello 1.0 cannot be imported: ModuleNotFoundError"),
+        ("absent", "the command 'absent' of physic-hello 1.0 cannot be imported: AttributeError"),
+        ("number", "the command 'number' of physic-hello 1.0 should be a click.Command"),
     ],
 )
 def test_a_broken_command_is_an_error_of_the_plugin_and_breaks_no_other(plugin: Any, name: str, message: str):
     done = physic(name)
-    assert (done.exit_code, done.stdout, done.stderr) == (5, "", f"Error: {message}\n")
+    assert (done.exit_code, done.stdout, message in done.stderr) == (5, "", True)
     assert physic("hello").exit_code == 0
     assert physic("--help").exit_code == 0
 
@@ -127,8 +115,7 @@ def test_a_known_command_that_is_not_installed_names_its_distribution(name: str,
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic(*name.split())
     assert done.exit_code == 2
-    assert " ".join(done.stderr.split()).endswith(
-        f"Error: 'physic {name}' is a command of {COMMANDS[name]}, which is not installed, or hidden by "
-        f"PHYSIC_PLUGINS='physic-mock': {how_to_install(COMMANDS[name])}"
-    )
+    error = " ".join(done.stderr.split())
+    assert f"Error: 'physic {name}' is a command of {COMMANDS[name]}, which is not installed, or hidden" in error
+    assert error.endswith(how_to_install(COMMANDS[name]))
     assert how_to_install("physic-testing") == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"

@@ -49,33 +49,19 @@ def truncated(path: Path) -> None:
     ("make", "message"),
     [
         (lambda path: None, "cannot read the photo a.jpg: there is no such file; check the path"),
-        (
-            lambda path: path.mkdir(),
-            "cannot read the photo a.jpg: it is a folder; name one image file; for many, "
-            "type: physic batch a.jpg -o results",
-        ),
-        (
-            lambda path: path.write_text("a letter"),
-            "cannot read the photo a.jpg: it is not an image, or of an unknown kind; "
-            "give a JPEG, PNG, WebP, AVIF or TIFF",
-        ),
+        (lambda path: path.mkdir(), "cannot read the photo a.jpg: it is a folder; name one image file; for many, type"),
+        (lambda path: path.write_text("a letter"), "cannot read the photo a.jpg: it is not an image"),
         (lambda path: path.touch(), "cannot read the photo a.jpg: the file is empty (0 bytes); copy it again"),
-        (
-            truncated,
-            "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came, "
-            "or save it again from a program that shows it completely",
-        ),
-        (
-            lambda path: Image.new("RGB", (8, 8)).save(path),
-            "cannot use the photo a.jpg: it is 8 x 8 px, and each side must have at least 64 px; give a larger photo",
-        ),
+        (truncated, "cannot read the photo a.jpg: its data are damaged or cut off; copy it again from where it came"),
+        (lambda path: Image.new("RGB", (8, 8)).save(path), "cannot use the photo a.jpg: it is 8 x 8 px"),
     ],
 )
 def test_a_bad_photo_is_one_message_and_leaves_nothing(make: Callable[[Path], object], message: str):
     make(Path("a.jpg"))
     before = sorted(Path().iterdir())
     done = run("a.jpg")
-    assert (done.exit_code, done.stdout, done.stderr) == (3, "", f"Error: {message}\n")
+    assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (3, "", 1)
+    assert done.stderr.startswith(f"Error: {message}")
     assert sorted(Path().iterdir()) == before
 
 
@@ -83,16 +69,10 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_w
     Image.fromarray(world.image).save("a.png")
     done = run("a.png", "--intrinsics", "178,178,5000,5000")
     assert (done.exit_code, done.stdout) == (3, "")
-    assert done.stderr == (
-        "Error: a.png: the principal point (5000, 5000) lies outside the photo of 160 x 120 px: give it in px of the "
-        "photo file, or give the focal length alone\n"
-    )
+    assert "Error: a.png: the principal point (5000, 5000) lies outside the photo of 160 x 120 px" in done.stderr
     done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
-    assert (
-        "warning: the principal point (110, 60) lies 19% of the photo's size off its centre (given), as in a cropped "
-        "photo only: check --intrinsics\n" in done.stdout
-    )
+    assert "warning: the principal point (110, 60) lies 19% of the photo's size off its centre (given)" in done.stdout
 
 
 # ---- what gives results ----------------------------------------------------------------------------------------------

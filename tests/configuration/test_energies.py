@@ -41,12 +41,8 @@ def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site: Any) -
 def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
     for distribution in ("physic-one", "physic-two"):
         install(site, distribution, "twice", "physic_soft_preset:SOFT")
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError, match="'twice' is offered by physic-one and physic-two: uninstall one of them"):
         load_config(overrides=["engine.preset=twice"])
-    assert str(caught.value) == (
-        "--set: 1 error\n"
-        "engine.preset   the engine preset 'twice' is offered by physic-one and physic-two: uninstall one of them"
-    )
 
 
 @pytest.mark.parametrize(
@@ -58,18 +54,13 @@ def test_an_energy_of_two_plugins_is_refused(site: Any) -> None:
 )
 def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site: Any, target: str, message: str) -> None:
     install(site, "physic-broken", "broken", target)
-    with pytest.raises(PluginError) as caught:
+    with pytest.raises(PluginError, match=message):
         engine_preset("broken")
-    assert str(caught.value).startswith(message)
 
 
 def test_an_energy_of_a_missing_distribution_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = CliRunner().invoke(main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"])
     assert done.exit_code == 2
-    assert done.output == (
-        "Error: --set: 1 error\n"
-        "engine.preset   the engine preset 'release' needs physic-paper, which is not installed, or hidden by "
-        "PHYSIC_PLUGINS='physic-mock': `pip install -e plugins/physic-paper` in a checkout of PhySIC\n"
-    )
+    assert "the engine preset 'release' needs physic-paper, which is not installed, or hidden" in done.output
     assert engine_preset_names() == ("default",)

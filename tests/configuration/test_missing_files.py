@@ -107,15 +107,9 @@ def bring(folder: Path) -> None:
 
 def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: Path):
     asked: list[str] = []
-    with pytest.raises(WeightsMissingError) as caught:
-        reconstruct(
-            np.zeros((72, 96, 3), np.uint8), load_config("my.toml"), progress=lambda name, *_: asked.append(name)
-        )
-    assert str(caught.value) == (
-        "2 things are missing, and nothing was computed:\n"
-        f"  {BOTH}: {NET}\n"
-        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}"
-    )
+    photo = np.zeros((72, 96, 3), np.uint8)
+    with pytest.raises(WeightsMissingError, match=r"^2 things are missing, and nothing was computed:"):
+        reconstruct(photo, load_config("my.toml"), progress=lambda name, *_: asked.append(name))
     assert asked == []
 
 
@@ -142,15 +136,10 @@ def test_config_check_reports_a_valid_config_and_missing_files(heavy: Path):
 def test_a_file_of_another_size_is_remarked_once_and_stops_nothing(heavy: Path):
     bring(heavy)
     done = physic("config", "check", "my.toml")
-    assert (done.exit_code, done.stdout) == (
-        4,
-        "my.toml: no errors\n"
-        "1 thing is missing; a run would stop:\n"
-        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}\n"
-        "remark: 1 of 1 weight files are published without a SHA-256 or a revision\n"
-        "remark: weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051: "
-        "`physic weights verify net`\n",
-    )
+    assert done.exit_code == 4
+    assert "1 thing is missing; a run would stop:\n" in done.stdout
+    remark = "weights 'net' are found, but model.onnx has 3 bytes instead of the published 140852051"
+    assert done.stdout.count(remark) == 1
 
 
 def test_the_doctor_calls_it_missing_and_loads_nothing(heavy: Path):

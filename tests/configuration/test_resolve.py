@@ -69,24 +69,12 @@ def test_every_interface_gets_its_backend_with_options_and_provenance():
     assert who.options == {"resolution_level": 3, "mode": "fast"}
 
 
-def test_wrong_names_and_options_are_reported_together_with_their_paths():
-    depth = {"backend": "own", "options": {"resolution_level": 12, "resolution_levle": 3}}
-    chosen = config(metric_depth=depth, inpainter={"backend": "onw"}, body_model={"path": "/no/SMPLX.npz"})
-    assert refusal(chosen, registry()) == (
-        "config: 3 errors\n"
-        "inpainter.backend                       no inpainter named 'onw'; installed: own. Did you mean 'own'?\n"
-        "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
-        "metric_depth.options.resolution_levle   unknown option. Did you mean 'resolution_level'?\n"
-        f"Python: {sys.executable}"
-    )
-
-
 def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("my.toml").write_text(
         "[photo]\nmax_sid = 3\n"
         '[inpainter]\nbackend = "onw"\n'
-        '[metric_depth]\nbackend = "own"\n[metric_depth.options]\nresolution_level = 12\n'
+        '[metric_depth]\nbackend = "own"\n[metric_depth.options]\nresolution_level = 12\nresolution_levle = 3\n'
         '[segmenter]\nbackend = "none"\n'
         '[contact_prior]\nbackend = ""\n'
         "[hand_estimator]\nbackend = 3\n"
@@ -97,7 +85,7 @@ def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch
     with pytest.raises(ConfigError) as caught:
         load_checked_config(registry(), "my.toml", environment=choices, overrides=["metric_depth.options.mode=3"])
     assert str(caught.value) == (
-        "my.toml: 8 errors\n"
+        "my.toml: 9 errors\n"
         "keypoint_detector.options               should be a table (got 3)\n"
         "hand_estimator.backend                  should be a text (got 3)\n"
         "contact_prior.backend                   should not be empty\n"
@@ -107,15 +95,10 @@ def test_faults_of_shape_and_options_are_reported_together(tmp_path, monkeypatch
         "engine.scene.far                        unknown setting. Did you mean 'far_m'?\n"
         "inpainter.backend                       no inpainter named 'onw'; installed: own. Did you mean 'own'?\n"
         "metric_depth.options.resolution_level   should be <= 9 (got 12)\n"
+        "metric_depth.options.resolution_levle   unknown option. Did you mean 'resolution_level'?\n"
         "--set: 1 error\n"
         "metric_depth.options.mode   should be a text (got 3)\n"
         f"Python: {sys.executable}"
-    )
-
-
-def test_a_fault_names_the_flag_that_it_comes_from():
-    assert refusal(config({"metric_depth": {"options": {"mode": 3}}}), registry()) == (
-        "--flag: 1 error\nmetric_depth.options.mode   should be a text (got 3)"
     )
 
 
@@ -153,21 +136,15 @@ def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site
     # Only who uses the bare name has to choose.
     owners = sorted((f"physic-{preset} 0.1.0", "physic-mine-inpainter 1.0"))
     names = [f"{owner.partition(' ')[0]}:{preset}" for owner in owners]
-    assert refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]), both) == (
-        "--set: 1 error\n"
-        f"inpainter.backend   {' and '.join(owners)} each offer an inpainter named '{preset}': "
-        f"write '{names[0]}' or '{names[1]}' to choose"
-    )
+    message = refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]), both)
+    assert f"write '{names[0]}' or '{names[1]}' to choose" in message
     assert resolve(load_config(preset=preset, overrides=["inpainter.backend=telea"]), both)
 
 
 def test_a_method_that_takes_other_arguments_is_found_before_it_is_called():
     kind = type("Own", (backend("inpainter"),), {"infer": lambda self, image: image})
-    assert refusal(config(), registry(inpainter=kind), BackendError) == (
-        "config: 1 error\n"
-        "inpainter.backend   inpainter 'own' (physic-mine 0.2): infer(self, image) should take image, mask: "
-        "too many positional arguments"
-    )
+    message = refusal(config(), registry(inpainter=kind), BackendError)
+    assert "infer(self, image) should take image, mask: too many positional arguments" in message
 
 
 @pytest.mark.parametrize(
@@ -200,11 +177,8 @@ def test_a_constructor_that_fails_is_named(fault: BaseException, said: str):
 
 def test_a_class_that_lacks_a_method_is_one_of_the_faults():
     kind = type("Own", (interfaces.Inpainter,), {})
-    assert refusal(config(), registry(inpainter=kind), BackendError) == (
-        "config: 1 error\n"
-        f"inpainter.backend   inpainter 'own' (physic-mine 0.2): {kind} has no method infer, "
-        "which the interface inpainter requires"
-    )
+    message = refusal(config(), registry(inpainter=kind), BackendError)
+    assert f"{kind} has no method infer, which the interface inpainter requires" in message
 
 
 def test_the_example_swaps_the_inpainter_alone(repository):

@@ -71,24 +71,15 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people: People
 
 
 def test_a_prompt_that_hits_no_person_is_named(people: People) -> None:
-    with pytest.raises(NoPersonError) as error:
+    with pytest.raises(NoPersonError, match=r"^no person was found at point 2 \(50, 30\), in px of the photo at 100 x"):
         select_chosen(people, PeoplePrompt(points=((70, 20), (50, 30))))
-    assert str(error.value) == (
-        "no person was found at point 2 (50, 30), in px of the photo at 100 x 60 px; people were found in the boxes "
-        "(10, 10, 30, 50), (60, 10, 80, 50): choose one of them, mark the person with a mask, or use a segmenter that "
-        "takes prompts"
-    )
     with pytest.raises(NoPersonError, match=r"at box 1 \(40, 10, 55, 50\), .*"):
         select_chosen(people, PeoplePrompt(boxes=((40, 10, 55, 50),)))
 
 
 def test_two_prompts_on_one_person_are_refused(people: People) -> None:
-    with pytest.raises(NoPersonError) as error:
+    with pytest.raises(NoPersonError, match=r"^point 1 \(70, 20\) and point 2 \(72, 40\) hit the same person"):
         select_chosen(people, PeoplePrompt(points=((70, 20), (72, 40))))
-    assert str(error.value) == (
-        "point 1 (70, 20) and point 2 (72, 40) hit the same person: give one prompt for each person, or a box or mask "
-        "where people overlap"
-    )
 
 
 class Prompted(backends.MockSegmenter):

@@ -68,12 +68,8 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
 
 
 def test_a_distortion_that_folds_the_picture_is_refused() -> None:
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=r"^the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its"):
         check_distortion(CAMERA, (-2.0, 0, 0, 0, 0))
-    assert str(error.value) == (
-        "the distortion -2, 0, 0, 0, 0 folds the picture onto itself near its corners: give k1, k2, p1, p2, k3 in "
-        "OpenCV's order, with the intrinsics of the same calibration"
-    )
     check_distortion(CAMERA, BARREL)
 
 

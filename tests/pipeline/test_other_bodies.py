@@ -162,12 +162,8 @@ def test_bodies_of_smpl_are_carried_over(world: World) -> None:
 
 
 def test_bodies_with_too_few_joints_are_refused(world: World) -> None:
-    with pytest.raises(BodyModelError) as error:
+    with pytest.raises(BodyModelError, match="the body model 'smpl' with too few joints to carry them over"):
         run(world, TooFew, "body_estimator")
-    assert str(error.value) == (
-        "body_estimator 'other' (registered by hand) gives bodies for the body model 'smpl' with too few joints to "
-        "carry them over to 'embedded': both hips, and both shoulders or the neck, are needed of at least one person"
-    )
 
 
 def test_contact_on_another_mesh_is_carried_over(world: World) -> None:

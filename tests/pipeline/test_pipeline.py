@@ -45,12 +45,8 @@ def test_a_photo_without_people_is_an_error_if_people_are_required(world: World)
             return People(np.zeros((0, height, width), bool), none, np.zeros(0, np.float32))
 
     config = load_config(preset="mock", overrides=["segmenter.backend=wrong", "photo.require_people=true"])
-    with pytest.raises(NoPersonError) as error:
+    with pytest.raises(NoPersonError, match=r"^no person was found in the photo of 160 x 120 px by segmenter 'wrong'"):
         reconstruct(world.image, config, registry=with_backend(Blind, "segmenter"))
-    assert str(error.value) == (
-        "no person was found in the photo of 160 x 120 px by segmenter 'wrong' (registered by hand): use a photo that "
-        "shows at least one head and torso, another segmenter, or no require_people for the scene alone"
-    )
 
 
 def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
@@ -76,13 +72,8 @@ def test_bodies_of_another_body_model(world: World) -> None:
         def infer(self, *arguments):
             return replace(super().infer(*arguments), body_model="smplx")
 
-    with pytest.raises(BodyModelError) as error:
+    with pytest.raises(BodyModelError, match="'smplx', but the configuration loads 'embedded': set "):
         run(world, Smplx, "body_estimator")
-    assert str(error.value) == (
-        "body_estimator 'wrong' (registered by hand) gives bodies for the body model 'smplx', "
-        "but the configuration loads 'embedded': set [body_model] path = the file of a 'smplx', "
-        "or choose a body_estimator that gives 'embedded'"
-    )
 
 
 def test_a_body_model_of_the_users_own_that_the_estimator_does_not_speak(world: World, monkeypatch) -> None:

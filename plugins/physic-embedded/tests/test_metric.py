@@ -204,15 +204,10 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth() -> None:
 
 def test_metric_depth_without_people_or_evidence_of_scale_is_an_error(world: World) -> None:
     nobody = Bodies(world.bodies.parameters[0:0], "embedded")
-    with pytest.raises(NoPersonError) as error:
+    with pytest.raises(NoPersonError, match=r"^the embedded metric depth needs at least one person"):
         EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=nobody))
-    assert str(error.value) == ("the embedded metric depth needs at least one person: choose a metric depth network")
-    with pytest.raises(BackendError) as error:
+    with pytest.raises(BackendError, match=r"^the embedded metric depth found no soles on a floor and no torso in the"):
         EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, floor=None, original=None))
-    assert str(error.value) == (
-        "the embedded metric depth found no soles on a floor and no torso in the relative depth: "
-        "give hints.floor or hints.original, or choose a metric depth network"
-    )
     with pytest.raises(BackendError, match="got 'smplx' bodies without joints: use it in the pipeline, or choose"):
         EmbeddedMetricDepth().infer(IMAGE, replace(world.hints, bodies=Bodies(world.bodies.parameters, "smplx")))
 

@@ -113,14 +113,8 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(
 
 
 def test_without_a_file_the_message_says_what_is_needed_and_why(result: Reconstruction, tmp_path: Path):
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X"):
         result.export(str(tmp_path / "a.npz"))
-    assert str(refused.value) == (
-        "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, which PhySIC may not "
-        "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz (--body-model FILE, or "
-        "body_model= in Python). The file is free for research from the SMPL-X project, after registration. "
-        "Without it, --to glb and --to bvh have the same pose"
-    )
 
 
 def test_another_file_than_that_of_the_run_is_refused(converted: Reconstruction, other: OtherBody, tmp_path: Path):
@@ -135,12 +129,8 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction
     done = converted.export(str(tmp_path / "a.glb"), scene=False)
     assert set(trimesh.load_scene(done.files[0]).geometry) == {"person_0", "person_1"}
     lost = replace(converted, config={})
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"^the result has SMPL-X bodies, whose skeleton is in your SMPL-X file"):
         lost.export(str(tmp_path / "b.glb"))
-    assert str(refused.value) == (
-        "the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and the result does not name it: give "
-        "its path (--body-model FILE, or body_model= in Python)"
-    )
 
 
 def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):

@@ -257,12 +257,8 @@ def test_rounding_of_another_machine_is_forgiven(two):
 def test_a_person_who_is_not_in_the_world_is_refused(two):
     mask = np.zeros((1, *two.image.shape[:2]), bool)
     mask[0, :20, :20] = True
-    with pytest.raises(BackendError) as caught:
+    with pytest.raises(BackendError, match=r"^Person 0 is nobody of the mock world 'hug'"):
         MockKeypointDetector().infer(two.image, People(mask, np.array([[0.0, 0, 20, 20]]), np.ones(1)))
-    assert str(caught.value) == (
-        "Person 0 is nobody of the mock world 'hug': their mask overlaps no remaining person by an IoU of 0.3 "
-        "or more (best 0.00). Use masks of the people in the photo."
-    )
 
 
 def test_contact_for_another_body_brings_the_worlds_mesh(two):
