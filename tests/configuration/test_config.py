@@ -188,10 +188,9 @@ def test_the_environment_of_the_process_is_read(monkeypatch):
 
 def test_a_variable_that_is_wrong_is_named():
     assert "photo.max_sid   unknown key" in refusal(environment={"PHYSIC__PHOTO__MAX_SID": "900"})
-    for name in ("PHYSIC__PHOTO____MAX_SIDE", "PHYSIC__É"):
-        assert refusal(environment={name: "900"}) == (
-            f"the variable {name} names no setting: write PHYSIC__INPAINTER__BACKEND=telea"
-        )
+    assert refusal(environment={"PHYSIC__PHOTO____MAX_SIDE": "900"}) == (
+        "the variable PHYSIC__PHOTO____MAX_SIDE names no setting: write PHYSIC__INPAINTER__BACKEND=telea"
+    )
     text = refusal(environment={"PHYSIC__INPAINTER__BACKEND": "te lea"})
     assert text.startswith("the variable PHYSIC__INPAINTER__BACKEND=te lea: the value is not valid TOML (")
 
@@ -365,7 +364,8 @@ def test_hostile_values_are_one_short_error(write, text: str, expected: str):
     assert len(message) < 500
 
 
-def test_hostile_overrides_are_one_short_error():
+def test_hostile_variables_and_overrides_are_one_short_error():
+    assert "the variable PHYSIC__É names no setting" in refusal(environment={"PHYSIC__É": "1"})
     line = "run.threads=1\nrun.cache=false"
     assert refusal(overrides=[line]) == f"--set {line}: one value is expected, without a line break"
     message = refusal(overrides=["run.threads=" + "9" * 5000])
