@@ -38,9 +38,6 @@ def refusal(*arguments: str, code: int = 2) -> str:
     return done.stderr.removeprefix("Error: ").rstrip("\n")
 
 
-# ---- run -------------------------------------------------------------------------------------------------------------
-
-
 def small_result() -> Reconstruction:
     stages = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
     return empty_reconstruction(warnings=("no floor was found",), notes=("focal length is a default",), stages=stages)
@@ -254,8 +251,6 @@ def test_debug_shows_the_traceback(pipeline, monkeypatch):
     )
 
 
-# ---- plugins ---------------------------------------------------------------------------------------------------------
-
 A, B = Origin("a", "physic-a", "1.0"), Origin("b", "physic-b", "2.0", seconds=2.13)
 
 
@@ -375,9 +370,6 @@ def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):
         *("-", "-", "physic-bad", "0.3", "-", "-"),
         "BROKEN: ModuleNotFoundError: No module named 'no_such_module' (physic_bad.py:1)",
     ]
-
-
-# ---- config ----------------------------------------------------------------------------------------------------------
 
 
 def test_check_prints_ok_or_the_faults():

@@ -36,9 +36,6 @@ def run(photo: str, *arguments: str) -> Result:
     return CliRunner().invoke(main, ["run", photo, "--preset", "mock", "-o", "new/out", *arguments])
 
 
-# ---- what is refused -------------------------------------------------------------------------------------------------
-
-
 def truncated(path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3), np.uint8)
     Image.fromarray(noise).save(path)
@@ -73,9 +70,6 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_its_centre_w
     done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
     assert "warning: the principal point (110, 60) lies 19% of the photo's size off its centre (given)" in done.stdout
-
-
-# ---- what gives results ----------------------------------------------------------------------------------------------
 
 
 def sixteen_bit(image: np.ndarray, path: Path) -> None:
@@ -158,9 +152,6 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
     camera = json.loads(written[0]["reconstruction.json"])["intrinsics"]
     numbers = {"fx": 178, "fy": 179, "cx": 80, "cy": 59, "width": 160, "height": 120}
     assert camera == numbers | {"source": "given", "trust": "known", "focal_sigma": None}
-
-
-# ---- what is broken off ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")

@@ -35,9 +35,6 @@ def refusal(*args: Any, **kwargs: Any) -> str:
     return str(caught.value)
 
 
-# ---- what a config comes to ------------------------------------------------------------------------------------------
-
-
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
     assert {config.choice(i).backend for i in INTERFACES} == {"physic-embedded:embedded"}
@@ -159,9 +156,6 @@ def test_python_callers_may_pass_a_config_a_preset_a_file_tables_or_nothing(writ
     assert as_config({"photo": {"max_side": 640}}).photo.max_side == 640
 
 
-# ---- the environment -------------------------------------------------------------------------------------------------
-
-
 def test_a_variable_goes_over_the_file_and_under_an_override(write):
     file = write('[inpainter]\nbackend = "telea"\n[photo]\nmax_side = 800\nmask_growth = 0.01\n')
     variables = {
@@ -195,9 +189,6 @@ def test_a_variable_that_is_wrong_is_named():
     assert text.startswith("the variable PHYSIC__INPAINTER__BACKEND=te lea: the value is not valid TOML (")
 
 
-# ---- the configuration of a result -----------------------------------------------------------------------------------
-
-
 def written(config: Config) -> str:
     """A reconstruction.json with a configuration, as a run writes it."""
     from physic_core.io.document import encode_document
@@ -216,9 +207,6 @@ def test_a_result_stands_for_the_configuration_that_made_it(write):
     assert again.as_dict() | {"engine": 0, "run": 0} == config.as_dict() | {"engine": 0, "run": 0}
     assert again.source("inpainter.backend") == "reconstruction.json"
     assert load_config(write('extends = "reconstruction.json"\n')).photo.focal_px == 700
-
-
-# ---- what is refused -------------------------------------------------------------------------------------------------
 
 
 def test_every_fault_is_reported_at_once_with_path_source_and_suggestion(write):

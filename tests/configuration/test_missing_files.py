@@ -195,9 +195,6 @@ def test_the_listing_looks_for_the_weights_that_a_record_names(heavy: Path, site
     assert statuses()["metric_depth"] == "ready"
 
 
-# ---- backends that cannot say what they lack -------------------------------------------------------------------------
-
-
 def saying(answer: object) -> type[interfaces.Backend]:
     def say(self: object) -> object:
         if isinstance(answer, BaseException):

@@ -31,8 +31,6 @@ from .standins.checkouts import write_checkouts, write_checkpoints
 from .standins.files import write_lama, write_moge_2, write_vitpose
 from .standins.library import save_flux, save_networks, tell
 
-# ---- what is missing -------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True)
 class Lacking:
@@ -161,8 +159,6 @@ def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
         assert re.fullmatch(r"[\w -]+ needs the packages? [\w, ]+ of the environment: pip install [\w +:/.@-]+", line)
         assert line.partition(" needs ")[0] in wanted.checkouts
 
-
-# ---- the whole pipeline over stand-ins -------------------------------------------------------------------------------
 
 PACKAGES = {
     "accelerate", "braceexpand", "diffusers", "einops", "loguru", "omegaconf", "peft", "pytorch_lightning", "roma",

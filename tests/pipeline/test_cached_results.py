@@ -131,9 +131,6 @@ def physic(*arguments: str) -> str:
     return done.stdout
 
 
-# ---- what is asked ---------------------------------------------------------------------------------------------------
-
-
 def test_a_first_run_calls_loads_and_closes_every_backend(first) -> None:
     _, result, counts = first
     assert counts.asked == EVERYBODY
@@ -212,9 +209,6 @@ def test_a_backend_that_is_not_cacheable_is_called_each_time(
     assert [s.name for s in result.stages if s.provenance and not s.cached] == ["hands"]
 
 
-# ---- switches --------------------------------------------------------------------------------------------------------
-
-
 def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
     warm: Path, counts: Counts, photo: Path, tmp_path: Path
 ) -> None:
@@ -262,9 +256,6 @@ def test_a_damaged_cache_entry_is_computed_again_with_a_note(first, warm: Path, 
     counts.asked.clear()
     assert reconstruct(read_photo(photo).image, "mock").notes == first[1].notes
     assert counts.asked == Counter()
-
-
-# ---- memory ----------------------------------------------------------------------------------------------------------
 
 
 def test_where_memory_is_short_one_backend_is_open_at_a_time(

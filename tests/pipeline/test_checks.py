@@ -431,9 +431,6 @@ def test_checks_are_written_and_read_back() -> None:
     assert from_records(CheckResult, records) == RECORDS
 
 
-# ---- what is measured on the mesh ------------------------------------------------------------------------------------
-
-
 class Body:
     """The embedded body in its rest pose, upright, the pelvis 4 m before a camera of 640 x 480 px."""
 

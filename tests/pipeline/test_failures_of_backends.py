@@ -51,9 +51,6 @@ def nan_parameters(answer: Bodies) -> Bodies:
     return replace(answer, parameters=nans("body_pose", "transl")(answer.parameters))
 
 
-# ---- required --------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("interface", "stage", "base", "change", "faults"),
     [
@@ -84,9 +81,6 @@ def test_an_invalid_result_of_a_required_backend_stops_a_run(
         run(world, interface, base, change)
     title = WRONG.format(interface, stage)
     assert str(error.value) == "\n  ".join([f"{title} returned what the interface does not allow:", *faults])
-
-
-# ---- optional --------------------------------------------------------------------------------------------------------
 
 
 def without(world: World, interface: str) -> Reconstruction:

@@ -200,9 +200,6 @@ def test_no_valid_body_at_all_is_an_error(world: World) -> None:
     )
 
 
-# ---- one answer at a time --------------------------------------------------------------------------------------------
-
-
 def test_lost_rows_become_what_stands_for_nothing() -> None:
     points = np.ones((3, 4, 2))
     points[1, 2] = np.nan

@@ -159,9 +159,6 @@ def test_a_contradiction_on_the_command_line_has_exit_code_2_and_is_a_failed_row
     assert "the photo contradicts the camera height 4 m" in row["message"]
 
 
-# ---- statures of several people --------------------------------------------------------------------------------------
-
-
 def people(centres: list[float]) -> People:
     boxes = np.array([[c - 5, 0, c + 5, 20] for c in centres], np.float32)
     masks = np.zeros((len(centres), 20, 100), bool)
@@ -223,9 +220,6 @@ def test_the_point_of_a_body_lies_on_the_ray() -> None:
     point = vertices_at_ray(plane, normals, torch.tensor([0.1, 0.05, 1.0]), K)(plane)
     z = 4 / (1 - 0.05)
     torch.testing.assert_close(point, z * torch.tensor([0.1, 0.05, 1.0]), atol=0.01, rtol=0)
-
-
-# ---- config and command line -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

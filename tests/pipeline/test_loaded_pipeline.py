@@ -214,9 +214,6 @@ def test_a_second_thread_is_refused(world: World):
     assert refused == ["the pipeline is running in another thread: make one for each thread"]
 
 
-# ---- the result ------------------------------------------------------------------------------------------------------
-
-
 def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstruction):
     person = result.people[0]
     mesh = person.mesh()

@@ -96,9 +96,6 @@ def test_cache_entries_without_the_new_fields_are_read() -> None:
         assert [getattr(found, field) for field in fields] == [None] * len(fields)
 
 
-# ---- in the pipeline -------------------------------------------------------------------------------------------------
-
-
 def run(world: World, kind: type, interface: str, *overrides: str) -> Reconstruction:
     registry = discover()
     registry.register(BackendRecord(interface, "other", kind, api=1))

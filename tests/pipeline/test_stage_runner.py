@@ -80,9 +80,6 @@ def if_it_can(stages: StageRunner, backend: Counting) -> DepthMap | None:
     return stages.call_optional_backend("depth", resolved(backend), REQUEST, otherwise="all is flat")
 
 
-# ---- loading and closing ---------------------------------------------------------------------------------------------
-
-
 def test_a_backend_is_loaded_at_its_first_call_and_closed_at_the_end(events: list[str]):
     stages, a, b = StageRunner("cuda:1", 3), Counting("a"), Counting("b")
     for backend in (a, b, a):
@@ -127,8 +124,6 @@ def test_a_backend_that_cannot_be_closed_costs_a_warning(events: list[str]):
         "the result is complete, but memory may be lost"
     ]
 
-
-# ---- failures --------------------------------------------------------------------------------------------------------
 
 TITLE = "metric_depth 'a' (my-dist 1.0), stage 'depth'"
 
@@ -209,9 +204,6 @@ def test_a_run_continues_without_an_optional_backend():
         f"{TITLE} returned what the interface does not allow: depth must be (6, 8), got (8, 6); all is flat",
     ]
     assert [record.failed for record in stages.records] == [True, True, False]
-
-
-# ---- the cache -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

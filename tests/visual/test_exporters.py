@@ -57,9 +57,6 @@ def physic(*arguments: object) -> Result:
     return CliRunner().invoke(main, list(map(str, arguments)))
 
 
-# --- plugins ----------------------------------------------------------------------------------------------------------
-
-
 def test_a_plugin_adds_a_format(plugin: Any, saved_pair: Path, result: Reconstruction, tmp_path: Path):
     (line,) = [line for line in physic("export", "--list").output.splitlines() if line.startswith("box ")]
     assert line.split("  ")[-1].strip() == "a ruler"
@@ -140,9 +137,6 @@ def test_without_plugins_the_core_writes_glb(monkeypatch: pytest.MonkeyPatch, sa
     assert "amass, bvh, coco, mjcf, obj, ply, usd, vrm: in physic-export, which is not installed" in rest
     assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
     assert (tmp_path / "a.glb").read_bytes() == (saved_pair / "combined.glb").read_bytes()
-
-
-# --- frames -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])

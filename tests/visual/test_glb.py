@@ -37,9 +37,6 @@ def files(reconstruction):
     return dict(glb_files(reconstruction))
 
 
-# --- the upright frame ------------------------------------------------------------------------------------------------
-
-
 def test_a_level_camera_is_lifted_over_the_floor():
     matrix = gltf_from_camera(Plane(np.array([0.0, -1.0, 0.0]), 1.5))
     expected = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -64,9 +61,6 @@ def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, poin
     if np.hypot(ahead[0], ahead[2]) > 0.06:
         assert ahead[0] == pytest.approx(0.0, abs=1e-9)
         assert ahead[2] < 0
-
-
-# --- the scene's surface ----------------------------------------------------------------------------------------------
 
 
 def flat_scene(depth: np.ndarray) -> Scene:
@@ -141,9 +135,6 @@ def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make)
     depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
     assert depth_limit(reconstruction) == pytest.approx(3 * depth)
     assert depth_limit(make(people=0)) == 20.0
-
-
-# --- the files --------------------------------------------------------------------------------------------------------
 
 
 def test_the_scene_and_each_person_have_a_glb_file(files):

@@ -41,9 +41,6 @@ def is_hue(picture, index):
     return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
 
 
-# --- drawing ----------------------------------------------------------------------------------------------------------
-
-
 def test_a_sphere_is_a_disc_of_the_right_size():
     layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
     radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
@@ -104,9 +101,6 @@ def test_of_splats_at_one_distance_the_last_wins():
     colors = np.random.default_rng(0).random((1000, 3)).astype(np.float32)
     layer = render_points(view, np.tile([0.0, 0.0, 1.0], (1000, 1)), colors)
     np.testing.assert_array_equal(layer.color[5, 10], colors[-1])
-
-
-# --- panels -----------------------------------------------------------------------------------------------------------
 
 
 def test_people_are_drawn_where_their_joints_project(reconstruction):
@@ -200,9 +194,6 @@ def test_no_people_and_no_scene_make_empty_plans(make):
         np.testing.assert_array_equal(plan.picture, np.broadcast_to(np.uint8(BACKGROUND_RGB), (40, 60, 3)))
 
 
-# --- the whole --------------------------------------------------------------------------------------------------------
-
-
 def checks(*states):
     return tuple(CheckResult(f"check {i}", s, None, 1.0, "at most", "m", "", 0) for i, s in enumerate(states))
 
@@ -292,9 +283,6 @@ def test_triangles_that_may_each_cover_the_image_are_left_out():
     assert kept is not None
     assert kept.faces.tolist() == [[0, 1, 2]]
     assert prepare_meshes([1e3 * vertices], faces, longest_edge=LONGEST_BODY_EDGE_M) is None
-
-
-# --- several photos ---------------------------------------------------------------------------------------------------
 
 
 def test_the_bodies_are_where_another_camera_sees_them(several_photos):

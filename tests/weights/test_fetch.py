@@ -39,9 +39,6 @@ def left(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-# ---- what goes well --------------------------------------------------------------------------------------------------
-
-
 def test_a_file_is_fetched_once_and_found_by_its_name(server: Any, own_cache: Path, lists: Any):
     url = server.add("/model.onnx", CONTENT)
     folder = lists.add("net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url})
@@ -96,9 +93,6 @@ def test_ctrl_c_leaves_no_part_of_a_file(server: Any, own_cache: Path):
     assert left(own_cache) == []
 
 
-# ---- what is wrong with what comes -----------------------------------------------------------------------------------
-
-
 def test_a_wrong_hash_is_said_and_the_file_removed(server: Any, own_cache: Path):
     other = CONTENT[::-1]
     url = server.add("/model.onnx", other)
@@ -130,9 +124,6 @@ def test_a_wrong_size_is_reported_without_a_content_length(server: Any, own_cach
     url = server.add("/model.onnx", CONTENT, length=False)
     assert refusal(weights(WeightFile("model.onnx", size, None, url))) == f"{url} {words}"
     assert left(own_cache) == []
-
-
-# ---- servers that refuse ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("code", [401, 403])
@@ -174,9 +165,6 @@ def test_a_server_that_falls_silent_is_said(server: Any, monkeypatch: pytest.Mon
     listening.close()
 
 
-# ---- this machine ----------------------------------------------------------------------------------------------------
-
-
 def test_a_folder_that_cannot_be_made_is_said(server: Any, own_cache: Path):
     own_cache.parent.mkdir(parents=True)
     own_cache.write_text("not a folder")
@@ -184,8 +172,6 @@ def test_a_folder_that_cannot_be_made_is_said(server: Any, own_cache: Path):
         fetch(one(server.add("/model.onnx", CONTENT)))
     assert server.asked == []
 
-
-# ---- licences --------------------------------------------------------------------------------------------------------
 
 NOT_FREE = [
     ({"commercial": False}, "is NOT allowed", []),
@@ -223,9 +209,6 @@ def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, 
     )
     there.unlink()
     assert fetch(chosen) == ("model.onnx",)
-
-
-# ---- members of a zip ------------------------------------------------------------------------------------------------
 
 
 def zipped(**members: bytes) -> bytes:

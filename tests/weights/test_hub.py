@@ -171,9 +171,6 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub: Hub, server: 
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
 
 
-# ---- refusals --------------------------------------------------------------------------------------------------------
-
-
 def access(server: Any) -> str:
     return (
         f"accept its terms at {server.address}/owner/net, log in with `hf auth login`, or set HF_TOKEN, and try again"

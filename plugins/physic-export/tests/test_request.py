@@ -35,9 +35,6 @@ def without_body(result: Reconstruction, index: int) -> Reconstruction:
     return replace(result, people=tuple(lost if i == index else p for i, p in enumerate(result.people)))
 
 
-# --- formats ----------------------------------------------------------------------------------------------------------
-
-
 def test_the_list_names_every_format_with_suffix_and_needs():
     done = physic("export", "--list")
     assert done.exit_code == 0
@@ -78,9 +75,6 @@ def test_an_unknown_format_is_refused(name: str | None, suffix: str, message: st
         find_exporter(name, suffix)
 
 
-# --- people -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("lost", "options", "message"),
     [
@@ -116,9 +110,6 @@ def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, 
 def test_z_up_needs_a_floor(result: Reconstruction, tmp_path: Path):
     with pytest.raises(InputError, match=r"^z up needs the direction of gravity, which is the normal of the floor"):
         without_floor(result).export(str(tmp_path / "a.xml"))
-
-
-# --- files ------------------------------------------------------------------------------------------------------------
 
 
 def test_several_people_are_numbered_and_one_is_not(export, tmp_path: Path):

@@ -47,9 +47,6 @@ def test_every_depth_notes_the_noise_version(world):
     assert notes == (f"mock: true points in an unknown unit with errors of noise model {NOISE_VERSION} times 1",)
 
 
-# --- bodies -----------------------------------------------------------------------------------------------------------
-
-
 def lean(hidden: np.ndarray, seed: int) -> np.ndarray:
     return draw_bone_errors(np.eye(3), hidden, 8.0, 3.0, 0.5, 2.0, 0.5, rng(seed))
 
@@ -87,9 +84,6 @@ def test_people_stray_along_their_line_of_sight(world, people):
     assert np.sqrt((across**2).sum(axis=1).mean() / 2) == pytest.approx(options.lateral_noise_m, rel=0.25)
 
 
-# --- contact ----------------------------------------------------------------------------------------------------------
-
-
 def test_contact_has_its_precision_and_recall_on_average_and_patches(world, people):
     contact, bodies = world.contact[0], bodies_of(world, people, noise=0)
     hits = false = 0
@@ -122,9 +116,6 @@ def test_false_contact_lies_mostly_on_parts_that_often_touch(world, people):
     assert shares[1] > shares[0]
 
 
-# --- depth ------------------------------------------------------------------------------------------------------------
-
-
 def test_metric_depth_has_one_scale_error_for_all_pixels_and_states_its_sigma(world):
     options = MetricDepthOptions(scale_sigma=0.1, focal_sigma=0.05, warp=0, smear_px=0)
     answers = [MockMetricDepth(replace_seed(options, s)).infer(world.image, Hints()) for s in range(100)]
@@ -152,9 +143,6 @@ def test_the_two_pictures_share_warp_and_bumps_and_differ_by_their_disagreement(
             photo, empty = (model.infer(i, Hints()).points[..., 2] for i in (world.image, world.empty_image))
             spread.append(np.log(photo[background] / empty[background]))
         assert np.std(spread) == pytest.approx(np.sqrt(2) * disagreement, rel=0.3, abs=1e-6)
-
-
-# --- masks and keypoints ----------------------------------------------------------------------------------------------
 
 
 def test_errors_of_the_floor_mask_add_and_remove_patches(world):
