@@ -44,13 +44,9 @@ def test_rows_are_the_papers_and_end_in_the_full_model(base):
 def test_each_row_adds_one_term_to_the_row_before():
     papers = list(rows("paper").values())
     steps = [difference(a, b) for a, b in pairwise(papers[:6])]
-    assert steps == [
-        {"joint.contact.weight"},
-        {"joint.penetration.weight"},
-        {"placement.chamfer_weight", "joint.depth.weight"},
-        {"joint.visibility.occlusion_aware"},
-        {"scene.floor"},
-    ]
+    assert steps[:2] == [{"joint.contact.weight"}, {"joint.penetration.weight"}]
+    assert steps[2] == {"placement.chamfer_weight", "joint.depth.weight"}
+    assert steps[3:] == [{"joint.visibility.occlusion_aware"}, {"scene.floor"}]
     ours = list(rows("default").values())
     assert difference(ours[3], ours[4]) == {"joint.visibility.occlusion_aware"}
     assert difference(ours[5], ours[6]) == {"joint.contact.source"}

@@ -181,18 +181,10 @@ def test_materials_are_matte_and_the_photo_brings_its_own_light(files):
     assert photo["doubleSided"] is True
     assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
     grey = [round(((value / 255 + 0.055) / 1.055) ** 2.4, 4) for value in BODY_RGB]
-    assert mannequin["pbrMetallicRoughness"] == {
-        "metallicFactor": 0.0,
-        "roughnessFactor": 0.9,
-        "baseColorFactor": [*grey, 1.0],
-    }
+    matte = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
+    assert mannequin["pbrMetallicRoughness"] == matte | {"baseColorFactor": [*grey, 1.0]}
     used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
-    assert {name: primitive["material"] for name, primitive in used.items()} == {
-        "scene": 0,
-        "floor": 1,
-        "person_0": 2,
-        "person_1": 2,
-    }
+    assert [used[name]["material"] for name in ("scene", "floor", "person_0", "person_1")] == [0, 1, 2, 2]
     assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
     assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT"}
 
@@ -220,11 +212,7 @@ def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_
     tree = tree_of(files["combined.glb"])
     assert "skins" not in tree
     count = len(reconstruction.people[0].vertices)
-    assert tree["scenes"][0]["extras"]["no_skeleton"] == (
-        f"the body model has 13348 vertices, a body of the result {count}: "
-        "give the SMPL-X file that the result was made with (--body-model FILE)"
-    )
+    reason = f"the body model has 13348 vertices, a body of the result {count}: "
+    assert tree["scenes"][0]["extras"]["no_skeleton"].startswith(reason)
     theirs = dict(glb_files(replace(reconstruction, body_model="smplx")))["combined.glb"]
-    assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"] == (
-        "it is in a file of yours; `physic export --to glb` writes it"
-    )
+    assert tree_of(theirs)["scenes"][0]["extras"]["no_skeleton"].startswith("it is in a file of yours; ")

@@ -105,8 +105,8 @@ def test_a_wrong_hash_is_said_and_the_file_removed(server: Any, own_cache: Path)
 
 def test_a_wrong_size_is_said_before_the_file_has_come(server: Any, own_cache: Path):
     url = server.add("/model.onnx", CONTENT)
-    assert refusal(weights(WeightFile("model.onnx", 7, HASH, url))) == (
-        f"{url} has {len(CONTENT)} bytes, but the manifest states 7: the file has changed"
+    assert f"{len(CONTENT)} bytes, but the manifest states 7" in refusal(
+        weights(WeightFile("model.onnx", 7, HASH, url))
     )
     assert left(own_cache) == []
 
@@ -141,18 +141,13 @@ def test_weights_with_an_account_name_the_way_to_get_them(server: Any, own_cache
 
 def test_a_source_that_is_gone_names_the_homepage(server: Any):
     url = f"{server.address}/gone"
-    assert refusal(one(url, homepage="https://example.org")) == (
-        f"{url} does not exist (HTTP 404): see https://example.org"
-    )
+    assert refusal(one(url, homepage="https://a.org")) == f"{url} does not exist (HTTP 404): see https://a.org"
 
 
 def test_a_missing_network_connection_is_reported(server: Any):
     url = server.add("/model.onnx", CONTENT)
     server.close()
-    assert refusal(one(url)) == (
-        f"{url}: the server cannot be reached, or the connection was lost (ConnectionError): check the network "
-        "connection, and try again"
-    )
+    assert "the connection was lost (ConnectionError)" in refusal(one(url))
 
 
 def test_a_server_that_falls_silent_is_said(server: Any, monkeypatch: pytest.MonkeyPatch):
@@ -204,9 +199,7 @@ def test_a_file_of_another_size_is_not_taken_for_the_published_one(server: Any, 
     there = own_cache / "net" / "model.onnx"
     there.parent.mkdir(parents=True)
     there.write_bytes(b"cut off")
-    assert refusal(chosen) == (
-        f"{there} has 7 bytes instead of {len(CONTENT)}, so it is not the published file: move it away, and try again"
-    )
+    assert f"{there} has 7 bytes instead of {len(CONTENT)}, so it is not the published file" in refusal(chosen)
     there.unlink()
     assert fetch(chosen) == ("model.onnx",)
 
@@ -253,9 +246,7 @@ def test_a_member_that_is_not_there_names_those_that_are(server: Any, own_cache:
 
 def test_a_member_of_another_size_or_hash_is_refused(server: Any, own_cache: Path):
     url = server.add("/all.zip", zipped(a=b"other"))
-    assert refusal(weights(WeightFile("a", 7, None, f"{url}#a"))) == (
-        f"{url}#a has 5 bytes instead of 7: it has changed"
-    )
+    assert "#a has 5 bytes instead of 7: it has changed" in refusal(weights(WeightFile("a", 7, None, f"{url}#a")))
     assert left(own_cache) == []
     found = hashlib.sha256(b"other").hexdigest()
     assert refusal(weights(WeightFile("a", None, HASH, f"{url}#a"))) == (

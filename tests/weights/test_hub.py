@@ -155,12 +155,8 @@ def test_a_broken_connection_is_taken_up_again_at_once(hub: Hub, tmp_path: Path,
 def test_a_file_that_differs_from_the_manifest_is_removed(hub: Hub, tmp_path: Path, to: str | None):
     source = hub.add("model.onnx", CONTENT)
     folder = None if to is None else tmp_path / to
-    assert refusal(source, {"sha256": "ab" * 32}, to=folder) == (
-        f"{source} was downloaded, but its SHA-256 is {HASH} instead of {'ab' * 32}: removed"
-    )
-    assert refusal(source, {"bytes": 7}, to=folder) == (
-        f"{source} was downloaded, but it has {len(CONTENT)} bytes instead of 7: removed"
-    )
+    assert f"its SHA-256 is {HASH} instead of {'ab' * 32}" in refusal(source, {"sha256": "ab" * 32}, to=folder)
+    assert f"it has {len(CONTENT)} bytes instead of 7: removed" in refusal(source, {"bytes": 7}, to=folder)
     assert [name for name in left(tmp_path) if "model.onnx" in name or HASH in name] == []
 
 
@@ -194,11 +190,5 @@ def test_offline_by_the_librarys_own_switch(hub: Hub, server: Any, monkeypatch):
 
     source = hub.add("model.onnx", CONTENT)
     monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
-    assert refusal(source) == (
-        f"{source}: HF_HUB_OFFLINE is set, so nothing is downloaded: unset it, or copy the file into a folder of "
-        "PHYSIC_WEIGHTS"
-    )
+    assert refusal(source).startswith(f"{source}: HF_HUB_OFFLINE is set, so nothing is downloaded: unset it, or copy")
     assert server.asked == []
-
-
-# ---- as the user runs it ---------------------------------------------------------------------------------------------

@@ -39,15 +39,9 @@ def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
         '[["net-1.5".files]]\npath = "b.onnx"\n',
     )
     (found,) = read_manifest(path).values()
-    assert (
-        found.name,
-        found.summary,
-        found.license,
-        found.commercial,
-        found.account,
-        found.homepage,
-        found.advice,
-    ) == (*("net-1.5", "A network", "CC-BY-NC-4.0", False, True, "https://example.org", "export b"),)
+    assert (found.name, found.summary, found.license) == ("net-1.5", "A network", "CC-BY-NC-4.0")
+    assert (found.commercial, found.account) == (False, True)
+    assert (found.homepage, found.advice) == ("https://example.org", "export b")
     first, second = found.files
     assert (first.path, first.bytes, first.sha256) == ("deep/a.onnx", 7, "ab" * 32)
     assert first.origin == HubSource("owner/repo", "x/a.onnx", "refs/pr/1")
@@ -57,13 +51,8 @@ def test_a_set_is_read_with_all_that_it_says(tmp_path: Path):
 
 def test_keys_left_out_of_a_manifest_are_unknown(tmp_path: Path):
     (found,) = read_manifest(write(tmp_path, SIMPLE + SOURCE)).values()
-    assert (found.commercial, found.account, found.homepage, found.advice, found.is_free) == (
-        None,
-        False,
-        "",
-        "",
-        False,
-    )
+    assert (found.commercial, found.account, found.is_free) == (None, False, False)
+    assert found.homepage == found.advice == ""
 
 
 @pytest.mark.parametrize(
@@ -151,10 +140,6 @@ def test_every_fault_is_reported_at_once(tmp_path: Path):
     ]
 
 
-def test_a_weight_set_without_licence_is_refused(tmp_path: Path):
-    assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] license is missing"]
-
-
 def test_a_set_of_no_files(tmp_path: Path):
     assert faults(write(tmp_path, '[net]\nsummary = "A"\nlicense = "MIT"\nfiles = []\n')) == ["[net] has no files"]
 
@@ -171,9 +156,10 @@ def test_a_file_that_is_not_toml_is_an_error(tmp_path: Path):
 
 
 def test_a_list_that_is_not_there(tmp_path: Path):
-    with pytest.raises(BackendError) as caught:
+    with pytest.raises(
+        BackendError, match=r"^the weight manifest .*no\.toml cannot be read: No such file or directory$"
+    ):
         read_manifest(tmp_path / "no.toml")
-    assert str(caught.value) == f"the weight manifest {tmp_path / 'no.toml'} cannot be read: No such file or directory"
 
 
 @pytest.mark.parametrize(

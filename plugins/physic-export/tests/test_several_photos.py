@@ -61,11 +61,7 @@ def test_each_camera_of_a_glb_file_looks_at_the_people(several):
 def test_coco_has_an_image_of_each_photo_with_its_people(export, several):
     files = {path.name: path for path in export("a.json", "coco", of=several).files}
     document = json.loads(files["a.json"].read_text())
-    assert [(one["id"], one["file_name"]) for one in document["images"]] == [
-        (1, "a.png"),
-        (2, "a_1.png"),
-        (3, "a_2.png"),
-    ]
+    assert {one["id"]: one["file_name"] for one in document["images"]} == {1: "a.png", 2: "a_1.png", 3: "a_2.png"}
     for image, camera in zip(document["images"], several.cameras, strict=True):
         np.testing.assert_array_equal(np.asarray(Image.open(files[image["file_name"]])), camera.image)
         assert (image["height"], image["width"]) == camera.image.shape[:2]
