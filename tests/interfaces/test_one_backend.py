@@ -61,17 +61,11 @@ def test_options_are_keyword_arguments(kind: Any):
 def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
     assert (Flat(metres=3.0)(IMAGE).depth == 3).all()
     assert (Flat()(IMAGE, Hints(hole=np.zeros((64, 80), bool))).depth == 2).all()
-    with pytest.raises(
-        BackendOutputError, match=r"^Behind returned an invalid result: depth must be > 0 m or NaN, the"
-    ):
+    with pytest.raises(BackendOutputError, match=r"^Behind returned an invalid result: depth must be > 0 m or NaN"):
         Behind()(IMAGE)
-    with pytest.raises(
-        InputError, match=r"^the image must be a numpy array \(H, W, 3\) of uint8 RGB, got \(64, 80\) uint8"
-    ):
+    with pytest.raises(InputError, match=r"a numpy array \(H, W, 3\) of uint8 RGB, got \(64, 80\) uint8"):
         Flat()(IMAGE[..., 0])
-    with pytest.raises(
-        InputError, match=r"^metric_depth is called with image, hints: .* unexpected keyword argument 'hint'$"
-    ):
+    with pytest.raises(InputError, match=r"^metric_depth is called with image, hints: .* keyword argument 'hint'$"):
         Flat()(IMAGE, hint=None)
     with pytest.raises(InputError, match=r"^inpainter is called with image, mask: missing 1 required .* 'mask'$"):
         load_backend("inpainter", "telea")(IMAGE)
@@ -104,16 +98,11 @@ def test_a_backend_that_cannot_be_loaded():
     for arguments, options, message in (
         (("depth", "mock"), {}, r"no interface named 'depth'; there are: segmenter, .*"),
         (("inpainter", "none-such"), {}, r"inpainter\.backend\s+no inpainter named 'none-such'; installed: .*"),
-        (
-            ("inpainter", "telea"),
-            {"radius": 3},
-            r"inpainter\.options\.radius\s+unknown option\. Did you mean 'radius_px'\?",
-        ),
+        (("inpainter", "telea"), {"radius": 3}, r"options\.radius\s+unknown option\. Did you mean 'radius_px'\?"),
         (("inpainter", ""), {}, r"load_backend: name a backend of inpainter, one of .*telea.*"),
     ):
-        with pytest.raises(ConfigError) as error:
+        with pytest.raises(ConfigError, match=message):
             load_backend(*arguments, **options)
-        assert re.search(message, str(error.value))
     with pytest.raises(WeightsMissingError, match="depth-anything-v2-metric-onnx"):
         load_backend("metric_depth", "depth-anything-v2-metric-onnx")
 

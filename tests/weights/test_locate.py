@@ -95,10 +95,7 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
         ({}, "`physic weights fetch net`"),
         ({"commercial": False}, "`physic weights fetch net --accept-licence` (no commercial use)"),
         ({"commercial": None}, "`physic weights fetch net --accept-licence` (commercial use not stated)"),
-        (
-            {"account": True},
-            "`physic weights fetch net --accept-licence` (an account with access, commercial use allowed)",
-        ),
+        ({"account": True}, f"{FETCH[:-1]} --accept-licence` (an account with access, commercial use allowed)"),
     ],
 )
 def test_how_to_get_it_follows_the_licence(lists: Any, keys: dict[str, Any], way: str):
