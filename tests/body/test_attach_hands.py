@@ -67,7 +67,6 @@ def test_a_hand_that_agrees_changes_nothing() -> None:
 def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
     before = body()
     hands = replace(hands_of(before, np.full((1, 2, 3), np.nan), 0.9), confidence=np.array([[0.0, 0.9]]))
-    assert hands.wrists is not None
     hands.wrists[:, 1] = [0.1, 0.2, 0.3]
     after = attach_hands(before, hands, MODEL, RANGE)
     changed = (before.body_pose != after.body_pose).reshape(21, 3).any(1)

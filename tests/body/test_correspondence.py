@@ -80,9 +80,6 @@ def test_vertices_find_their_places_on_the_other_body(
     apart = np.linalg.norm(onto_embedded.interpolate(rest) - other.from_embedded @ rest, axis=1)[
         other_model.outer.numpy()
     ]
-    print(
-        f"mean {1000 * apart.mean():.2f}, 95% {1000 * np.percentile(apart, 95):.2f}, most {1000 * apart.max():.1f} mm"
-    )
     assert apart.mean() < 0.6e-3
     assert np.percentile(apart, 95) < 2e-3
     assert apart.max() < 20e-3
@@ -117,7 +114,6 @@ def test_contact_is_carried_there_and_back(name: str, embedded: BodyModel, other
     assert back.topology == embedded.topology
     was, found = before[0] > 0.5, back.probability[0] > 0.5
     f1 = 2 * (was & found).sum() / (was.sum() + found.sum())
-    print(f"{name}: F1 {f1:.3f}")
     assert f1 > 0.95
     if name.startswith(("left", "right")):
         other_side = name.replace("left", "x").replace("right", "left").replace("x", "right")

@@ -73,7 +73,6 @@ def test_a_body_is_recovered_from_its_joints_and_rotations(embedded: BodyModel, 
     vertices, joints = posed(embedded, truth)
     found = fit_joints(BoneOffsets.of(embedded), joints, truth.world)
     again = posed(embedded, found)
-    print(f"joints {mm(again[1], joints):.2f} mm, vertices {mm(again[0], vertices):.2f} mm")
     assert mm(again[1], joints) < 1.0
     assert mm(again[0], vertices) < 5
     # Only limbs were turned, and by little: what the shape leaves over.
@@ -89,9 +88,6 @@ def test_a_body_is_recovered_from_its_joints_alone(embedded: BodyModel, people: 
     found = fit_joints(BoneOffsets.of(embedded), joints, None)
     again = posed(embedded, found)
     turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(found.world, -1, -2) @ truth.world), axis=-1))
-    print(
-        f"joints {mm(again[1], joints):.2f}, vertices {mm(again[0], vertices):.2f} mm, turns {turns.mean():.1f} degrees"
-    )
     assert mm(again[1], joints) < 4
     assert mm(again[0], vertices) < 9
     assert turns[:, [0, 9, 15]].max() < 6
@@ -120,7 +116,6 @@ def test_joints_may_be_unknown(embedded: BodyModel, people: People, unknown: lis
     assert has_torso_joints(np.isfinite(given_joints).all(-1)).all()
     again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), given_joints, None))
     known = np.isfinite(given_joints).all(-1)
-    print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[known], joints[known]):.1f} mm")
     assert np.isfinite(again).all()
     assert mm(there[known], joints[known]) < 10
     assert mm(again, vertices) < most_mm
@@ -133,7 +128,6 @@ def test_twelve_joints_and_a_neck_make_a_body(embedded: BodyModel, people: Peopl
     seen = [12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8]
     given_joints[:, seen] = joints[:, seen]
     again, there = posed(embedded, fit_joints(BoneOffsets.of(embedded), given_joints, None))
-    print(f"{mm(again, vertices):.1f} mm, known joints {mm(there[:, seen], joints[:, seen]):.1f} mm")
     assert mm(there[:, seen], joints[:, seen]) < 12
     assert mm(again, vertices) < 35
 
@@ -209,7 +203,6 @@ def test_a_body_is_recovered_from_its_surface(embedded: BodyModel, people: Peopl
             embedded, fit_surface(patches, SurfaceTargets(points, np.ones(points.shape[:2])), rounds, sigma_m=0.001)
         )
         errors.append((mm(found[0], vertices), mm(found[1], joints)))
-    print("rounds, vertices and joints in mm:", [tuple(round(e, 3) for e in pair) for pair in errors])
     assert errors[2][0] < 0.1
     assert errors[2][1] < 0.1
     assert errors[3][0] < 0.05

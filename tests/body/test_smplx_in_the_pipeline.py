@@ -47,7 +47,6 @@ def test_the_ruler_and_the_contact_priors_know_other_bodies(world: World, file: 
         assert any(note.startswith("bodies converted from 'embedded' to 'smplx'") for note in result.notes)
         assert "contact carried over from the mesh 'physic-embedded-1' to 'smplx'" in result.notes
         ratio = np.nanmedian(result.scene.points[..., 2] / plain.scene.points[..., 2])
-        print(f"scale is off by {100 * (ratio - 1):+.2f} %")
         assert ratio == pytest.approx(1, abs=0.02)
         touching, was = np.flatnonzero(result.people[0].contact), np.flatnonzero(plain.people[0].contact)
         assert len(touching) > 0.5 * len(was) * 10475 / len(plain.people[0].contact)
@@ -63,7 +62,6 @@ def test_a_body_given_by_joints_alone_has_the_same_height(
     feet = [
         surface(embedded, bodies)[embedded.contact_sets["left_sole"], 1].max() for bodies in (bodies_of_world, back)
     ]
-    print(f"soles are {1000 * (feet[1] - feet[0]):+.1f} mm lower")
     assert feet[1] == pytest.approx(feet[0], abs=0.01)
 
 

@@ -323,10 +323,9 @@ def test_the_papers_pipeline_runs_from_photo_to_files(
     asked = tell(monkeypatch, world)
     write_papers_config(place, tmp_path / "flux")
     require_no_fault(CliRunner().invoke(main, ["config", "check", "my.toml"]), "my.toml: no errors\n")
-    done = run("--config", "my.toml")
+    run("--config", "my.toml")
     found = Reconstruction.load("out")
     score = judged(found, world)
-    print(f"{score}\n{done.stdout}")
     require_files(Path("out"))
     assert backends_of(found) == claimed("paper")
     assert asked == {"GroundingDinoForObjectDetection": 2, "Sam2Model": 1, "DepthProForDepthEstimation": 1}
@@ -366,10 +365,9 @@ def test_the_best_pipeline_runs_from_photo_to_files(
 ) -> None:
     asked = tell(monkeypatch, world)
     require_no_fault(CliRunner().invoke(main, ["config", "check", *best]), "preset best: no errors\n")
-    done = run(*best)
+    run(*best)
     found = Reconstruction.load("out")
     score = judged(found, world)
-    print(f"{score}\n{done.stdout}")
     require_files(Path("out"))
     assert backends_of(found) == claimed("best")
     assert asked == {"Sam3Model": 4}  # people, and three words for the floor

@@ -168,7 +168,6 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
     vertices = standing.vertices[0, energy.context.ids[rows]]
     (surface,) = (term for term in energy.terms if isinstance(term, SurfaceTerms))
     seen = surface.parts.depth.log_map_depth[0, rows].exp()
-    print(f"{rows.sum()} vertices, median {1e3 * (vertices[:, 2] - seen).abs().median():.1f} mm")
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
 

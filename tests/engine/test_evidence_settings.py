@@ -114,6 +114,5 @@ def test_other_energies_than_ours_go_down(standing, preset):
     start = replace(standing.problem, transl0=standing.problem.transl0 + torch.tensor([0.0, -0.05, 0.1]))
     result = optimize(start, adjusted(joint, optimiser__steps=24, optimiser__refresh_steps=8))
     begin, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
-    print({name: [round(v, 2) for v in pair] for name, pair in result.losses.items()})
     assert end < 0.7 * begin
     assert result.failures == ("",)

@@ -85,7 +85,6 @@ FAULTS = [
 def test_the_other_person_ends_as_if_alone(start, alone, what):
     both = optimize(broken(start, what), DEFAULT)
     apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
-    print(f"{what}: {apart:.1f} mm from alone")
     assert both.failures[1] == ""
     assert apart < 8
     assert torch.isfinite(both.vertices[1]).all()

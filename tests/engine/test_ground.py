@@ -73,7 +73,6 @@ def test_a_person_behind_a_table_has_a_floor_under_the_soles(people):
     up, offset = ground(people)
     assert up.dtype == people[0].dtype
     degrees = math.degrees(math.acos(min(1.0, float(up @ UP))))
-    print(f"up is off by {degrees:.2f} degrees, the floor by {100 * (offset - FLOOR_Y):.1f} cm")
     assert degrees < 1
     height = people[0] @ up + offset
     assert height.amin(1).tolist() == pytest.approx([0, 0], abs=0.01)

@@ -74,7 +74,6 @@ def people(*objects: tuple[int, int]) -> tuple[People, Keypoints]:
 def test_objects_near_a_hand_are_held_without_the_pixels_of_people():
     found, keypoints = people((57, 52), (100, 10))
     held = select_held_objects(found, keypoints)
-    assert held is not None
     assert held.shape == (1, 100, 120)
     assert held[0].sum() == 6 * 3
     assert not (held[0] & found.masks[0]).any()
@@ -83,6 +82,5 @@ def test_objects_near_a_hand_are_held_without_the_pixels_of_people():
 def test_a_segmenter_that_looks_for_no_objects_leaves_them_unknown():
     found, keypoints = people()
     held = select_held_objects(found, keypoints)
-    assert held is not None
     assert held.shape == (0, 100, 120)
     assert select_held_objects(People(found.masks, found.boxes, found.scores), keypoints) is None

@@ -105,7 +105,6 @@ def error_cm(placement: Placement) -> Tensor:
 @pytest.mark.parametrize("columns", [160, 320, 800])
 def test_bodies_return_to_the_millimetre_at_any_resolution(columns: int) -> None:
     placed = Picture(columns).place()
-    print(f"{columns} px: off by {error_cm(placed).tolist()} cm")
     assert error_cm(placed).max() < 0.1
     assert depth_offsets(placed) == [1.0, 1.0]
 
@@ -123,7 +122,6 @@ def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed: int) 
 
 def test_the_papers_solver_finds_the_place_too() -> None:
     placed = Picture(160, settings=PAPER).place(PAPER)
-    print(f"paper: off by {error_cm(placed).tolist()} cm")
     assert error_cm(placed).max() < 3
 
 
@@ -147,7 +145,6 @@ def test_the_papers_solver_moves_no_person_away_from_the_keypoints(seed: int) ->
     before = misses(came)
     bound = misses(picture.place(PAPER, **start).transl)
     free = misses(picture.place(FreePlacement(), **start).transl)
-    print("before", before.tolist(), "bound", bound.tolist(), "free", free.tolist())
     assert (bound <= before + 1e-9).all()
     assert (free > 1.5 * before).any()
 
@@ -212,7 +209,6 @@ def test_the_union_of_masks_and_the_released_reprojection_place_too(monkeypatch:
     with monkeypatch.context() as patch:
         patch.setattr(translation, "_LINE_SEARCH", None)
         lost = picture.place(released, **start)
-    print("with a line search", error_cm(placed), "without", error_cm(lost))
     assert error_cm(placed).max() < 2
     assert error_cm(lost).max() > 5
     union = [d["facing_vertices"] for d in placed.diagnostics]
@@ -408,7 +404,6 @@ def over_floor(metres: float) -> dict[str, object]:
 
 def test_a_person_on_a_platform_keeps_place_and_depth() -> None:
     placed = Picture().place(**over_floor(0.6))
-    print(f"off by {error_cm(placed).tolist()} cm")
     assert placed.grounded.tolist() == [False, False]
     assert depth_offsets(placed) == [1.0, 1.0]
     assert error_cm(placed).max() < 1

@@ -74,7 +74,6 @@ def lowest_sole_m(result, problem):
 
 def test_the_truth_stays_where_it_is(standing):
     result = optimize(standing.problem, SETTINGS)
-    print(f"moved by {error_mm(result, standing).item():.1f} mm")
     assert error_mm(result, standing) < 3
     assert result.scene_scale == pytest.approx(1.0, abs=0.01)
     assert result.failures == ("",)
@@ -83,7 +82,6 @@ def test_the_truth_stays_where_it_is(standing):
 @pytest.mark.parametrize("lift", [-0.08, 0.05], ids=["floating 8 cm", "sunk 5 cm"])
 def test_a_person_who_floats_or_sinks_ends_on_the_floor(standing, lift):
     result = optimize(moved(standing.problem, by=(0.0, lift, 0.0)), SETTINGS)
-    print(f"sole {sole_mm(result, standing).item():.1f} mm, vertices {error_mm(result, standing).item():.1f} mm")
     assert abs(sole_mm(result, standing)) < 5
     assert error_mm(result, standing) < 5
     assert abs(lowest_sole_m(result, standing.problem)) < 0.005
@@ -93,7 +91,6 @@ def test_a_noisy_start_comes_close(standing):
     start = moved(standing.problem, by=(0.0, 0.0, 0.3), turn=0.05)
     before = optimize(start, adjusted(SETTINGS, optimiser__steps=0))
     after = optimize(start, SETTINGS)
-    print(f"{error_mm(before, standing).item():.0f} -> {error_mm(after, standing).item():.0f} mm")
     assert error_mm(before, standing) > 280
     assert error_mm(after, standing) < 40
     assert after.reprojection_share[0] < 0.005
@@ -113,7 +110,6 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     result = optimize(moved(stage.problem, by=(0.0, lift, 0.0)), SETTINGS)
     gap = seat * result.scene_scale - seat_of(replace(stage, vertices=result.vertices))
     inside = float((result.surface_share[0] * (result.depth_inside[0] > DEEP_M)).sum())
-    print(f"gap {gap * 1e3:.1f} mm, inside {inside:.4f}")
     assert abs(gap) < 0.025
     assert inside < 0.01
     assert float(result.surface_share[0].sum()) == pytest.approx(1)
@@ -122,7 +118,6 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
 def test_two_people_do_not_disturb_each_other(two):
     shifts = ((0.0, -0.08, 0.0), (0.0, 0.05, 0.2))
     both = optimize(moved(two.problem, by=shifts), SETTINGS)
-    print("vertices", [f"{e:.1f} mm" for e in error_mm(both, two).tolist()])
     assert error_mm(both, two).amax() < 25
     alone = optimize(moved(two.problem, by=shifts).select_people(torch.tensor([0])), SETTINGS)
     assert (alone.vertices[0] - both.vertices[0]).norm(dim=-1).mean() < 0.015
@@ -133,7 +128,6 @@ def test_legs_hidden_by_a_box_are_not_pushed_out_of_it(make_stage):
     stage = make_stage([({}, (0.0, 0.0, 3.2))], boxes=[((-0.6, 0.55, 2.9), (0.6, 1.3, 3.12))])
     aware = optimize(stage.problem, SHORT)
     blind = optimize(stage.problem, adjusted(SHORT, visibility__occlusion_aware=False))
-    print(f"aware {error_mm(aware, stage).item():.1f} mm, blind {error_mm(blind, stage).item():.1f} mm")
     legs = stage.vertices[0, :, 1] > 0.7
     energy = JointEnergy(stage.problem, SHORT)
     assert energy.visibility.hidden[0][legs[energy.context.ids]].float().mean() > 0.9
@@ -149,7 +143,6 @@ def test_a_foot_in_the_air_stays_there(make_stage):
         return 1.3 - vertices[0, sole, 1].amax().item()
 
     result = optimize(stage.problem, SETTINGS)
-    print(f"airborne sole {height(stage.vertices) * 1e2:.1f} -> {height(result.vertices) * 1e2:.1f} cm")
     assert height(stage.vertices) > 0.1
     assert height(result.vertices) == pytest.approx(height(stage.vertices), abs=0.015)
     assert abs(sole_mm(result, stage)) < 8
@@ -158,7 +151,6 @@ def test_a_foot_in_the_air_stays_there(make_stage):
 def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
     stage = make_stage(ALONE, boxes=[((-0.5, 1.12, 3.1), (0.5, 1.3, 4.0))], stands_at=1.12)
     result = optimize(stage.problem, SETTINGS)
-    print(f"moved by {error_mm(result, stage).item():.1f} mm, scale {result.scene_scale:.3f}")
     assert error_mm(result, stage) < 15
 
 
@@ -226,7 +218,6 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
         human_depth=1.12 * problem.human_depth,
     )
     result = optimize(large, SETTINGS)
-    print(f"scale {result.scene_scale:.3f}, wanted {1 / 1.12:.3f}")
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
     assert abs(lowest_sole_m(result, large)) < 0.005
     fixed = optimize(large, adjusted(SHORT, frozen=("scale",)))

@@ -77,7 +77,6 @@ def test_gaps_of_a_scene_in_metres(make_stage):
         stage = replace(stage, problem=replace(stage.problem, scene_depth=floor_depth(stage.problem)))
         gap = gap_of(stage)
         feet = find_lifted_feet(gap, NOBODY, 1.3)
-        print(f"{raised:.1f} m over the floor: gaps {gap.tolist()}")
         assert feet.all(1).tolist() == [raised > 0]
         if raised:
             # The visible foot is a few centimetres higher than its sole.
@@ -116,8 +115,6 @@ def test_a_lifted_foot_stays_lifted(make_stage):
     def height(given):
         return 1.3 - float(optimize(given, engine_preset("default").joint).vertices[0, sole, 1].max())
 
-    heights = [100 * h for h in (lift, height(lifted), height(problem))]
-    print("{:.1f} cm before, {:.1f} cm after, {:.1f} cm as if standing".format(*heights))
     assert height(lifted) > max(0.6 * lift, height(problem))
     touching = problem.feet_in_air()
     assert not touching.any()

@@ -48,7 +48,6 @@ def test_the_energy_falls_and_everybody_moves(start):
     result = optimize(start, PAPER)
     before, after = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
     moved = (result.transl - start.transl0).norm(dim=-1)
-    print(f"energy {before:.1f} -> {after:.1f}, scale {result.scene_scale:.4f}, moved {moved.tolist()} m")
     assert after < 0.9 * before
     assert (moved > 0.01).all()
     assert result.scene_scale != 1.0
@@ -62,7 +61,6 @@ def test_stage_three_moves_in_a_world(name):
     ).diagnostics
     losses, scale = diagnostics["joint"]["losses"], diagnostics["joint"]["scene_scale"]
     before, after = (sum(value[when] for value in losses.values()) for when in ("start", "end"))
-    print(f"{name}: energy {before:.1f} -> {after:.1f}, scale {scale:.4f}")
     assert after < before
     assert abs(scale - 1) > 1e-4
     for person in diagnostics["people"]:

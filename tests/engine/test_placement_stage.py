@@ -63,7 +63,6 @@ def given(make_stage):
 def test_placement_recovers_the_true_place_of_a_person(given):
     found = solve_placement(given, DEFAULT)
     error = (found.placement.transl - (given.bodies.transl - AWAY)).norm()
-    print(f"{1000 * error:.0f} mm")
     assert error < 0.03
     assert found.photo.alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.placement.grounded.tolist() == [True]

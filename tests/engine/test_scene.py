@@ -67,7 +67,6 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown: AffineAmbig
         settings=engine_preset(preset).scene,
     )  # fmt: skip
     error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
-    print(f"{preset} {unknown}: median depth error {float(error.median()):.2%}")
     assert float(error.median()) < 0.005
     assert state.floor_normal is not None
     assert angle_deg(state.floor_normal, UP) < 0.5
@@ -170,7 +169,6 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch: pytest.Monk
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
     normal = with_floor.floor_normal
-    assert normal is not None
     torch.testing.assert_close(with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0)
     assert without.floor_normal is None
 
@@ -204,7 +202,6 @@ def test_disagreement_with_the_metric_depth_is_reported() -> None:
 
 def test_relative_floor_has_the_units_of_the_map() -> None:
     fit = fit_floor(RAYS * DEPTH[..., None] / 7, ALL, FloorEvidence(ON_FLOOR, feet_px=FEET)).plane
-    assert fit is not None
     assert fit.offset == pytest.approx(HEIGHT_M / 7, rel=0.01)
     assert angle_deg(fit.normal, UP) < 0.1
     assert fit_floor(RAYS * 3.0, ALL, FloorEvidence()).plane is None

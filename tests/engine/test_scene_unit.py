@@ -26,6 +26,5 @@ def test_a_torn_surface_changes_neither_scale_nor_distance(torn):
     """With distances in metres the scene shrank by more than 0.8 %, and the person came nearer with it."""
     result = optimize(torn, STUBBORN)
     moved = float((result.transl[0, 2] / torn.transl0[0, 2]).log())
-    print(f"scale {result.scene_scale:.4f}, distance {moved:+.4f}")
     assert result.scene_scale == pytest.approx(1.0, abs=0.007)
     assert abs(moved) < 0.01

@@ -67,7 +67,6 @@ def test_forty_percent_outliers_and_noise_cost_less_than_a_percent(unknown: Affi
     found = align(source, target, ALL, unknown)
     back = apply_alignment(clean, found)[..., 2]
     error = float((back / target[..., 2] - 1).abs().median())
-    print(f"{unknown}: scale {found.scale:.4f} of 2.5, shift {found.shift:.4f} of {shift}, depth error {error:.2%}")
     assert error < 0.01
     assert 0.5 < found.inlier_share < 0.7
 

@@ -50,9 +50,6 @@ def test_it_hides_the_limbs_that_the_whole_mesh_hides() -> None:
     coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)
     flags = (fine.by_other_part != coarse.by_other_part).float().mean().item()
     parts = (fine.parts != coarse.parts).float().mean().item()
-    print(
-        f"{len(model.coarse.ids)} of {model.num_vertices} vertices: {flags:.1%} of flags, {parts:.1%} of parts differ"
-    )
     assert len(model.coarse.ids) < 0.3 * model.num_vertices
     assert flags < 0.03
     assert parts < 0.03

@@ -65,7 +65,6 @@ def angle_deg(a: Tensor, b: Tensor) -> float:
 def test_up_is_found_in_a_cluttered_room(pitch: float, roll: float) -> None:
     estimate = found(surfaces(camera(pitch, roll)))
     off = angle_deg(estimate.up, up(pitch, roll))
-    print(f"pitch {pitch} roll {roll}: up off {off:.2f} degrees, {estimate}")
     assert off < 1.0
     assert estimate.up.dtype == torch.float64
     assert float(torch.linalg.vector_norm(estimate.up)) == pytest.approx(1.0)
@@ -93,7 +92,6 @@ def test_up_is_found_from_walls_alone() -> None:
 def test_one_wall_with_hardly_anything_level_is_far_less_firm_than_a_room() -> None:
     room = found(surfaces(camera(10.0)))
     wall = found(surfaces(camera(10.0), floor=60, ceiling=0, facing=5000, side=0))
-    print(f"confidence: room {room.confidence:.3f}, wall {wall.confidence:.3f}")
     assert wall.confidence < 0.25 * room.confidence
 
 

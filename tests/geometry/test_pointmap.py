@@ -153,7 +153,6 @@ def test_the_camera_of_a_point_map_is_recovered_among_outliers() -> None:
     bad = random(ROWS, COLUMNS, seed=1) < 0.3
     points = torch.where(bad[..., None], points + random(ROWS, COLUMNS, 3, seed=2) - 0.5, points)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, ALL)
-    print(f"fx {fx:.2f} fy {fy:.2f} px, true 60 and 62")
     assert fx == pytest.approx(60, rel=0.005)
     assert fy == pytest.approx(62, rel=0.005)
     assert (cx, cy) == (31.5, 23.5)

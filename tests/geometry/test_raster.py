@@ -82,7 +82,6 @@ def test_vertices_hidden_by_raster_are_those_hidden_by_rays(bodies):
     by_ray, by_pixel = hidden_from_camera(vertices, model.faces), hidden_by_raster(vertices, model.faces)
     different = (by_ray[0] != by_pixel[0]).float().mean(1)
     apart = (part_shares(*by_ray, model) - part_shares(*by_pixel, model)).abs()
-    print(f"vertices {100 * different.max():.1f} %, shares of parts {apart.max():.3f}")
     assert different.max() < 0.03
     assert apart.max() < 0.02
 

@@ -111,7 +111,6 @@ def test_on_a_sphere_the_distance_is_too_long_by_a_bounded_share(across, mean, w
         far = arc > 0.3
         excess.append(distance_to_sources(graph, marks(len(arc), source))[far] / arc[far] - 1)
     excess = np.concatenate(excess)
-    print(f"across={across} {subdivisions}: mean {excess.mean():.3f}, {excess.min():.4f} to {excess.max():.3f}")
     assert excess.min() > -0.005  # chords are that much shorter than arcs
     assert 0 < excess.mean() < mean
     assert excess.max() < worst

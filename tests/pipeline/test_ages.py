@@ -9,8 +9,9 @@ import torch
 from physic_core import KnownSizes, load_config, load_reconstruction, reconstruct
 from physic_core.body import load_body
 from physic_core.body.ages import load_ages
+from physic_core.body.parameters import parameters_from_rotations
 from physic_core.pipeline.ages import resize_children
-from physic_core.types import Bodies, BodyParameters
+from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
 from physic_testing.worlds import build_world
 
@@ -27,21 +28,8 @@ def test_statures_grow_with_age_and_shapes_have_the_stature():
 
 def two_adults():
     """Bodies beside each other, 3 m and 5 m away, whose head is towards +y."""
-    sizes = {
-        "global_orient": 3,
-        "body_pose": 63,
-        "left_hand_pose": 45,
-        "right_hand_pose": 45,
-        "jaw_pose": 3,
-        "leye_pose": 3,
-        "reye_pose": 3,
-        "betas": 16,
-        "expression": 0,
-    }
-    return BodyParameters(
-        **{name: np.zeros((2, size), np.float32) for name, size in sizes.items()},
-        transl=np.array([[0.0, 0.1, 3.0], [0.5, 0.2, 5.0]], np.float32),
-    )
+    rotations, betas, _ = load_body("embedded").zero_pose(2)
+    return parameters_from_rotations(rotations, betas, None, torch.tensor([[0.0, 0.1, 3.0], [0.5, 0.2, 5.0]]))
 
 
 def stature(parameters):

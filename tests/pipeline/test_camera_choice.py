@@ -70,7 +70,6 @@ def test_known_cameras_precede_estimated_and_guessed_ones(
 
 def test_depths_follow_the_focal_length_unless_they_were_measured(evidence: Estimates) -> None:
     own = evidence.scene.intrinsics
-    assert own is not None
     longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")
     agreed = with_cameras(evidence, own, replace(own, source="a network")).scene
 

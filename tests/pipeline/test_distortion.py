@@ -54,8 +54,6 @@ def test_prompts_and_lengths_move_with_the_picture() -> None:
     prompt = PeoplePrompt(((30.0, 20.0),), ((30.0, 20.0, 70.0, 60.0),), mask)
     known = KnownSizes(lengths=(KnownLength((30.0, 20.0), (300.0, 220.0), 1.0),))
     photo, moved, sizes = undistort(Photo(picture(), CAMERA), prompt, known, BARREL)
-    assert moved is not None
-    assert moved.masks is not None
     corner = undistort_pixels(np.array([[30.0, 20.0]]), CAMERA, BARREL)[0]
     assert corner[0] < 25  # away from the centre: the lens has drawn it inwards
     assert moved.points[0] == pytest.approx(tuple(corner))
@@ -93,7 +91,6 @@ def test_a_result_states_the_lens_and_keeps_it(tmp_path) -> None:
     overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]
     config = load_config(preset="mock", overrides=[*overrides, "photo.distortion=[1e-9, 0, 0, 0, 0]"])
     result = reconstruct(world.image, config)
-    assert result.lens is not None
     assert result.lens.distortion == (1e-9, 0, 0, 0, 0)
     assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)
     result.save(str(tmp_path / "out"), preview=False)
@@ -107,5 +104,4 @@ def test_an_off_centre_principal_point_is_kept_by_a_resize() -> None:
 
     photo = Photo(np.zeros((400, 800, 3), np.uint8))
     camera = limit_size(_with_camera(photo, PhotoSettings(intrinsics=(900, 910, 95.5, 301.5))), 400).intrinsics
-    assert camera is not None
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (450, 455, 47.5, 150.5)

@@ -15,7 +15,6 @@ from physic_core.cli.result_summary import summary_text
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
-from physic_core.errors import BackendOutputError
 from physic_core.pipeline.invalid_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
@@ -93,7 +92,6 @@ def apart(a: Person, b: Person) -> float:
 def check_unspoilt(kept: Person, sound: Reconstruction, alone: Person, world: World) -> None:
     """As near to the truth as with both people or with this one alone."""
     errors = [error_m(person, world) for person in (kept, sound.people[KEPT], alone)]
-    print("off the truth: {:.3f} m; {:.3f} with both, {:.3f} alone".format(*errors))
     assert errors[0] < 1.1 * max(errors[1:])
 
 
@@ -113,13 +111,8 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert not lost.contact.any()
     assert np.isposinf(lost.distance).all()
     assert {"missing_outputs", "placed", "optimised"} <= set(lost.failed_checks)
-    assert result.warnings[-3:] == (
-        "person 0: no valid values for this person from body_estimator: results that need them are left out; "
-        "try another backend",
-        "person 0: the body has non-finite vertices: its translation was not changed",
-        "person 0: pose and position are those of the placement: the start has non-finite parameters or is behind "
-        "the camera",
-    )
+    reasons = ("no valid values for this person", "the body has non-finite vertices", "the start has non-finite")
+    assert all(reason in warning for reason, warning in zip(reasons, result.warnings[-3:], strict=True))
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
     assert kept.contact.any()
@@ -134,11 +127,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     ]
     assert (answered["value"], answered["threshold"], answered["unit"]) == (1, 0, "count")
     files = {name: trimesh.load(tmp_path / "out" / name) for name in ("person_0.glb", "person_1.glb", "combined.glb")}
-    assert {name: sorted(file.geometry) for name, file in files.items()} == {
-        "person_0.glb": [],
-        "person_1.glb": ["person_1"],
-        "combined.glb": ["floor", "person_1", "scene"],
-    }
+    assert [sorted(file.geometry) for file in files.values()] == [[], ["person_1"], ["floor", "person_1", "scene"]]
     row = summary_text(document, tmp_path).splitlines()[2]
     assert row.split(None, 4)[:4] == ["0", "bad", "-", "-"]
     assert {str(c) for c in result.checks if c.person == LOST and c.failed} == set(row.split(None, 4)[4].split("; "))
@@ -158,7 +147,6 @@ def test_what_else_is_lost_of_a_person_is_named_and_their_body_is_kept(
     assert all(np.isfinite(person.vertices).all() for person in result.people)
     # The two share the scale of their scene: what one of them no longer says of it moves the other.
     moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
-    print(f"the other is {moved[0]:.2%} from where they were, {moved[1]:.2%} from where they are alone")
     assert min(moved) < 0.03
     assert result.people[KEPT].failed_checks == sound.people[KEPT].failed_checks
 
@@ -177,27 +165,10 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     monkeypatch.setattr(joint, "_finite_energy", one_is_not)
     result = reconstruct(world.image, "mock")
     assert "optimised" in result.people[LOST].failed_checks
-    assert (
-        "person 0: pose and position are those of the placement: the energy of the start is not finite"
-        in result.warnings
-    )
+    assert any(warning.endswith("the energy of the start is not finite") for warning in result.warnings)
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)
-
-
-def test_no_valid_body_at_all_is_an_error(world: World) -> None:
-    class Broken(backends.MockBodyEstimator):
-        def infer(self, *arguments):
-            answer = super().infer(*arguments)
-            return replace(answer, parameters=replace(answer.parameters, transl=answer.parameters.transl * np.nan))
-
-    with pytest.raises(BackendOutputError) as error:
-        run(world, Broken, "body_estimator")
-    assert str(error.value) == (
-        "body_estimator 'wrong' (registered by hand), stage 'bodies' returned what the interface does not allow:\n"
-        "  transl must be finite, 6 values are not"
-    )
 
 
 def test_lost_rows_become_what_stands_for_nothing() -> None:

@@ -174,7 +174,6 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(
     near, far = (float(np.median(found.scene.points[..., 2]) / found.scene.scale) for found in depths)
     assert far == pytest.approx(2 * near, rel=0.05)
     who = next(s.provenance for s in depths[0].stages if s.name == "metric depth")
-    assert who is not None
     assert (who.backend, who.distribution) == (f"{__name__}:Flat", "given in Python")
     assert depths[0].config["metric_depth"]["backend"] == f"{__name__}:Flat"
 

@@ -30,12 +30,8 @@ CLASSES = (Bodies, BodyParameters, ContactProbability, Hands, Mesh, RestMesh)
 
 
 def parameters(people: int = 2) -> BodyParameters:
-    def zeros(width: int) -> np.ndarray:
-        return np.zeros((people, width), np.float32)
-
-    return BodyParameters(
-        zeros(3), zeros(63), zeros(45), zeros(45), zeros(3), zeros(3), zeros(3), zeros(10), zeros(0), zeros(3)
-    )
+    widths = (3, 63, 45, 45, 3, 3, 3, 10, 0, 3)
+    return BodyParameters(*(np.zeros((people, width), np.float32) for width in widths))
 
 
 def bodies(people: int = 2) -> Bodies:
@@ -55,13 +51,10 @@ def contact() -> ContactProbability:
 
 def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows() -> None:
     estimated = bodies()
-    assert estimated.mesh is not None
     estimated.mesh.vertices[0, 2] = np.nan
     assert violations(BodyEstimator, estimated, people=2) == []
     kept, lost = discard_invalid_bodies(estimated)
     assert lost.tolist() == [True, False]
-    assert kept.mesh is not None
-    assert kept.joints is not None
     for value in (kept.parameters.transl, kept.joints, kept.mesh.vertices):
         assert np.isnan(value[0]).all()
     np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])  # type: ignore[index]
@@ -121,7 +114,6 @@ class Smpl(backends.MockBodyEstimator):
 class TooFew(Smpl):
     def infer(self, *arguments):
         estimated = super().infer(*arguments)
-        assert estimated.joints is not None
         estimated.joints[:, 1] = np.nan
         return estimated
 

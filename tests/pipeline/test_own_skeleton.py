@@ -60,7 +60,6 @@ def test_the_engine_fits_keypoints_of_a_custom_skeleton(world: World, tmp_path) 
     person = found.people[0]
     aligned = pa_mpjpe_mm(person.joints[None, :22].astype(float), world.joints[:1, :22])[0]
     error = consistency(found, load_body("embedded"))[0].keypoint_error_share
-    print(f"joints {aligned:.0f} mm once aligned, reprojection {error:.3f} of the box")
     assert found.skeleton == MARKERS
     assert person.keypoints.shape == (len(MARKERS), 2)
     assert aligned < 40

@@ -40,7 +40,6 @@ class Broken(backends.MockMetricDepth):
 def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world: World, tmp_path: Path) -> None:
     result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK))
     assert result.people == ()
-    assert result.scene.floor is not None
     assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
     assert np.array_equal(result.scene.colors, result.image)
     assert "no person was found: the result is the scene alone" in result.notes
@@ -61,7 +60,6 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
     config = load_config(preset="mock", overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}"])
     result = reconstruct(world.empty_image, config, registry=registry_with("metric_depth", NeedsPeople))
     assert result.scene.scale_sigma is None
-    assert result.scene.floor is not None
     assert result.scene.floor.offset == pytest.approx(1.5, abs=0.02)
     assert (
         "the scale is unknown, since no person gives it: the camera is assumed 1.5 m above the floor; "
@@ -72,7 +70,6 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world: World)
         overrides=[*MOCK, "metric_depth.backend=own", "metric_depth.options={}", "photo.camera_height=2.0"],
     )
     measured = reconstruct(world.empty_image, known, registry=registry_with("metric_depth", NeedsPeople))
-    assert measured.scene.floor is not None
     assert measured.scene.floor.offset == pytest.approx(2.0, abs=0.001)
     assert not any("the scale is unknown" in warning for warning in measured.warnings)
     with pytest.raises(BackendError, match="MemoryError"):

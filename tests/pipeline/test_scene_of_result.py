@@ -38,10 +38,8 @@ def test_a_floor_that_no_photo_shows_is_put_under_the_soles_and_named_so(counter
     assert "people are not held to the ground, and heights are unknown" in message(bare)
     result = solved(counter)
     floor = result.scene.floor
-    assert floor is not None
     assert "it is assumed at the people's feet, and its height is only as accurate as their pose" in message(result)
     true = counter.floor
-    assert true is not None
     assert float(np.asarray(floor.normal) @ np.asarray(true.normal)) > np.cos(np.radians(6))
     body = load_body("embedded")
     soles = torch.cat([body.contact_sets["left_sole"], body.contact_sets["right_sole"]]).numpy()

@@ -26,7 +26,6 @@ def test_the_mock_world_is_reconstructed_from(skeleton: str, world: World) -> No
     person = found.people[0]
     apart = 1000 * np.linalg.norm(person.vertices - world.vertices[0], axis=1).mean()
     aligned = pa_mpjpe_mm(person.joints[None, :22].astype(float), world.joints[:1, :22])
-    print(f"{skeleton}: vertices {apart:.0f} mm from the truth, joints {aligned[0]:.0f} mm once aligned")
     measured = consistency(found, load_body("embedded"))
     assert measured[0].keypoint_error_share < 0.05
     assert skeleton_named(found.skeleton).name == skeleton

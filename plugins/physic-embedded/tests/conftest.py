@@ -16,5 +16,4 @@ if TYPE_CHECKING:
 def image(pytestconfig: pytest.Config) -> NDArray[np.uint8]:
     """The example photo of two basketball players, (H, W, 3) RGB."""
     bgr = cv2.imread(str(pytestconfig.rootpath / "examples" / "basketball.png"))
-    assert bgr is not None
     return np.ascontiguousarray(bgr[..., ::-1])

@@ -44,13 +44,11 @@ def test_people_are_in_the_order_of_points_boxes_and_masks(
     found = segmenter.infer(image, prompt)
     assert list(Segmenter.check(found, SegmenterRequest(image, prompt=prompt))) == []
     assert [bool(found.masks[i, int(y), int(x)]) for i, (x, y) in enumerate((RIGHT, LEFT))] == [True, True]
-    assert found.keypoints is not None
     assert found.keypoints.points[0, 0, 0] > 320 > found.keypoints.points[1, 0, 0]
     mask = np.zeros(image.shape[:2], bool)
     mask[80:470, 40:155] = True
     given = segmenter.infer(image, PeoplePrompt(masks=mask[None]))
     assert np.array_equal(given.masks, mask[None])
-    assert given.keypoints is not None
     x, y = given.keypoints.points[0, 0]
     assert 60 < x < 110  # the nose lies in the face of the person on the left
     assert 85 < y < 140

@@ -101,7 +101,6 @@ def test_contact_of_bodies_of_another_model_comes_from_their_joints() -> None:
     found = prior().infer(IMAGE, people(1), other)
     np.testing.assert_array_equal(found.probability, embedded.probability)
     assert (embedded.rest, found.topology) == (None, embedded.topology)
-    assert found.rest is not None
     assert (found.rest.topology, len(found.rest.vertices)) == (found.topology, found.probability.shape[1])
 
 

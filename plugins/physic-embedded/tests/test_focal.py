@@ -40,7 +40,6 @@ def test_focal_length_comes_back_from_edges_of_a_room(focal: float, seed: int) -
     turn = Rotation.from_euler("yxz", [35, 12, 4], degrees=True).as_matrix()
     segments = edges_of_a_room(focal, turn, count=90, noise=0.5, clutter=30, seed=seed)
     frame = stable_manhattan_frame(segments, WIDTH, HEIGHT)
-    assert frame is not None
     assert frame.focal_px == pytest.approx(focal, rel=0.04)
     cosines = np.abs(frame.axes @ turn).max(1)
     assert np.degrees(np.arccos(cosines.clip(max=1))).max() < 1.0
@@ -59,7 +58,6 @@ def test_focal_length_of_exact_edges_is_exact() -> None:
     turn = Rotation.from_euler("yxz", [40, 20, 0], degrees=True).as_matrix()
     segments = edges_of_a_room(640.0, turn, count=60, noise=0.0, clutter=0, seed=5)
     frame = manhattan_frame(segments, WIDTH, HEIGHT)
-    assert frame is not None
     assert frame.focal_px == pytest.approx(640.0, rel=1e-3)
     assert frame.explained > 0.98
 
@@ -77,7 +75,6 @@ def test_upright_edges_give_gravity(pitch: float) -> None:
     turn = Rotation.from_euler("xz", [pitch, 3.0], degrees=True).as_matrix()  # down is the second column
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.4, clutter=20, seed=7)
     gravity = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
-    assert gravity is not None
     down = turn[:, 1]
     assert np.degrees(np.arccos(gravity.down @ down)) < 1.2
     assert gravity.pitch_deg == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
@@ -89,8 +86,6 @@ def test_a_default_focal_length_makes_a_steep_pitch_less_sure() -> None:
     segments = edges_of_a_room(700.0, turn, count=60, noise=0.2, clutter=0, seed=8)
     known = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0, focal_known=True)
     default = gravity_from_segments(segments, WIDTH, HEIGHT, 700.0)
-    assert known is not None
-    assert default is not None
     assert default.sigma_deg > known.sigma_deg + 2
 
 

@@ -69,7 +69,6 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(body: BodyModel, side: str,
     fit = fit_fingers(seen, rest)
     turned = angles_between(fit.rotvecs, truth)
     moved = 1000 * np.linalg.norm(posed(body, side, fit.rotvecs, root) - posed(body, side, truth, root), axis=1)
-    print(f"{side}, bent by {degrees}: {turned.mean():.1f} degrees off, landmarks {moved.mean():.1f} mm")
     assert turned.mean() < 4
     assert moved.mean() < 3
     assert np.degrees(fit.error) < 3
@@ -85,7 +84,6 @@ def test_noise_of_three_millimetres_costs_little(body: BodyModel) -> None:
         seen = posed(body, "left", truth, Rotation.identity()) + rng.normal(0, 0.003, (21, 3))
         found = posed(body, "left", fit_fingers(seen, rest).rotvecs, Rotation.identity())
         moved.append(np.linalg.norm(found - posed(body, "left", truth, Rotation.identity()), axis=1).mean())
-    print("landmarks", 1000 * np.mean(moved), "mm off")
     assert np.mean(moved) < 0.005
 
 

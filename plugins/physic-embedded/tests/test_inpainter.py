@@ -28,7 +28,6 @@ def test_a_thing_before_a_wall_is_gone(inpainter: MiGan) -> None:
     red[mask] = (255, 0, 0)
     filled = inpainter.infer(red, mask).astype(float)
     error = np.abs(filled - image)[mask].mean()
-    print("mean error of the filled wall and floor", error, "of 255")
     assert error < 4
 
 

@@ -39,12 +39,10 @@ def test_people_of_another_segmenter_get_the_same_joints(
 ) -> None:
     found = detector.infer(image, replace(people, keypoints=None))
     assert violations(KeypointDetector, found, people=2) == []
-    assert people.keypoints is not None
     clear = people.keypoints.confidence > 0.5
     apart = np.linalg.norm(found.points - people.keypoints.points, axis=-1)
     tall = people.boxes[:, 3] - people.boxes[:, 1]
     error = np.array([apart[i, clear[i]].mean() / tall[i] for i in range(2)])
-    print("mean distance of the joints over the height of the box", error)
     assert (error < 0.025).all()
 
 
@@ -58,7 +56,6 @@ def test_a_mask_without_a_person_gets_no_confidence(detector: EmbeddedKeypoints)
 
 
 def test_limbs_beyond_the_edge_of_the_photo_have_no_confidence(people: People) -> None:
-    assert people.keypoints is not None
     knees_and_below = people.keypoints.confidence[:, 25:33]
     assert knees_and_below[0].mean() > 0.6
     assert knees_and_below[1].max() < 0.2

@@ -74,7 +74,6 @@ def test_the_mask_of_a_large_person_widens_the_body(backend: EmbeddedBodies) -> 
     mask = seen.people.masks[0]
     without = fitted(backend, with_masks(seen, np.zeros_like(mask)))[0]
     drawn = fitted(backend, seen)[0]
-    print(f"overlap {overlap(without, mask):.3f} -> {overlap(drawn, mask):.3f}")
     assert overlap(drawn, mask) > overlap(without, mask) + 0.02
 
 

@@ -66,7 +66,6 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
     hole[120:, 150:190] = True
     disparity[hole] += 0.8
     floor = fit_disparity_floor(disparity, hole)
-    assert floor is not None
     normal = floor.normal(2.0, FOCAL / WIDTH)
     assert np.degrees(np.arccos(normal @ down)) < 0.7
     horizon = (HEIGHT - 1) / 2 + floor.horizon(2.0) * WIDTH
@@ -88,7 +87,6 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead: 
     found = disparity_at_infinity(
         disparity, floor, FOCAL, gravity=Gravity(down, pitch, 1.5, "the edges of the room"), frame=frame_of(turn)
     )
-    print(f"gap {found.gap:.3f} ranges, truth {far / span:.3f}")
     assert found.outdoors < 0.01
     assert found.gap == pytest.approx(far / span, rel=0.12)
     assert found.disparity == pytest.approx(infinity, abs=0.12 * far / span)
@@ -116,7 +114,6 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch: floa
     far, span = np.percentile(inverse, 0.5), np.ptp(np.percentile(inverse, [1, 99]))
     disparity = (inverse - far) / span + 1.0
     floor = fit_disparity_floor(disparity, labelled=ground)
-    assert floor is not None
     walls = wall_planes(disparity, ~ground, FOCAL)
     found = disparity_at_infinity(disparity, floor, FOCAL, walls=walls)
     normal = floor.normal(found.disparity, FOCAL / WIDTH)
@@ -159,7 +156,6 @@ def test_a_standing_person_tells_how_high_the_camera_is() -> None:
     """Without the cue the default horizon would put the camera at twice a person's height."""
     disparity = np.maximum(np.linspace(-1, 5, HEIGHT), 1.0)[:, None] * np.ones(WIDTH)
     floor = fit_disparity_floor(disparity)
-    assert floor is not None
     horizon = (HEIGHT - 1) / 2 + floor.horizon(disparity.min()) * WIDTH
     person = StandingPerson(nose=horizon + 30, ankle=horizon + 60)
     plain = disparity_at_infinity(disparity, floor, FOCAL)
@@ -208,7 +204,6 @@ def scene(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> Pointmap:
 
 def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointmap) -> None:
     camera = scene.intrinsics
-    assert camera is not None
     assert (camera.fx, camera.source) == (pytest.approx(0.85 * 320), "default (0.85 x the long side)")
     assert camera.guessed
     assert camera.focal_sigma == 0.25

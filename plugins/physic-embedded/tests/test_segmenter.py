@@ -218,7 +218,6 @@ def test_the_mask_of_an_ellipse_is_that_ellipse() -> None:
     )
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
     iou = [(m & (truth > 0)).sum() / (m | (truth > 0)).sum() for m in masks]
-    print("overlap with the drawn ellipse", np.round(iou, 3))
     assert max(iou) > 0.96
 
 
@@ -282,7 +281,6 @@ def test_the_example_photo_has_two_count_people(people: People, image: NDArray[n
 
 
 def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
-    assert people.keypoints is not None
     assert people.keypoints.world is not None
     face_on, from_behind = people.keypoints.world
     assert np.abs(face_on[[23, 24]].mean(axis=0)).max() < 0.02
@@ -295,14 +293,11 @@ def test_world_joints_have_the_frame_of_the_camera(people: People) -> None:
 def test_a_mirror_image_swaps_sides(segmenter: EmbeddedSegmenter, people: People, image: NDArray[np.uint8]) -> None:
     other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
     assert len(other) == 2
-    assert people.keypoints is not None
-    assert other.keypoints is not None
     swap = np.arange(33)
     for a, b in MIRROR_PAIRS:
         swap[a], swap[b] = b, a
     back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
-    print("joints of the mirror image, mirrored back: mean distance", apart.mean(), "px")
     assert apart.mean() < 4
     assert (other.masks[0, :, ::-1] & people.masks[0]).sum() > 0.95 * people.masks[0].sum()
 
@@ -313,7 +308,6 @@ def test_no_people_are_found_in_an_empty_photo(segmenter: EmbeddedSegmenter, sha
     found = segmenter.infer(noise)
     assert violations(Segmenter, found, height=shape[0], width=shape[1]) == []
     assert len(found) == 0
-    assert found.floor is not None
     assert not found.floor.any()
 
 

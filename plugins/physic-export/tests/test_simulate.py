@@ -38,7 +38,6 @@ def upright(result: Reconstruction, heels_up: float = 0.0) -> Reconstruction:
         heels_up: angle of the heels over the floor, radians; the toes are level.
     """
     model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
-    assert floor is not None
     up = np.asarray(floor.normal, np.float64)
     forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
     forward /= np.linalg.norm(forward)

@@ -27,7 +27,6 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre() -> None:
     noise = torch.randn(ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     points = RAYS * (depth * (1 + 0.0005 * noise))[..., None]
     found = fit_floor_metric(points, pointmap_normals(RAYS * depth[..., None], ALL), ALL, on_floor)
-    assert found.plane is not None
     assert math.degrees(math.acos(min(1.0, float(found.plane.normal.double() @ up)))) < 0.1
     assert found.plane.offset == pytest.approx(1.5, abs=0.005)
     assert found.inlier_share > 0.7

@@ -27,7 +27,6 @@ def test_distances_are_true_and_to_nearly_the_nearest_point():
     want = NearestPointSearch(*room(), radius=0.15).query(vertices())
     both = got.found & want.found
     excess = (got.distance - want.distance)[both]
-    print(f"grid: {excess.mean() * 1e3:.1f} mm mean, {excess.max() * 1e3:.1f} mm worst, over {both.sum()} vertices")
     assert excess.min() > -1e-6
     assert excess.mean() < 0.012
     assert excess.max() < 0.06

@@ -95,7 +95,6 @@ def test_every_term_is_the_published_one(published: Published, state: str) -> No
     got, want = unweighted(at(published, state)), stored_terms(published, state)
     for term in TERMS:
         value = float(got[term].detach())
-        print(f"{term}: {value:.6g}, published {want[term]:.6g}")
         assert value == pytest.approx(want[term], rel=1e-4, abs=1e-12), term
 
 
@@ -134,7 +133,6 @@ def test_limbs_are_seen_by_the_published_share(published: Published, state: str)
     vertices = published[f"one/out/{state}/vertices"][0]
     shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts)
     stored = published[f"one/out/{state}/part_visible_fraction"][0].double()
-    print(f"largest difference {float((shares - stored).abs().max()):.4f}")
     # Exactly the same here; rays along the silhouette are rounding, and another processor may round otherwise.
     assert float((shares - stored).abs().max()) < 0.05
 
@@ -168,7 +166,6 @@ def test_nearest_points_are_those_of_the_published_grid(published: Published) ->
     query = published["one/in/knn/query"]
     found = scene.query(query)
     same = found.index == published["one/out/knn/s1.0/idx"].long()
-    print(f"{int((~same).sum())} of {len(query)} differ")
     assert (~same).sum() <= 2  # ties
     for state in ("s1_start", "s3_start", "s3_it10", "s3_end", "probe"):
         found = scene.query(published[f"one/out/{state}/vertices"], float(published[f"one/out/{state}/param/scale"]))
@@ -200,7 +197,6 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
 def test_stage_three_ends_within_5_mm(published: Published) -> None:
     result = optimize(published.problem(), RELEASE.joint)
     off = 1e3 * (result.vertices - published["one/out/s3_end/vertices"]).norm(dim=-1)
-    print(f"{float(off.mean()):.2f} mm in the mean, {float(off.max()):.2f} mm at most")
     assert float(off.mean()) < 5
     assert result.scene_scale == pytest.approx(float(published["one/out/s3_end/param/scale"]), abs=2e-3)
 

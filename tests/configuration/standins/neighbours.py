@@ -16,8 +16,6 @@ def neighbour(plugin: str, module: str) -> ModuleType:
     """A module of ``plugins/PLUGIN/tests``, imported under a name of its own."""
     name = f"standins_{plugin.replace('-', '_')}_{module}"
     spec = importlib.util.spec_from_file_location(name, PLUGINS / plugin / "tests" / f"{module}.py")
-    assert spec is not None
-    assert spec.loader is not None
     found = sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)
     return found
