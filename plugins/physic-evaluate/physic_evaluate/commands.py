@@ -387,6 +387,8 @@ def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
         kind, folder = (kind, folder) if separator and kind in READERS else ("physic", rest)
         reader = open_reader(kind, Path(folder), bodies)
         name = name or (Path(folder).resolve().name if kind in ("physic", "plain") else kind)
+        if name in (".", ".."):  # previews lie in a folder of this name
+            raise click.UsageError(f"no results can be named '{name}': give another name, as --results NAME={rest}")
         if any(method.name == name for method in methods):
             raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
         methods.append(Method(name, reader, chosen.pop(name, "camera"), forced=name in dict(_pairs(given))))

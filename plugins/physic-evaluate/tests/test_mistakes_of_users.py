@@ -56,6 +56,11 @@ def test_a_reader_that_there_is_not(root: Path):
     assert text.startswith("no reader is named 'plian': choose one of physic, plain, physic-release, ")
 
 
+def test_previews_stay_in_their_folder(root: Path):
+    text = call(root, f"..={results(root, 'perfect').partition('=')[2]}", fails=True)
+    assert text.startswith("no results can be named '..': give another name, as --results NAME=plain:")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere no file has such a name")
 def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
     name = "p\x1b]0;OWNED\x07"
