@@ -280,12 +280,16 @@ def _digest_of_code(root: Path) -> str:
     Hidden folders, environments of Python and large files do not count. Of links to folders, packages are followed.
     """
     digest = hashlib.sha256()
-    linked = [root / name for name in sorted(_top_names(root)) if (root / name).is_symlink()]
-    for folder, folders, names in chain.from_iterable(map(os.walk, [root, *linked])):
+    left, followed = [root], {root.resolve()}
+    for folder, folders, names in chain.from_iterable(map(os.walk, left)):
         folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
         if "pyvenv.cfg" in names or "conda-meta" in folders:
             folders.clear()
             continue
+        for linked in (path for path in (Path(folder, name) for name in folders) if path.is_symlink()):
+            if linked.resolve() not in followed and (any(linked.glob("*.py")) or any(linked.glob("*/*.py"))):
+                followed.add(linked.resolve())
+                left.append(linked)
         for path in (Path(folder, name) for name in sorted(names) if name.endswith(_CODE)):
             if path.is_file() and path.stat().st_size < _MAX_CODE_BYTES:
                 content = path.read_bytes()

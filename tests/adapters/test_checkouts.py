@@ -158,13 +158,15 @@ def test_one_number_changes_the_fingerprint(tmp_path: Path, name: str) -> None:
     assert side.fingerprint() != before
 
 
-def test_packages_that_are_links_are_in_the_fingerprint(tmp_path: Path) -> None:
-    checkout(tmp_path / "real", {"core/net.py": "A = 1"})
-    (tmp_path / "side").mkdir()
-    (tmp_path / "side" / "core").symlink_to(tmp_path / "real" / "core")
+@pytest.mark.parametrize("place", ["core", "core/deep"])
+def test_packages_that_are_links_are_in_the_fingerprint(tmp_path: Path, place: str) -> None:
+    checkout(tmp_path / "real", {"net.py": "A = 1"})
+    (tmp_path / "real" / "again").symlink_to(tmp_path / "real")
+    (tmp_path / "side" / place).parent.mkdir(parents=True)
+    (tmp_path / "side" / place).symlink_to(tmp_path / "real")
     side = checkout(tmp_path / "side", {})
     before = side.fingerprint()
-    (tmp_path / "real" / "core" / "net.py").write_text("A = 2")
+    (tmp_path / "real" / "net.py").write_text("A = 2")
     assert side.fingerprint() != before
 
 
