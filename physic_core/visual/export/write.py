@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,7 @@ from physic_core.discovery.installed import Installed, call_target
 from physic_core.discovery.records import ExporterRecord
 from physic_core.errors import InputError, OutputError, PluginError
 from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.files.regular import open_regular
 from physic_core.types.exports import Exported, ExportedFiles
 from physic_core.visual.export.request import ExportRequest, export_frame
 
@@ -46,12 +49,12 @@ def export_reconstruction(
         up: "y", "z" or "camera"; None for the convention of the format.
         scene: whether to write the scene too, where the format has one.
         body_model: SMPL-X file of the user, which some exports need.
-        overwrite: whether to replace files.
+        overwrite: whether to replace files; never the photo, or a link.
         options: of the format, such as ``names="mixamo"``; docs/exports.md lists them.
 
     Raises:
         InputError: the format or an option is unknown, the result does not have what it needs, or a library is missing.
-        OutputError: a file exists already, or cannot be written.
+        OutputError: a file exists already and may not be replaced, or cannot be written.
         BodyModelError: the body model file cannot be used.
         PluginError: the exporter of a plugin cannot be imported, or fails.
     """
@@ -61,11 +64,11 @@ def export_reconstruction(
     frame = export_frame(result.scene.floor, _up_axis(kind, up))
     file = None if body_model is None else Path(os.path.expanduser(body_model))
     request = ExportRequest(result, people, frame, stem, suffix, scene, file, _options(kind, options))
-    if not overwrite:  # before an exporter that takes long is called
-        names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
-        _refuse_existing(folder, names)
+    names = {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
+    _check_names(folder, names, overwrite, result.photo)  # before an exporter that takes long is called
     made = _call(exporter, request)
-    return Exported(_write(folder, made, overwrite, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes))
+    _check_names(folder, made.files, overwrite, result.photo)
+    return Exported(_write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes))
 
 
 def _target(path: Path, format: str | None) -> tuple[Installed[ExporterRecord], Path, str, str]:
@@ -164,9 +167,7 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
-def _write(folder: Path, made: ExportedFiles, overwrite: bool, main: str) -> tuple[Path, ...]:
-    if not overwrite:
-        _refuse_existing(folder, made.files)
+def _write(folder: Path, made: ExportedFiles, main: str) -> tuple[Path, ...]:
     check_writable(folder)
     with atomic_write(folder) as temporary:
         for name in sorted(made.files, key=lambda name: name == main):  # the file that names the others comes last
@@ -174,9 +175,21 @@ def _write(folder: Path, made: ExportedFiles, overwrite: bool, main: str) -> tup
     return tuple(folder / name for name in made.files)
 
 
-def _refuse_existing(folder: Path, names: Iterable[str]) -> None:
-    if existing := [str(folder / name) for name in names if os.path.lexists(folder / name)]:
+def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str) -> None:
+    """Refuse names of existing files: all without ``overwrite``, else the photo and links."""
+    existing = [folder / name for name in names if os.path.lexists(folder / name)]
+    if existing and not overwrite:
         raise OutputError(
-            f"{', '.join(existing)} exists already: name another file (-o), or replace it with --overwrite "
+            f"{', '.join(map(str, existing))} exists already: name another file (-o), or replace it with --overwrite "
             "(overwrite=True in Python)"
         )
+    for path in existing:
+        if path.is_symlink() or _sha256(path) in photo.split():
+            raise OutputError(f"cannot replace {path}: it is the photo, or a link; name another file (-o)")
+
+
+def _sha256(path: Path) -> str:
+    """Return the digest of a file as ``Reconstruction.photo`` has it; "" if it cannot be read."""
+    with suppress(OSError), open_regular(path) as file:
+        return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+    return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -143,6 +144,21 @@ def test_a_file_is_replaced_only_where_that_is_wanted(export, tmp_path: Path):
     assert (tmp_path / "a.obj").read_text() == "mine"
     export("a.obj", overwrite=True, scene=False)
     assert (tmp_path / "a.obj").read_text().startswith("# PhySIC")
+
+
+@pytest.mark.parametrize("kind", ["photo", "link"])
+def test_the_photo_and_links_are_never_replaced(result: Reconstruction, tmp_path: Path, kind: str):
+    there = tmp_path / "a.png"  # which an export to a.json writes too
+    if kind == "photo":
+        there.write_bytes(b"mine")
+    else:
+        (tmp_path / "mine").write_bytes(b"mine")
+        there.symlink_to(tmp_path / "mine")
+    photo = f"sha256:{hashlib.sha256(b'mine').hexdigest()}"
+    with pytest.raises(OutputError, match="it is the photo, or a link"):
+        replace(result, photo=photo).export(tmp_path / "a.json", overwrite=True)
+    assert there.read_bytes() == b"mine"
+    assert not (tmp_path / "a.json").exists()
 
 
 def test_a_suffix_of_another_format_is_refused(export, tmp_path: Path):
