@@ -9,6 +9,7 @@ import sys
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 __all__ = ["MODULES", "reference_pages", "write_reference"]
 
@@ -67,13 +68,27 @@ def _module_text(module: str, documented: dict[int, str]) -> list[str]:
     """Return the docstring and the public names of a module, or of the modules of a package that exports none."""
     found = import_module(module)
     text = [inspect.getdoc(found) or ""]
-    if hasattr(found, "__all__"):
-        return text + [_entry(f"{module}.{name}", getattr(found, name), documented) for name in found.__all__]
+    if names := public_names(found):
+        return text + [_entry(f"{module}.{name}", getattr(found, name), documented) for name in names]
     for inner in sorted(info.name for info in pkgutil.iter_modules(found.__path__)):
         full = f"{module}.{inner}"
-        if getattr(import_module(full), "__all__", None):
+        if public_names(import_module(full)):
             text += [f"{inner}\n{'-' * len(inner)}", f".. module:: {full}", *_module_text(full, documented)]
     return text
+
+
+def public_names(module: ModuleType) -> list[str]:
+    """Return ``__all__`` of a package, else the names without an underscore that the module defines at its top."""
+    if hasattr(module, "__all__"):
+        return list(module.__all__)
+    names = []
+    for statement in ast.parse(inspect.getsource(module)).body:
+        if isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
+            names.append(statement.name)
+        elif isinstance(statement, (ast.Assign, ast.AnnAssign)):
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            names += [target.id for target in targets if isinstance(target, ast.Name)]
+    return sorted(name for name in names if not name.startswith("_"))
 
 
 def _entry(full: str, value: object, documented: dict[int, str]) -> str:

@@ -106,7 +106,8 @@ def save_photo(
     elif saving.preview:
         _write_file(folder / "preview.png", preview_png(result))
     if saving.report:
-        from physic_core.io.report_file import REPORT_FILE, add_report, save_report
+        from physic_core.io.report_file import add_report, save_report
+        from physic_core.io.result_folder import REPORT_FILE
 
         if saving.level == "summary":
             save_report(result, folder / REPORT_FILE, title)

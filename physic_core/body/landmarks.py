@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, SIDES
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS
 from physic_core.errors import BodyModelError
 from physic_core.types import Keypoints
-from physic_core.types.skeletons import Skeleton
+from physic_core.types.skeletons import SIDES, Skeleton
 
 __all__ = ["BODY_POINTS", "SURFACE_POINTS", "LandmarkRegressor", "keypoints_on_body", "skeleton_regressor"]
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, SIDES
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.types.skeletons import SIDES
 
 __all__ = ["CONTACT_SETS", "PART_NAMES", "TPoseMesh", "contact_set_vertices", "label_parts"]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.landmarks import SURFACE_POINTS
 from physic_core.body.parts import PART_NAMES, TPoseMesh, label_parts
+from physic_core.types.skeletons import SIDES
 
 __all__ = ["pick_surface_points"]
 

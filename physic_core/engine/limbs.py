@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, SIDES, joint_pair
+from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
-from physic_core.types.skeletons import Skeleton, is_finger
+from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
 __all__ = [
     "detected_joints",

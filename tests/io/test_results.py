@@ -17,10 +17,11 @@ import pytest
 
 import physic_core.io.results as results
 from physic_core.errors import InputError, OutputError
+from physic_core.files.atomic import check_writable
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import to_document
 from physic_core.io.result_folder import file_digest
-from physic_core.io.results import check_writable, load_reconstruction, save_reconstruction
+from physic_core.io.results import load_reconstruction, save_reconstruction
 
 
 def strict(text: bytes):

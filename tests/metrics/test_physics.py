@@ -10,7 +10,8 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics.physics import contact_gap, penetration, vertex_areas
+from physic_core.geometry.mesh import vertex_areas
+from physic_core.metrics.physics import contact_gap, penetration
 
 RADIUS = 0.5
 

@@ -18,7 +18,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import SIDES
 from physic_core.engine.contact.distance import (
     SEARCH_RADIUS_M,
     DistanceMeasure,
@@ -33,6 +32,7 @@ from physic_core.engine.limbs import straight_hips
 from physic_core.engine.placement.lifted_feet import MIN_FOOT_GAP
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
+from physic_core.types.skeletons import SIDES
 
 __all__ = ["KINDS", "Columns", "Distances", "feature_columns", "measure_distances"]
 

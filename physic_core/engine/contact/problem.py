@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import SIDES
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.objects import HeldObjects
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.limbs import observed_parts
 from physic_core.types.contacts import BodyContact, ContactPartner
+from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support
 
 __all__ = ["ContactInput", "ContactResult"]

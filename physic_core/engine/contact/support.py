@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.limbs import hands_may_hold, is_sitting
 from physic_core.types.contacts import BodyContact
+from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
 
 __all__ = [

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, fields, replace
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import SIDES
 from physic_core.body.model import BodyModel
 from physic_core.engine.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import Skeleton
+from physic_core.types.skeletons import SIDES, Skeleton
 
 __all__ = ["JointProblem", "JointResult", "View"]
 

@@ -14,9 +14,9 @@ import math
 import torch
 from torch import Tensor
 
-from physic_core.body.joints import SIDES
 from physic_core.engine.placement.background import dilate
 from physic_core.engine.placement.detections import Detections
+from physic_core.types.skeletons import SIDES
 
 __all__ = ["depth_gaps_at_feet", "find_lifted_feet"]
 

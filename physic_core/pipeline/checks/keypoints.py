@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.types import skeleton_named
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics, Skeleton

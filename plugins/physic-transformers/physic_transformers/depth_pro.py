@@ -17,7 +17,8 @@ from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Intrinsics
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array

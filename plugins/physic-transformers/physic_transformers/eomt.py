@@ -9,7 +9,8 @@ from pydantic import Field
 from physic_core.adapters.panoptic import COCO_PANOPTIC, PaddedFrame, padded_input, people_and_floor
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,7 +14,8 @@ from pydantic import Field
 from physic_core.adapters.detections import clip_boxes, xyxy_from_cxcywh
 from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw, resize_image
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 from physic_transformers.sam_masks import best_rows, people_from_sam, people_of_prompt, union_of_masks
 from physic_transformers.sizes import size_from_edges
 

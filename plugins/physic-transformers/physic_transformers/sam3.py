@@ -10,7 +10,8 @@ from pydantic import Field
 from physic_core.adapters.detections import clip_boxes
 from physic_core.adapters.pictures import normalized_nchw, resize_image, resize_map
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 from physic_transformers.sam_masks import best_rows, people_from_sam
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 
 if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop

@@ -10,7 +10,8 @@ from pydantic import Field
 from physic_core.adapters.pictures import normalized_nchw, resize_map
 from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend, to_numpy
+from physic_transformers.folders import WEIGHTS_HELP, ModelSpec
+from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 from physic_transformers.sizes import size_from_target
 
 if TYPE_CHECKING:

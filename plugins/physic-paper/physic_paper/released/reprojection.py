@@ -9,13 +9,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.body.joints import SIDES
 from physic_core.engine.joint.context import JointContext, Keypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints
 from physic_core.geometry.camera import project
-from physic_core.types.skeletons import Skeleton, is_finger
+from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
 __all__ = [
     "ReleasedReprojectionTerm",

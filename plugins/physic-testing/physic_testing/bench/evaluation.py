@@ -14,10 +14,11 @@ import numpy as np
 
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
 from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.geodesic import geodesic_error, surface_graph
 from physic_core.metrics.matching import match_by_masks
-from physic_core.metrics.physics import contact_gap, penetration, vertex_areas, vertex_normals
+from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_core.metrics.proximity import SEARCH_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.rays import RayCaster
 from physic_core.types import Intrinsics
-from physic_testing.worlds.ray_casting import RayCaster
 from physic_testing.worlds.rendering import pixel_rays
 from physic_testing.worlds.reproducible_math import apply, arctan2, norm, sin_cos
 from physic_testing.worlds.solids import blocks_mesh, signed_distance

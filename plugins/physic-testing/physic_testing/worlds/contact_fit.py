@@ -512,7 +512,7 @@ def largest_penetration(points: FloatArray, other: FloatArray, faces: NDArray[np
     Inside is what sees a face from behind in most of three directions; the depth is the distance to the nearest
     vertex's plane.
     """
-    from physic_testing.worlds.ray_casting import RayCaster
+    from physic_core.geometry.rays import RayCaster
 
     distance, index = cKDTree(other).query(points, distance_upper_bound=0.15)
     near = np.flatnonzero(np.isfinite(distance))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.ray_casting import RayCaster
+from physic_core.geometry.rays import RayCaster
 from physic_testing.worlds.reproducible_math import apply, dot, norm
 from physic_testing.worlds.solids import BOX_QUADS, LEVEL_GROUND, Block, SolidDistances
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.rays import RayCaster, RayHits
 from physic_core.types import SURFACE_NAMES, BodyParameters
 from physic_testing.worlds.clothes import Clothes
 from physic_testing.worlds.contact_fit import pose_body
-from physic_testing.worlds.ray_casting import RayCaster, RayHits
 from physic_testing.worlds.rendering import (
     AreaLight,
     Lighting,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.worlds.ray_casting import RayCaster, RayHits
+from physic_core.geometry.rays import RayCaster, RayHits
 from physic_testing.worlds.reproducible_math import apply, dot
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX, SIDES
+from physic_core.body.joints import JOINT_INDEX
+from physic_core.types.skeletons import SIDES
 from physic_testing.worlds.reproducible_math import norm
 from physic_testing.worlds.skinning import Skinner
 

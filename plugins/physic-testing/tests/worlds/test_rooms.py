@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_testing.worlds.ray_casting import RayCaster
+from physic_core.geometry.rays import RayCaster
 from physic_testing.worlds.rooms import Room, Walls
 from physic_testing.worlds.solids import Block, Ground
 from physic_testing.worlds.textures import Patch
