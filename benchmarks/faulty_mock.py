@@ -15,8 +15,6 @@ from physic_mock.pixels import MockSegmenter, SegmenterOptions
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
 
-__all__ = ["FaultySegmenter", "image_digest"]
-
 
 class FaultyOptions(SegmenterOptions):
     """Digests of images, by what happens to them."""

@@ -18,8 +18,6 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-__all__ = ["Chromium", "Page", "find_chromium"]
-
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # SwiftShader draws WebGL without a GPU.
 _FLAGS = (

@@ -11,8 +11,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-__all__ = ["Page", "broken_links", "external_links", "read_site"]
-
 
 class Page(HTMLParser):
     """The links and the anchors of one page, and the files that it loads from elsewhere."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["FOLDERS", "ROOT", "TITLES", "pages", "sections", "subpages"]
-
 ROOT = Path(__file__).resolve().parents[2]
 
 FOLDERS = (

@@ -11,8 +11,6 @@ from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["MODULES", "reference_pages", "write_reference"]
-
 MODULES = {
     "physic_core": "For users",
     "physic_core.types": "Data types",

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["AffineCamera", "half_diagonal", "points_on_rays", "recover_camera"]
-
 _GRID = 64
 """Rows and columns of the grid of sampled points."""
 _MIN_SAMPLES = 64

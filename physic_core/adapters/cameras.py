@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import Hints
 
-__all__ = ["guessed_camera", "known_camera"]
-
 
 def known_camera(hints: Hints, image: NDArray[Any]) -> Intrinsics | None:
     """Return the intrinsics in ``hints``, scaled to the size of ``image``; None if the hints have no intrinsics."""

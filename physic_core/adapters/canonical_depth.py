@@ -15,8 +15,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["depth_from_canonical", "depth_from_canonical_inverse", "focal_from_fov"]
-
 _LEAST_INVERSE, _MOST_INVERSE = 1e-4, 1e4  # 1 / m in depth_from_canonical_inverse; larger depths become 10 km
 
 

@@ -26,8 +26,6 @@ from typing import Any
 from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import Packages, Repository, Requirement
 
-__all__ = ["NON_COMMERCIAL", "PIP_NAMES", "Checkout", "checkout_commit"]
-
 NON_COMMERCIAL = frozenset({"smplx"})
 """Packages of Python whose licence forbids commercial use: nothing installs them but the user."""
 

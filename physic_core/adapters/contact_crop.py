@@ -15,8 +15,6 @@ from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalize
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["BOX_GROWTH", "INPUT_SIDE", "contact_crop", "enlarged_box_slices"]
-
 INPUT_SIDE = 256
 """Height and width of the network's square input, px."""
 BOX_GROWTH = 0.1

@@ -15,8 +15,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
-__all__ = ["camerahmr_inputs", "translation_from_crop"]
-
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
 

@@ -20,8 +20,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["Crop", "PixelAlignment", "antialias_sigma", "crop_around_box", "padded_region", "resample_crop"]
-
 PixelAlignment = Literal["corners", "halves", "areas"]
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Keypoints
 
-__all__ = ["Detections", "box_iou", "clip_boxes", "nms", "sigmoid", "xyxy_from_cxcywh"]
-
 
 @dataclass(frozen=True)
 class Detections:

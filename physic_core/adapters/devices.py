@@ -6,8 +6,6 @@ import re
 
 from physic_core.errors import DeviceError
 
-__all__ = ["DEVICE_PATTERN", "check_device"]
-
 DEVICE_PATTERN = re.compile(r"cpu|cuda(?::([0-9]{1,3}))?")
 """Pattern of valid device names: "cpu", "cuda" or "cuda:N"."""
 

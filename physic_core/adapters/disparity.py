@@ -14,8 +14,6 @@ from physic_core.adapters.pictures import resize_map
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics
 
-__all__ = ["clip_disparity", "points_from_disparity"]
-
 _LEAST_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
 _SKY = 0.004  # ranges of the disparity
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, IntArray, Keypoints
 
-__all__ = ["HandBoxes", "hand_boxes"]
-
 _HAND_POINTS = 21
 _BEYOND, _LENGTH, _UPPER_ARM = 0.33, 0.75, 0.9
 """Distance of the hand centre from the wrist, and side of its box, in forearm lengths; and the minimum forearm length

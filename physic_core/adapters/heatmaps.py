@@ -13,8 +13,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["heatmap_peaks", "scores_to_confidence", "simcc_peaks", "subpixel_peaks"]
-
 _FLOOR, _CEILING = 1e-3, 50.0  # of a heat map before its logarithm
 _FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["check_mask", "dilate", "dilate_mask", "inpaint_masked"]
-
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
     """Return the mask (H, W) of an image (H, W, 3) as bool, after checking its size.

@@ -16,8 +16,6 @@ from physic_core.types import Hands
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray
 
-__all__ = ["JOINTS_PER_HAND", "empty_hands", "hands_from_mano"]
-
 JOINTS_PER_HAND = 15
 """Number of finger joints of a hand, without the wrist."""
 

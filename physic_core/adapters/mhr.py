@@ -11,8 +11,6 @@ from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["JOINT_BY_KEYPOINT", "NUM_KEYPOINTS", "joints_from_keypoints"]
-
 NUM_KEYPOINTS = 70
 _BODY = {"shoulder": 5, "elbow": 7, "hip": 9, "knee": 11, "ankle": 13}
 """First of the two keypoints, left then right, of what both bodies have."""

@@ -16,8 +16,6 @@ from physic_core.types.skeletons import SIDES, is_finger
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Keypoints
 
-__all__ = ["SeenConfidence", "observed_joints"]
-
 SeenConfidence = Annotated[
     float,
     Field(ge=0, le=1, description="confidence of keypoints from which their joints count as seen; 0 takes all"),

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from onnxruntime import InferenceSession, SessionOptions
 
-__all__ = ["ExecutionProvider", "OnnxSession", "open_session", "release_memory", "select_provider"]
-
 _LOG = logging.getLogger(__name__)
 
 

@@ -27,8 +27,6 @@ from physic_core.cache.lru_folder import GRAPH_SUFFIX, mark_used, trim_folder
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-__all__ = ["MAX_BYTES", "KeptGraph"]
-
 MAX_BYTES = 1 << 30
 """All kept graphs have at most this size; those of all packaged networks have .2 GB."""
 _END = struct.Struct("<QI")

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["COCO_PANOPTIC", "FLOOR_CLASSES", "PORTABLE_CLASSES", "PaddedFrame", "padded_input", "people_and_floor"]
-
 COCO_PANOPTIC: tuple[str, ...] = (
     "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
     "fire hydrant", "stop sign", "parking meter", "bench", "bird", "cat", "dog", "horse", "sheep", "cow", "elephant",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["input_size_by_long_side", "input_size_least_scaling", "limit_patches"]
-
 
 def input_size_least_scaling(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
     """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs less scaling.

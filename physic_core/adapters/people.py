@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
-__all__ = ["boxes_from_masks", "mask_nms", "people_from_masks"]
-
 
 def people_from_masks(
     masks: Iterable[NDArray[Any]],

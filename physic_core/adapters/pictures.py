@@ -18,17 +18,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = [
-    "IMAGENET_MEAN",
-    "IMAGENET_STD",
-    "Letterbox",
-    "Resampling",
-    "letterbox",
-    "normalized_nchw",
-    "resize_image",
-    "resize_map",
-]
-
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 

@@ -9,8 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["mirror_rotvecs", "to_rotvecs"]
-
 
 def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     """Convert rotation matrices or vectors to rotation vectors (N, joints, 3) float64, radians.

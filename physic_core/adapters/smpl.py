@@ -16,8 +16,6 @@ from physic_core.types import Bodies, BodyParameters
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Mesh
 
-__all__ = ["SHARED_JOINTS", "SMPL_JOINTS", "bodies_from_smpl", "empty_bodies", "parameters_from_rotvecs"]
-
 SMPL_JOINTS = 24
 SHARED_JOINTS = 22
 """Number of joints that SMPL and SMPL-X have in common, in the same order: pelvis to wrists."""

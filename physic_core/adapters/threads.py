@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Thread
 
-__all__ = ["limited_threads"]
-
 
 @contextmanager
 def limited_threads(count: int = 1) -> Iterator[None]:

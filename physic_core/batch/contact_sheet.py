@@ -22,8 +22,6 @@ from physic_core.files.own import check_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.io.results import read_document, read_image
 
-__all__ = ["check_contact_sheet", "contact_sheet", "find_results", "write_contact_sheet", "write_index"]
-
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
 

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import Executor
 
-__all__ = ["ExecutorSettings", "open_executor"]
-
-LOCAL = "local"
+_LOCAL = "local"
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,9 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
         ConfigError: there is no such executor, or it does not have one of the settings.
         PluginError: it cannot be imported, or returns no function.
     """
-    if name == LOCAL:
+    if name == _LOCAL:
         return _local(settings)
-    found = find_entry(EXECUTORS_GROUP, name, "executor", own=LOCAL, known=EXECUTORS)
+    found = find_entry(EXECUTORS_GROUP, name, "executor", own=_LOCAL, known=EXECUTORS)
     executor: Executor = import_target(found, "executor")(settings)
     if not callable(executor):
         raise PluginError(f"the executor '{name}' should return a function, got {type(executor).__name__}")

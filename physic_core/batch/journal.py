@@ -24,8 +24,6 @@ from physic_core.files.atomic import sync_folder
 from physic_core.files.own import foreign_file, open_to_append
 from physic_core.files.strict_json import from_json, parse_json, to_json
 
-__all__ = ["COLUMNS", "Journal", "JournalRows", "check_journal", "last_rows", "read_journals", "read_rows"]
-
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo, or name of the moment",
     "path": "absolute path of the photo, or of the first one of a moment",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.types import Reconstruction
 
-__all__ = ["MomentPhoto", "reconstruct_moment", "require_moments"]
-
 _DISTRIBUTION = "physic-scene"
 
 

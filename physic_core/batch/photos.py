@@ -21,22 +21,8 @@ from physic_core.errors import ConfigError, InputError
 from physic_core.files.image_file import SUFFIXES
 from physic_core.io.result_folder import DOCUMENT_FILE
 
-__all__ = [
-    "PhotoItem",
-    "PhotoList",
-    "default_id",
-    "find_photos",
-    "in_shard",
-    "list_photos",
-    "parse_shard",
-    "photo_folder",
-    "photo_of_row",
-    "size_and_mtime",
-    "stamped",
-]
-
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix in suffixes)
-TABLE_SUFFIXES = (".csv", ".parquet")
+_TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _OF_RESULTS, _LINK = "in folders of results", "link to a folder"
 _COLUMNS = ("path", "camera", "stature", "age", "depth", "pointmap", "id", "moment")
@@ -180,7 +166,7 @@ def _items(text: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(text):
         yield from map(_item, sorted(_photos_below(text, skipped)))
-    elif path.suffix.lower() in TABLE_SUFFIXES and os.path.exists(text):
+    elif path.suffix.lower() in _TABLE_SUFFIXES and os.path.exists(text):
         if not os.path.isfile(text):  # reading a pipe would block
             raise InputError(f"cannot read {_show(text)}: it is not a regular file; name a CSV or Parquet table")
         yield from _table_items(path)

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.types import Reconstruction
 
-__all__ = ["BatchJob", "PhotoProcessor", "failed_row", "prepare_job"]
-
 _MAX_MESSAGE = 5000
 """Characters of a message in the journal."""
 

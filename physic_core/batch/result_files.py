@@ -20,8 +20,6 @@ from physic_core.io.result_folder import (
 )
 from physic_core.io.results import read_document
 
-__all__ = ["file_sizes_text", "is_complete", "names_of_files", "result_digest"]
-
 _THUMBNAIL = "thumbnail"
 
 

@@ -18,8 +18,6 @@ from physic_core.batch.workers import Outcome, WorkerSettings, run_in_workers
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import file_digest
 
-__all__ = ["BatchPlan", "Executor", "outcome_row", "plan_batch", "run_batch", "run_locally"]
-
 Executor = Callable[[Iterable[PhotoItem], BatchJob], Generator[dict[str, Any], None, None]]
 """Reconstructs photos and yields one row for each, in any order; columns are those of the journal.
 

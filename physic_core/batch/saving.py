@@ -13,8 +13,6 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["LEVELS", "Saving", "render_thumbnail", "save_photo", "thumbnail_path", "write_thumbnail"]
-
 LEVELS = ("full", "compact", "numbers", "people", "summary")
 """full: JSON, arrays, GLB files, preview. compact: the same, but of the GLB files only the combined one. numbers: JSON,
 arrays. people: JSON, arrays of the people. summary: none."""

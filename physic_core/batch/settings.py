@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["batch_config", "config_digest", "settings_digest"]
-
 _WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads", "timeout_s")
 """Settings of ``[run]`` that change no result by more than rounding."""
 

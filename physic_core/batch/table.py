@@ -15,16 +15,6 @@ from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.own import MARK, check_own
 
-__all__ = [
-    "all_columns",
-    "arrow_schema",
-    "check_table",
-    "check_table_kind",
-    "default_table_kind",
-    "import_pyarrow",
-    "write_table",
-]
-
 
 def import_pyarrow(purpose: str) -> Any:
     """Import ``pyarrow.parquet``.

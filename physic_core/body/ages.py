@@ -13,8 +13,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["ADULT_YEARS", "AgeClasses", "load_ages"]
-
 ADULT_YEARS = 16.0
 """Age from which the body estimator's prior of adults holds."""
 

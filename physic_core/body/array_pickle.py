@@ -18,16 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "InvalidArrayError",
-    "PickledObject",
-    "UnsafePickleError",
-    "as_array",
-    "escape_unprintable",
-    "read_pickle",
-    "read_pickled_items",
-]
-
 _MAX_FILE_BYTES = 2**30
 """Bytes. The largest published body model has a quarter of that."""
 _MAX_MATRIX_SIZE = 2**24

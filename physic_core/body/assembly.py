@@ -18,8 +18,6 @@ from physic_core.body.parts import PART_NAMES, TPoseMesh, contact_set_vertices, 
 from physic_core.body.skinning import Skin
 from physic_core.body.surface_points import pick_surface_points
 
-__all__ = ["BodyArrays", "VertexSets", "build_body_model", "derive_vertex_sets"]
-
 _Array = NDArray[Any]
 _NUM_CROWN, _NUM_GROUND = 40, 400
 """Number of candidate vertices for the highest and for the lowest point of any shape."""

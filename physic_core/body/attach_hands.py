@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyParameters, Hands
 
-__all__ = ["WRIST_RANGE", "AngleRange", "attach_hands", "hand_weight"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 AngleRange = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 """Minimum and maximum rotation of the left wrist about x, y and z, radians."""
 
@@ -47,7 +45,7 @@ _STEPS = 64
 _HANDS = np.array(FINGER_JOINTS).reshape(2, -1)
 
 
-def hand_weight(confidence: NDArray[np.floating]) -> Array:
+def hand_weight(confidence: NDArray[np.floating]) -> _Array:
     """Convert confidence to a weight in [0, 1] of the hand estimate; smooth, and 0 at 0."""
     x = np.clip((np.asarray(confidence, np.float64) - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
     return x * x * (3 - 2 * x)
@@ -84,8 +82,8 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
 
 
 def _rotate_towards(
-    elbows: Array, wrists: Array, wanted: Array, share: Array, axes: Array, wrist_range: AngleRange
-) -> tuple[Array, Array]:
+    elbows: _Array, wrists: _Array, wanted: _Array, share: _Array, axes: _Array, wrist_range: AngleRange
+) -> tuple[_Array, _Array]:
     """Rotate forearms and hands (n, 2, 3, 3) by a ``share`` (n, 2) of the arc to the ``wanted`` rotations."""
     way = rotmat_to_rotvec(wanted @ np.swapaxes(wrists, -1, -2))
     low, high = _limits(wrist_range)
@@ -93,7 +91,7 @@ def _rotate_towards(
     # A wrist that is out of range at the start may stay there, and may return.
     low, high = np.minimum(low, start), np.maximum(high, start)
 
-    def at(step: Array) -> tuple[Array, Array]:
+    def at(step: _Array) -> tuple[_Array, _Array]:
         turn = way * step[..., None]
         hand = rotvec_to_rotmat(turn) @ wrists
         forearm = elbows @ rotvec_to_rotmat(_pronation(elbows, turn, axes)[..., None] * axes)
@@ -108,7 +106,7 @@ def _rotate_towards(
     return at(np.minimum(share, farthest))
 
 
-def _pronation(elbows: Array, turn: Array, axes: Array) -> Array:
+def _pronation(elbows: _Array, turn: _Array, axes: _Array) -> _Array:
     """Return the twist (..., 2) of each forearm about its axis, radians, for hand rotations ``turn`` (..., 2, 3).
 
     The twist of ``turn`` about an axis a: twice the angle of (q_w, q . a) of its quaternion, with no jump on the way.
@@ -117,11 +115,11 @@ def _pronation(elbows: Array, turn: Array, axes: Array) -> Array:
     own = (np.swapaxes(elbows, -1, -2) @ turn[..., None])[..., 0]
     along = (own * axes).sum(-1) / np.maximum(angle, 1e-12)
     twist = 2 * np.arctan2(along * np.sin(0.5 * angle), np.cos(0.5 * angle))
-    clipped: Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
+    clipped: _Array = np.clip(_FOREARM_SHARE * twist, -_MAX_FOREARM_TWIST, _MAX_FOREARM_TWIST)
     return clipped
 
 
-def _limits(wrist_range: AngleRange) -> tuple[Array, Array]:
+def _limits(wrist_range: AngleRange) -> tuple[_Array, _Array]:
     """Return the minimum and maximum angles (2, 3) of the left and the right wrist."""
     low, high = (np.array([bounds[k] for bounds in wrist_range]) for k in (0, 1))
     mirrored = (np.array([low[0], -high[1], -high[2]]), np.array([high[0], -low[1], -low[2]]))
@@ -129,7 +127,7 @@ def _limits(wrist_range: AngleRange) -> tuple[Array, Array]:
 
 
 def _with_arms(
-    parameters: BodyParameters, rows: NDArray[np.int64], local: Array, given: NDArray[np.bool_]
+    parameters: BodyParameters, rows: NDArray[np.int64], local: _Array, given: NDArray[np.bool_]
 ) -> BodyParameters:
     """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay identical."""
     some = parameters[rows]

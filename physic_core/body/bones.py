@@ -14,14 +14,12 @@ from physic_core.body.linalg import cholesky_solve, matmul
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["ANCESTOR_MATRIX", "BoneOffsets", "fit_shape", "local_from_world", "world_from_local"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _UP = np.array([0, *PARENTS[1:]])
 
 
-def _family() -> Array:
+def _family() -> _Array:
     """Return the (55, 55) matrix that is 1 where the column is the joint of the row or one of its ancestors."""
     reach = np.eye(NUM_JOINTS)
     for joint in range(1, NUM_JOINTS):
@@ -42,8 +40,8 @@ class BoneOffsets:
         directions: (K, 55, 3) change with one unit of each shape component.
     """
 
-    template: Array
-    directions: Array
+    template: _Array
+    directions: _Array
 
     @classmethod
     def of(cls, model: BodyModel) -> BoneOffsets:
@@ -58,24 +56,24 @@ class BoneOffsets:
             both[:, 1:] = (turn @ both[:, 1:, :, None])[..., 0]
         return cls(both[0], both[1:])
 
-    def for_betas(self, betas: Array) -> Array:
+    def for_betas(self, betas: _Array) -> _Array:
         """Return the bone offsets (B, 55, 3), metres, for betas (B, K)."""
         flat = betas @ self.directions.reshape(len(self.directions), -1)
         return self.template + flat.reshape(-1, NUM_JOINTS, 3)
 
-    def rest(self, betas: Array) -> Array:
+    def rest(self, betas: _Array) -> _Array:
         """Return the T-pose joints (B, 55, 3) for betas (B, K)."""
-        joints: Array = ANCESTOR_MATRIX @ self.for_betas(betas)
+        joints: _Array = ANCESTOR_MATRIX @ self.for_betas(betas)
         return joints
 
-    def pose(self, world: Array, betas: Array, transl: Array) -> Array:
+    def pose(self, world: _Array, betas: _Array, transl: _Array) -> _Array:
         """Return the posed joints (B, 55, 3), metres, for world rotations (B, 55, 3, 3) relative to the T-pose."""
         carried = self.for_betas(betas)
         carried[:, 1:] = (world[:, _UP[1:]] @ carried[:, 1:, :, None])[..., 0]
-        joints: Array = ANCESTOR_MATRIX @ carried + transl[:, None]
+        joints: _Array = ANCESTOR_MATRIX @ carried + transl[:, None]
         return joints
 
-    def shape_jacobian(self, world: Array) -> Array:
+    def shape_jacobian(self, world: _Array) -> _Array:
         """Return the derivative (B, 55, 3, K) of the posed joints with respect to the betas."""
         batch, count = len(world), len(self.directions)
         turns = world[:, _UP].copy()
@@ -84,7 +82,9 @@ class BoneOffsets:
         return (ANCESTOR_MATRIX @ carried.reshape(batch, NUM_JOINTS, -1)).reshape(batch, NUM_JOINTS, 3, count)
 
 
-def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge: float = 1.0) -> tuple[Array, Array]:
+def fit_shape(
+    slopes: _Array, start: _Array, targets: _Array, weights: _Array, ridge: float = 1.0
+) -> tuple[_Array, _Array]:
     """Fit betas and translation to target points by ridge regression; the fitted points are linear in both.
 
     Minimises ``sum_i w_i |start_i + slopes_i betas + transl - target_i|^2 + ridge |betas|^2``.
@@ -115,7 +115,7 @@ def fit_shape(slopes: Array, start: Array, targets: Array, weights: Array, ridge
     return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
 
 
-def world_from_local(local: Array) -> Array:
+def world_from_local(local: _Array) -> _Array:
     """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the T-pose."""
     world = local.copy()
     for joint in range(1, NUM_JOINTS):
@@ -123,7 +123,7 @@ def world_from_local(local: Array) -> Array:
     return world
 
 
-def local_from_world(world: Array) -> Array:
+def local_from_world(world: _Array) -> _Array:
     """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the parents."""
     local = np.swapaxes(world[:, _UP], -1, -2) @ world
     local[:, 0] = world[:, 0]

@@ -28,21 +28,12 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-FindCorrespondence = Callable[[RestMesh, "BodyModel"], Correspondence]
+_FindCorrespondence = Callable[[RestMesh, "BodyModel"], Correspondence]
 """Function that finds the position of each model vertex on another mesh; it may cache results."""
 
-__all__ = [
-    "ConvertedBodies",
-    "can_convert",
-    "convert_bodies",
-    "convert_contact",
-    "convert_with_residuals",
-    "rest_mesh_of_model",
-]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Numbers = TypeVar("Numbers", bound=np.floating[Any])
+_Array = NDArray[np.float64]
+_Bools = NDArray[np.bool_]
+_Numbers = TypeVar("_Numbers", bound=np.floating[Any])
 
 _SHARED = ("embedded", "smpl", "smplx")
 """Body models with the same T-pose at zero rotations."""
@@ -62,8 +53,8 @@ class ConvertedBodies:
     """
 
     bodies: Bodies
-    joints_m: Array
-    surface_m: Array | None
+    joints_m: _Array
+    surface_m: _Array | None
 
     def note(self, before: str) -> str:
         """Return a note for the user: both body models and the mean residuals."""
@@ -88,7 +79,7 @@ def convert_bodies(bodies: Bodies, model: BodyModel) -> Bodies:
 
 
 def convert_with_residuals(
-    bodies: Bodies, model: BodyModel, find: FindCorrespondence = find_correspondence
+    bodies: Bodies, model: BodyModel, find: _FindCorrespondence = find_correspondence
 ) -> ConvertedBodies:
     """Convert bodies to another body model, and return the residuals of the fit.
 
@@ -131,7 +122,7 @@ def convert_with_residuals(
 
 
 def convert_contact(
-    contact: ContactProbability, model: BodyModel, find: FindCorrespondence = find_correspondence
+    contact: ContactProbability, model: BodyModel, find: _FindCorrespondence = find_correspondence
 ) -> ContactProbability:
     """Transfer contact probabilities to the vertices of a body model; 0 in its cavities.
 
@@ -177,7 +168,7 @@ def _same_topology(mesh: Mesh, model: BodyModel) -> bool:
     return mesh.name in (model.topology, model.name) and mesh.vertices.shape[1] == model.num_vertices
 
 
-def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | None]:
+def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | None]:
     """Return the joints (N, 55, 3), NaN where unknown, and the mesh if it has a known correspondence.
 
     Of the embedded body both follow from its parameters.
@@ -199,7 +190,7 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[Array, Mesh | No
     return joints.astype(np.float64), mesh
 
 
-def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> tuple[BodyFit, Array]:
+def _fit_to_surface(model: BodyModel, mesh: Mesh, find: _FindCorrespondence) -> tuple[BodyFit, _Array]:
     """Fit the model to posed meshes; return the fit and the mean distance (N,) in metres."""
     ids = sample_vertices(model)
     patches = SampledBodyModel.of(model, ids)
@@ -217,14 +208,14 @@ def _fit_to_surface(model: BodyModel, mesh: Mesh, find: FindCorrespondence) -> t
     return fit, (np.linalg.norm(patches.posed(fit) - points, axis=-1) * weights).sum(1) / max(weights.sum(), 1.0)
 
 
-def _pose_vector(parameters: BodyParameters) -> Array:
+def _pose_vector(parameters: BodyParameters) -> _Array:
     """Concatenate all pose parameters and the translation to (N, 168)."""
     p = parameters
     poses = (p.global_orient, p.body_pose, p.left_hand_pose, p.right_hand_pose, p.jaw_pose, p.leye_pose, p.reye_pose)
     return np.concatenate([*poses, p.transl], 1).astype(np.float64)
 
 
-def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: Bools) -> BodyParameters:
+def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyParameters:
     """Convert a fit to parameters of all people, NaN for those that were not fitted."""
     some = parameters_from_rotations(
         torch.from_numpy(local_from_world(fit.world)),
@@ -235,8 +226,8 @@ def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: Bools) -> BodyParam
     return BodyParameters(**{name: _spread_rows(value, rows) for name, value in vars(some).items()})
 
 
-def _spread_rows(values: NDArray[Numbers], rows: Bools) -> NDArray[Numbers]:
+def _spread_rows(values: NDArray[_Numbers], rows: _Bools) -> NDArray[_Numbers]:
     """Insert values into the selected rows of a NaN array."""
-    rows_of_all: NDArray[Numbers] = np.full((len(rows), *values.shape[1:]), np.nan, values.dtype)
+    rows_of_all: NDArray[_Numbers] = np.full((len(rows), *values.shape[1:]), np.nan, values.dtype)
     rows_of_all[rows] = values
     return rows_of_all

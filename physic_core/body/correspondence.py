@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import RestMesh
 
-__all__ = ["CORRESPONDENCE_VERSION", "Correspondence", "find_correspondence", "register_to_mesh"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 CORRESPONDENCE_VERSION = 1
 """Version of the algorithm for cache keys; increase it when results change."""
@@ -57,10 +55,10 @@ class Correspondence:
     """
 
     corners: NDArray[np.int64]
-    shares: Array
+    shares: _Array
     sure: NDArray[np.bool_]
 
-    def interpolate(self, values: NDArray[np.floating]) -> Array:
+    def interpolate(self, values: NDArray[np.floating]) -> _Array:
         """Interpolate values (..., V_other, C) of the other mesh's vertices at the model's vertices: (..., V, C)."""
         return sum(  # type: ignore[return-value]
             values[..., self.corners[:, k], :] * self.shares[:, k, None] for k in range(3)
@@ -71,7 +69,7 @@ class Correspondence:
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
 
 
-def register_to_mesh(rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: Array) -> BodyFit:
+def register_to_mesh(rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: _Array) -> BodyFit:
     """Fit a body model to a mesh in the T-pose, by iterated closest points.
 
     Args:

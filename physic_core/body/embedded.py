@@ -18,8 +18,6 @@ from physic_core.body.assembly import BodyArrays, VertexSets, build_body_model
 from physic_core.body.model import BodyModel
 from physic_core.errors import BodyModelError
 
-__all__ = ["load_embedded"]
-
 _ASSET, _DIGEST = "embedded.npz", "embedded.sha256"
 
 

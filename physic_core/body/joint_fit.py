@@ -18,10 +18,8 @@ from physic_core.body.joints import FINGER_JOINTS, JOINT_NAMES, PARENTS, joint_p
 from physic_core.body.rotations import rotate, rotation_between
 from physic_core.body.rotations_from_joints import finite_rows, rotations_from_joints
 
-__all__ = ["BodyFit", "fit_joints"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+_Array = NDArray[np.float64]
+_Bools = NDArray[np.bool_]
 
 _ROUNDS = 3  # alternations between shape and rotations
 _MIN_RESIDUAL = 0.02
@@ -71,12 +69,12 @@ class BodyFit:
         transl: (B, 3) metres.
     """
 
-    world: Array
-    betas: Array
-    transl: Array
+    world: _Array
+    betas: _Array
+    transl: _Array
 
 
-def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None) -> BodyFit:
+def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> BodyFit:
     """Fit a body model to joints.
 
     Args:
@@ -106,7 +104,7 @@ def fit_joints(bones: BoneOffsets, joints: Array, world: Array | None) -> BodyFi
     return BodyFit(turns, betas, transl)
 
 
-def _exclude_unreachable(known: Bools) -> Bools:
+def _exclude_unreachable(known: _Bools) -> _Bools:
     """Exclude joints (B, 55) beyond an unknown elbow, wrist, knee or ankle."""
     reached = known.copy()
     for joint, parent in enumerate(PARENTS):
@@ -115,14 +113,16 @@ def _exclude_unreachable(known: Bools) -> Bools:
     return reached
 
 
-def _residual(gap: Array, weights: Array) -> Array:
+def _residual(gap: _Array, weights: _Array) -> _Array:
     """Return the mean squared residual (B, 1), relative to the difference of two models; at most 1."""
     square = (weights * (gap * gap).sum(-1)).sum(1) / np.maximum(3 * (weights > 0).sum(1), 1)
-    share: Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
+    share: _Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
     return share
 
 
-def _align_limbs(bones: BoneOffsets, world: Array, betas: Array, transl: Array, targets: Array, known: Bools) -> Array:
+def _align_limbs(
+    bones: BoneOffsets, world: _Array, betas: _Array, transl: _Array, targets: _Array, known: _Bools
+) -> _Array:
     """Rotate each limb bone from its posed start to its target end."""
     turns = world.copy()
     offsets = bones.for_betas(betas)

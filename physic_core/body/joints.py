@@ -4,17 +4,6 @@ from __future__ import annotations
 
 from physic_core.types.skeletons import SIDES
 
-__all__ = [
-    "FINGER_JOINTS",
-    "JOINT_INDEX",
-    "JOINT_NAMES",
-    "NUM_JOINTS",
-    "PARENTS",
-    "ROTATION_FIELDS",
-    "SIDES",
-    "joint_pair",
-]
-
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
 
 JOINT_NAMES: tuple[str, ...] = (

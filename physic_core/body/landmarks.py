@@ -16,8 +16,6 @@ from physic_core.errors import BodyModelError
 from physic_core.types import Keypoints
 from physic_core.types.skeletons import SIDES, Skeleton
 
-__all__ = ["BODY_POINTS", "SURFACE_POINTS", "LandmarkRegressor", "keypoints_on_body", "skeleton_regressor"]
-
 _FACE = ("eye", "ear", "eye_inner", "eye_outer", "mouth_corner")
 _HAND = ("thumb_tip", "index_tip", "middle_tip", "ring_tip", "pinky_tip")
 _FOOT = ("big_toe", "small_toe", "heel", "foot_tip")

@@ -11,15 +11,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["cholesky_solve", "matmul"]
-
-Real = TypeVar("Real", bound=np.floating[Any])
+_Real = TypeVar("_Real", bound=np.floating[Any])
 
 
-def matmul(a: NDArray[Real], b: NDArray[Real]) -> NDArray[Real]:
+def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
     """Return ``a @ b`` for arrays of the same float type."""
     left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
-    found: NDArray[Real] = torch.matmul(left, right).numpy()
+    found: NDArray[_Real] = torch.matmul(left, right).numpy()
     return found
 
 

@@ -21,8 +21,6 @@ from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
-__all__ = ["BodyModel", "BodyOutput", "LandmarkModel"]
-
 _COARSE_M = 0.02
 
 

@@ -25,9 +25,6 @@ from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import ArrayHeader, ObjectArrayError, read_arrays, read_headers, read_names
 
-__all__ = ["MANO", "SMPL", "SMPLX", "ModelFileLayout", "read_model_file"]
-
-
 _NAMES = {10475: "a SMPL-X", 6890: "a SMPL", 778: "a MANO", 5023: "a FLAME"}
 """Number of vertices -> family of the body model."""
 

@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 
 from physic_core.body.rotations import cross, unit
 
-__all__ = ["SurfaceIndex", "SurfacePoints"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _NORMAL_M = 0.05
 """Distance in metres that counts as much as one radian between normals."""
@@ -32,9 +30,9 @@ class SurfacePoints:
     """
 
     face: NDArray[np.int64]
-    shares: Array
-    distance: Array
-    facing: Array
+    shares: _Array
+    distance: _Array
+    facing: _Array
 
 
 class SurfaceIndex:
@@ -45,14 +43,14 @@ class SurfaceIndex:
         faces: (F, 3).
     """
 
-    def __init__(self, vertices: Array, faces: NDArray[np.int64]) -> None:
+    def __init__(self, vertices: _Array, faces: NDArray[np.int64]) -> None:
         self.faces = faces
         self._corners = vertices[faces]
         a, b, c = (self._corners[:, k] for k in range(3))
         self.normals = unit(cross(b - a, c - a))
         self._tree = cKDTree(np.concatenate([self._corners.mean(1), _NORMAL_M * self.normals], 1))
 
-    def nearest(self, points: Array, normals: Array) -> SurfacePoints:
+    def nearest(self, points: _Array, normals: _Array) -> SurfacePoints:
         """Find the nearest surface points for ``points`` (n, 3) with unit ``normals`` (n, 3)."""
         features = np.concatenate([points, _NORMAL_M * normals], 1)
         _, candidates = self._tree.query(features, k=min(_CANDIDATES, len(self.faces)))
@@ -66,13 +64,13 @@ class SurfaceIndex:
         return SurfacePoints(candidates[row, best], shares[row, best], apart[row, best], facing[row, best])
 
 
-def closest_barycentric(corners: Array, points: Array) -> Array:
+def closest_barycentric(corners: _Array, points: _Array) -> _Array:
     """Return barycentric coordinates (..., 3) of the points of triangles (..., 3, 3) nearest to ``points`` (..., 3)."""
     a, b, c = (corners[..., k, :] for k in range(3))
     first, second, there = b - a, c - a, points - a
 
-    def dot(u: Array, v: Array) -> Array:
-        product: Array = (u * v).sum(-1)
+    def dot(u: _Array, v: _Array) -> _Array:
+        product: _Array = (u * v).sum(-1)
         return product
 
     d11, d12, d22 = dot(first, first), dot(first, second), dot(second, second)

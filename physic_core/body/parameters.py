@@ -12,8 +12,6 @@ from physic_core.errors import BodyModelError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types import BodyParameters
 
-__all__ = ["parameters_from_rotations", "rotations_from_parameters"]
-
 
 def rotations_from_parameters(
     parameters: BodyParameters, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32

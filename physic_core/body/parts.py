@@ -15,8 +15,6 @@ from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["CONTACT_SETS", "PART_NAMES", "TPoseMesh", "contact_set_vertices", "label_parts"]
-
 
 @dataclass(frozen=True)
 class TPoseMesh:

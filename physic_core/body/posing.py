@@ -15,8 +15,6 @@ from torch.autograd.function import once_differentiable
 from physic_core.body.kinematics import Kinematics
 from physic_core.body.skinning import Skin
 
-__all__ = ["JointTree", "pose_vertices"]
-
 
 class JointTree:
     """Descendant and parent-child matrices of a joint tree.

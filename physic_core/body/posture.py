@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-__all__ = ["is_body_straight", "lean_deg", "stands_on_straight_legs", "trunk_tilt_deg"]
-
 _HIPS, _KNEES, _ANKLES = joint_pair("hip"), joint_pair("knee"), joint_pair("ankle")
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _STRAIGHT_KNEE_DEG = 140.0

@@ -9,52 +9,39 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-__all__ = [
-    "cross",
-    "frame_from_axes",
-    "nearest_rotation",
-    "rotate",
-    "rotation_between",
-    "rotmat_to_rotvec",
-    "rotvec_to_rotmat",
-    "slerp",
-    "swing_twist",
-    "unit",
-]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _TINY = 1e-12
 _OPPOSITE = 1e-16  # squared sum of opposite unit vectors: below, it has fewer digits than the half turn is off by
 
 
-def unit(vectors: Array) -> Array:
+def unit(vectors: _Array) -> _Array:
     """Normalize vectors (..., 3) to length 1; a zero vector stays zero."""
     length = np.sqrt((vectors * vectors).sum(-1, keepdims=True))
-    scaled: Array = vectors / np.maximum(length, _TINY)
+    scaled: _Array = vectors / np.maximum(length, _TINY)
     return scaled
 
 
-def rotate(rotations: Array, vectors: Array) -> Array:
+def rotate(rotations: _Array, vectors: _Array) -> _Array:
     """Apply rotations (..., 3, 3) to vectors (..., 3)."""
-    product: Array = (rotations @ vectors[..., None])[..., 0]
+    product: _Array = (rotations @ vectors[..., None])[..., 0]
     return product
 
 
-def cross(first: Array, second: Array) -> Array:
+def cross(first: _Array, second: _Array) -> _Array:
     """Return the cross product (..., 3). ``np.cross`` takes five times as long for a few vectors."""
     a, b, c = first[..., 0], first[..., 1], first[..., 2]
     d, e, f = second[..., 0], second[..., 1], second[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
-def rotvec_to_rotmat(rotvecs: Array) -> Array:
+def rotvec_to_rotmat(rotvecs: _Array) -> _Array:
     """Convert rotation vectors (..., 3) in radians to matrices (..., 3, 3)."""
-    matrices: Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
+    matrices: _Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
     return matrices
 
 
-def rotmat_to_rotvec(rotations: Array) -> Array:
+def rotmat_to_rotvec(rotations: _Array) -> _Array:
     """Convert rotation matrices (..., 3, 3) to vectors (..., 3) in radians, of length at most pi.
 
     Matrices that are not finite give NaN.
@@ -66,7 +53,7 @@ def rotmat_to_rotvec(rotations: Array) -> Array:
     return vectors.reshape(rotations.shape[:-1])
 
 
-def slerp(first: Array, second: Array, share: Array | float) -> Array:
+def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:
     """Interpolate rotations (..., 3, 3) along the shortest arc; share 0 is the first, 1 the second.
 
     Args:
@@ -78,7 +65,7 @@ def slerp(first: Array, second: Array, share: Array | float) -> Array:
     return first @ rotvec_to_rotmat(way * np.asarray(share)[..., None])
 
 
-def rotation_between(first: Array, second: Array) -> Array:
+def rotation_between(first: _Array, second: _Array) -> _Array:
     """Return the smallest rotations (..., 3, 3) from the first directions (..., 3) to the second.
 
     Opposite directions give half a turn about any perpendicular axis. The rotation is the product of two half-turns:
@@ -94,11 +81,11 @@ def rotation_between(first: Array, second: Array) -> Array:
     # (2 m m^T - 1) (2 a a^T - 1)
     ma = (m * a).sum(-1)[..., None, None]
     outer = 4 * ma * m[..., :, None] * a[..., None, :]
-    turn: Array = outer - 2 * m[..., :, None] * m[..., None, :] - 2 * a[..., :, None] * a[..., None, :] + np.eye(3)
+    turn: _Array = outer - 2 * m[..., :, None] * m[..., None, :] - 2 * a[..., :, None] * a[..., None, :] + np.eye(3)
     return turn
 
 
-def frame_from_axes(along: Array, beside: Array) -> Array:
+def frame_from_axes(along: _Array, beside: _Array) -> _Array:
     """Return right-handed orthonormal frames (..., 3, 3) by Gram-Schmidt.
 
     Column 0 points along the first direction, column 1 along the part of the second that is perpendicular to it.
@@ -108,16 +95,16 @@ def frame_from_axes(along: Array, beside: Array) -> Array:
     return np.stack([x, y, cross(x, y)], -1)
 
 
-def nearest_rotation(moments: Array) -> Array:
+def nearest_rotation(moments: _Array) -> _Array:
     """Return the rotations R (..., 3, 3) that maximise trace(R^T M), M = sum w target source^T (Kabsch 1976)."""
     left, _, right = np.linalg.svd(moments)
     # Flip the direction of the smallest singular value if the product is a reflection.
     left[..., :, 2] *= np.sign(np.linalg.det(left @ right))[..., None]
-    rotations: Array = left @ right
+    rotations: _Array = left @ right
     return rotations
 
 
-def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
+def swing_twist(rotations: _Array, axis: _Array) -> tuple[_Array, _Array]:
     """Decompose rotations (..., 3, 3) into ``swing @ twist``, with the twist about ``axis`` (..., 3).
 
     Returns:

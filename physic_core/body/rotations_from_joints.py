@@ -25,10 +25,8 @@ from physic_core.body.rotations import (
     unit,
 )
 
-__all__ = ["finite_rows", "has_torso_joints", "rotations_from_joints"]
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+_Array = NDArray[np.float64]
+_Bools = NDArray[np.bool_]
 
 _HIPS, _KNEES, _ANKLES, _FEET = (joint_pair(name) for name in ("hip", "knee", "ankle", "foot"))
 _COLLARS, _SHOULDERS, _ELBOWS, _WRISTS = (joint_pair(name) for name in ("collar", "shoulder", "elbow", "wrist"))
@@ -45,19 +43,19 @@ _BY_FOOT, _BY_TRUNK = 1.0, 0.3
 """Weights of the foot and of the trunk for the hinge axis of a straight limb."""
 
 
-def has_torso_joints(known: Bools) -> Bools:
+def has_torso_joints(known: _Bools) -> _Bools:
     """Return which bodies (B,) have both hips, and both shoulders or the neck, among the known joints (B, 55)."""
-    complete: Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
+    complete: _Bools = known[:, _HIPS].all(1) & (known[:, _SHOULDERS].all(1) | known[:, JOINT_INDEX["neck"]])
     return complete
 
 
-def finite_rows(joints: NDArray[np.floating[Any]]) -> Bools:
+def finite_rows(joints: NDArray[np.floating[Any]]) -> _Bools:
     """Return which vectors (..., 3) are finite -> (...) bool."""
-    known: Bools = np.asarray(np.isfinite(joints).all(-1), bool)
+    known: _Bools = np.asarray(np.isfinite(joints).all(-1), bool)
     return known
 
 
-def rotations_from_joints(joints: Array, rest: Array) -> Array:
+def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
     """Estimate the rotation of every bone relative to the T-pose.
 
     Args:
@@ -84,7 +82,7 @@ def rotations_from_joints(joints: Array, rest: Array) -> Array:
     return world
 
 
-def _set_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of pelvis, spine and collars."""
     hips, rest_hips = joints[:, _HIPS].mean(1), rest[:, _HIPS].mean(1)
     top, rest_top = _joint_or(joints, rest, known, "neck", *_midpoint(joints, rest, known, _SHOULDERS))
@@ -107,7 +105,7 @@ def _set_trunk(world: Array, joints: Array, rest: Array, known: Bools) -> None:
         world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
 
 
-def _set_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of neck, head, jaw and eyes."""
     neck, head = JOINT_INDEX["neck"], JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
@@ -129,7 +127,7 @@ def _set_head(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
-def _set_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of arms, legs and feet."""
     above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
@@ -158,14 +156,14 @@ def _set_limbs(world: Array, joints: Array, rest: Array, known: Bools) -> None:
     world[:, _FEET] = world[:, _ANKLES]
 
 
-def _axis_by_foot(joints: Array, known: Bools, shins: Array) -> Array:
+def _axis_by_foot(joints: _Array, known: _Bools, shins: _Array) -> _Array:
     """Return the knee axes (B, 2, 3) if feet point forward; zero where the foot is unknown."""
     feet = joints[:, _FEET] - joints[:, _ANKLES]
     seen = (known[:, _FEET] & known[:, _ANKLES])[..., None]
     return np.where(seen, unit(cross(feet, shins)), 0.0)
 
 
-def _set_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
+def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     """Set the rotations of forearm twist, wrists and fingers."""
     arms = world[:, _ELBOWS]
     bases = _FINGERS[:, :, 0]
@@ -192,33 +190,33 @@ def _set_hands(world: Array, joints: Array, rest: Array, known: Bools) -> None:
         world[:, _FINGERS[..., joint]] = above
 
 
-def _all_true(flags: Bools) -> Bools:
+def _all_true(flags: _Bools) -> _Bools:
     """Return whether all flags along the last axis are true."""
-    every: Bools = np.logical_and.reduce(flags, axis=-1)
+    every: _Bools = np.logical_and.reduce(flags, axis=-1)
     return every
 
 
-def _align(sticks: list[tuple[Array, Array]]) -> Array:
+def _align(sticks: list[tuple[_Array, _Array]]) -> _Array:
     """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair (B, 3)."""
     moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
     return nearest_rotation(np.asarray(moments))
 
 
 def _joint_or(
-    joints: Array, rest: Array, known: Bools, name: str, other: Array, rest_other: Array
-) -> tuple[Array, Array]:
+    joints: _Array, rest: _Array, known: _Bools, name: str, other: _Array, rest_other: _Array
+) -> tuple[_Array, _Array]:
     """Return a joint in the pose and in the T-pose, or another point if it is unknown."""
     i = JOINT_INDEX[name]
     seen = known[:, i, None]
     return np.where(seen, joints[:, i], other), np.where(seen, rest[:, i], rest_other)
 
 
-def _midpoint(joints: Array, rest: Array, known: Bools, pair: list[int]) -> tuple[Array, Array]:
+def _midpoint(joints: _Array, rest: _Array, known: _Bools, pair: list[int]) -> tuple[_Array, _Array]:
     """Return the midpoint of a joint pair, in the pose and in the T-pose."""
     return joints[:, pair].mean(1), rest[:, pair].mean(1)
 
 
-def _left_minus_right(joints: Array, rest: Array, pair: list[int]) -> tuple[Array, Array]:
+def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_Array, _Array]:
     """Return the vector from the right to the left joint of a pair, in the pose and in the T-pose."""
     left, right = pair
     return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-__all__ = ["Skin", "WeightBlock"]
-
 _BLOCKS = 4  # of a skin; more would save less than their calls cost
 
 

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from physic_core.body.model_file import SMPL, read_model_file
 from physic_core.types import RestMesh
 
-__all__ = ["SMPL_PARENTS", "SmplBody", "load_smpl", "read_smpl"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
@@ -35,24 +33,24 @@ class SmplBody:
         weights: (6890, 24) of skinning.
     """
 
-    template: Array
+    template: _Array
     faces: NDArray[np.int64]
-    shapedirs: Array
-    posedirs: Array
-    regressor: Array
-    weights: Array
+    shapedirs: _Array
+    posedirs: _Array
+    regressor: _Array
+    weights: _Array
 
     @property
     def rest(self) -> RestMesh:
         """Mesh of the mean body in its T-pose."""
         return RestMesh("smpl", self.template, self.faces)
 
-    def smpl_joints(self, rotations: Array, betas: Array, transl: Array | None = None) -> Array:
+    def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
         """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10), transl (N, 3)."""
         joints = self._chain(rotations, self._shaped(betas))[1]
         return joints if transl is None else joints + transl[:, None]
 
-    def vertices(self, rotations: Array, betas: Array, transl: Array | None = None) -> Array:
+    def vertices(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
         """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
         shaped = self._shaped(betas)
         world, joints, rest = self._chain(rotations, shaped)
@@ -60,18 +58,18 @@ class SmplBody:
         shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
         turns = (self.weights @ world.reshape(len(world), _NUM_JOINTS, 9)).reshape(*shaped.shape, 3)
         shifts = self.weights @ (joints - (world @ rest[..., None])[..., 0])
-        posed: Array = (turns @ shaped[..., None])[..., 0] + shifts
+        posed: _Array = (turns @ shaped[..., None])[..., 0] + shifts
         return posed if transl is None else posed + transl[:, None]
 
-    def _shaped(self, betas: Array) -> Array:
+    def _shaped(self, betas: _Array) -> _Array:
         """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
         return self.template + (betas @ self.shapedirs.reshape(-1, self.shapedirs.shape[2]).T).reshape(
             -1, *self.template.shape
         )
 
-    def _chain(self, rotations: Array, shaped: Array) -> tuple[Array, Array, Array]:
+    def _chain(self, rotations: _Array, shaped: _Array) -> tuple[_Array, _Array, _Array]:
         """Return world rotations (N, 24, 3, 3), posed joints (N, 24, 3) and rest joints (N, 24, 3)."""
-        rest: Array = self.regressor @ shaped
+        rest: _Array = self.regressor @ shaped
         world, joints = rotations.copy(), rest.copy()
         for joint, parent in enumerate(SMPL_PARENTS[1:], 1):
             world[:, joint] = world[:, parent] @ rotations[:, joint]

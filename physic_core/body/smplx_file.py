@@ -16,8 +16,6 @@ from physic_core.body.model import BodyModel
 from physic_core.body.model_file import SMPLX, read_model_file
 from physic_core.errors import BodyModelError
 
-__all__ = ["load_smplx"]
-
 _COLUMNS = {20: (10, 10), 400: (300, 100)}
 """Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 

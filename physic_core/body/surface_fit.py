@@ -19,9 +19,7 @@ from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
-__all__ = ["SURFACE_SIGMA_M", "SampledBodyModel", "SurfaceTargets", "fit_surface", "sample_vertices"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _UP = np.array(PARENTS[1:])
 
@@ -56,13 +54,13 @@ class SampledBodyModel:
 
     bones: BoneOffsets
     ids: NDArray[np.int64]
-    template: Array
-    directions: Array
+    template: _Array
+    directions: _Array
     correctives: NDArray[np.float32] | None
-    weights: Array
-    joints: Array
-    joint_directions: Array
-    bound: Array
+    weights: _Array
+    joints: _Array
+    joint_directions: _Array
+    bound: _Array
 
     @classmethod
     def of(cls, model: BodyModel, ids: NDArray[np.int64]) -> SampledBodyModel:
@@ -85,13 +83,13 @@ class SampledBodyModel:
         )
 
     @cached_property
-    def rotation_weights(self) -> Array:
+    def rotation_weights(self) -> _Array:
         """(55, n) weight of each vertex in the fit of each bone's rotation."""
-        squared: Array = (self.weights * self.weights).T
-        weights: Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
+        squared: _Array = (self.weights * self.weights).T
+        weights: _Array = squared / np.maximum(squared.sum(1, keepdims=True), 1e-12)
         return weights
 
-    def linear(self, world: Array) -> tuple[Array, Array]:
+    def linear(self, world: _Array) -> tuple[_Array, _Array]:
         """Return the posed vertices as a linear function of the betas.
 
         Args:
@@ -121,13 +119,13 @@ class SampledBodyModel:
             slopes += by_vertex[..., axis, None] * rows[:, None]
         return start, slopes
 
-    def posed(self, fit: BodyFit) -> Array:
+    def posed(self, fit: BodyFit) -> _Array:
         """Return the vertices (B, n, 3), metres, of fitted bodies."""
         start, slopes = self.linear(fit.world)
-        vertices: Array = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
+        vertices: _Array = start + (slopes @ fit.betas[:, None, :, None])[..., 0] + fit.transl[:, None]
         return vertices
 
-    def lever_arms(self, world: Array, betas: Array) -> Array:
+    def lever_arms(self, world: _Array, betas: _Array) -> _Array:
         """Return lever arms (B, n, 55, 3): a small rotation w of a bone moves a vertex by ``w x lever``.
 
         The descendants of the bone move with it.
@@ -148,7 +146,7 @@ class SampledBodyModel:
         return levers
 
     @cached_property
-    def descendant_weights(self) -> Array:
+    def descendant_weights(self) -> _Array:
         """(n, 55) sum of the skinning weights of each bone and its descendants, at each vertex."""
         return matmul(self.weights, ANCESTOR_MATRIX)
 
@@ -175,9 +173,9 @@ class SurfaceTargets:
             of the way along the surface only a share of _TANGENT_WEIGHT counts.
     """
 
-    points: Array
-    weights: Array
-    normals: Array | None = None
+    points: _Array
+    weights: _Array
+    normals: _Array | None = None
 
 
 def fit_surface(
@@ -230,7 +228,7 @@ def fit_surface(
     return BodyFit(world, betas, transl)
 
 
-def _kabsch_rotations(patches: SampledBodyModel, points: Array, weights: Array) -> Array:
+def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array) -> _Array:
     """Return rotations (B, 55, 3, 3) that align the T-pose vertices of each bone with their points, by Kabsch."""
     rest = np.broadcast_to(np.eye(3), (1, NUM_JOINTS, 3, 3))
     now = patches.linear(rest)[0]
@@ -243,7 +241,7 @@ def _kabsch_rotations(patches: SampledBodyModel, points: Array, weights: Array) 
     return nearest_rotation(moments)
 
 
-def _follow_parents(world: Array, held: NDArray[np.bool_]) -> Array:
+def _follow_parents(world: _Array, held: NDArray[np.bool_]) -> _Array:
     """Return rotations (B, 55, 3, 3) in which bones without points, (B, 55), follow their parents."""
     turned = world.copy()
     for joint in range(1, NUM_JOINTS):
@@ -252,7 +250,7 @@ def _follow_parents(world: Array, held: NDArray[np.bool_]) -> Array:
     return turned
 
 
-def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, Array]:
+def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Array, _Array]:
     """Return the normal equations of small bone rotations w_j and of linear parameters.
 
     A turn moves a vertex by ``w_j x lever``; with ``Q = sum lever_j lever_k^T``, two bones meet in ``tr(Q) 1 - Q^T``.
@@ -292,7 +290,7 @@ def _normal_equations(levers: Array, slopes: Array, gap: Array) -> tuple[Array, 
     return normal, pull
 
 
-def _normal_equations_along(levers: Array, slopes: Array, gap: Array, normals: Array) -> tuple[Array, Array]:
+def _normal_equations_along(levers: _Array, slopes: _Array, gap: _Array, normals: _Array) -> tuple[_Array, _Array]:
     """Return the normal equations of the residual along unit ``normals`` (B, n, 3).
 
     ``n . (w x lever) = w . (lever x n)``.
@@ -303,7 +301,7 @@ def _normal_equations_along(levers: Array, slopes: Array, gap: Array, normals: A
     return matmul(across, design), matmul(across, (normals * gap).sum(-1, keepdims=True))[..., 0]
 
 
-def _curl(products: Array) -> Array:
+def _curl(products: _Array) -> _Array:
     """Return ``sum a x b`` (..., 3) from ``sum a b^T`` (..., 3, 3)."""
     p = products
     return np.stack([p[..., 1, 2] - p[..., 2, 1], p[..., 2, 0] - p[..., 0, 2], p[..., 0, 1] - p[..., 1, 0]], -1)

@@ -10,8 +10,6 @@ from physic_core.body.landmarks import SURFACE_POINTS
 from physic_core.body.parts import PART_NAMES, TPoseMesh, label_parts
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["pick_surface_points"]
-
 _EYE_HALF_WIDTH = 0.015
 """Distance from the centre of an eye to its corners, metres."""
 _MOUTH_HALF_WIDTH = 0.024

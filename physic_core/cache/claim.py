@@ -16,8 +16,6 @@ from physic_core.cache.lru_folder import SUFFIXES, clear_folder
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["claim_folder"]
-
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _ADVICE = f"name a folder of your own in {CACHE_VARIABLE}"
 

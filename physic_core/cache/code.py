@@ -11,8 +11,6 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["CodeDigester"]
-
 _STARTED = time.time()
 """Start time of this process; files modified later may differ from the imported code."""
 

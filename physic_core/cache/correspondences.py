@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import RestMesh
 
-__all__ = ["cached_correspondence"]
-
 
 def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """Compute the correspondence between two body meshes, or read it from the cache.

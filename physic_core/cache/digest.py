@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     AnyArray = NDArray[Any]
 
-__all__ = ["Digester"]
-
 _BYTES = 20
 
 

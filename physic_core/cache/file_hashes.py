@@ -15,8 +15,6 @@ from physic_core.cache.lru_folder import HASH_SUFFIX, mark_used, trim_folder
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
 
-__all__ = ["remembered_sha256"]
-
 _MAX_BYTES = 1 << 16
 """All kept hashes have at most this size, which is 1000 files."""
 _CLOCK_NS = 2_000_000_000

@@ -6,15 +6,6 @@ import os
 import sys
 from pathlib import Path
 
-__all__ = [
-    "CACHE_VARIABLE",
-    "cache_folder",
-    "correspondences_folder",
-    "graphs_folder",
-    "hashes_folder",
-    "results_folder",
-]
-
 CACHE_VARIABLE = "PHYSIC_CACHE"
 """Environment variable with the folder of all caches, or "off"."""
 

@@ -9,19 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = [
-    "GRAPH_SUFFIX",
-    "HASH_SUFFIX",
-    "MAP_SUFFIX",
-    "RESULT_SUFFIX",
-    "SUFFIXES",
-    "CacheFile",
-    "clear_folder",
-    "list_files",
-    "mark_used",
-    "trim_folder",
-]
-
 RESULT_SUFFIX = ".answer.npz"
 """Suffix of cached backend results; files without the suffix of a cache are never deleted."""
 MAP_SUFFIX = ".map.npz"

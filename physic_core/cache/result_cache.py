@@ -39,9 +39,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.types import Provenance
 
-__all__ = ["ResultCache", "canonicalize"]
-
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 _STORED = "iufc"
 """Kinds of dtype that are stored without compression: numbers compress badly, masks and texts well."""
@@ -190,7 +188,7 @@ class ResultCache:
             self._written = False
 
 
-def canonicalize(result: T) -> T:
+def canonicalize(result: _T) -> _T:
     """Convert a result to the form that the cache returns, so that runs with and without cache agree bit for bit.
 
     Arrays become C-contiguous copies, since their order in memory changes sums, and since the backend may use its
@@ -201,7 +199,7 @@ def canonicalize(result: T) -> T:
     except TypeError:
         return copy.deepcopy(result)
     copies = {name: np.array(array, order="C") for name, array in arrays.items()}
-    same: T = _unpack(copies, document)
+    same: _T = _unpack(copies, document)
     return same
 
 

@@ -15,17 +15,6 @@ import click
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-__all__ = [
-    "AnyPath",
-    "complete_files",
-    "configuration_options",
-    "one_photo",
-    "preset_options",
-    "refuse_nan",
-    "require_interface",
-    "with_current_folder",
-]
-
 
 class AnyPath(click.ParamType[Path]):
     """Any path; the code that opens it reports errors."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-__all__ = ["batch"]
-
 _LEVELS = ("full", "compact", "numbers", "people", "summary")
 
 

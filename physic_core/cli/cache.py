@@ -15,8 +15,6 @@ from physic_core.errors import ConfigError
 if TYPE_CHECKING:
     from physic_core.cache.lru_folder import CacheFile
 
-__all__ = ["cache"]
-
 
 @click.group()
 def cache() -> None:

@@ -6,8 +6,6 @@ import click
 
 from physic_core.cli.output import echo
 
-__all__ = ["completion"]
-
 
 @click.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))

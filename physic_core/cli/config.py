@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["check", "config", "show"]
-
 _COMMANDS = {
     "check": ("physic_core.cli.config:check", "Check a configuration, and list what is missing on this machine."),
     "show": ("physic_core.cli.config:show", "Print the resolved configuration and the source of each value."),

@@ -24,19 +24,6 @@ from physic_core.errors import (
     WeightsMissingError,
 )
 
-__all__ = [
-    "BACKEND",
-    "EXIT_CODES",
-    "INPUT",
-    "INTERRUPTED",
-    "MEANINGS",
-    "OTHER",
-    "USAGE",
-    "WEIGHTS",
-    "exit_code",
-    "is_out_of_memory",
-]
-
 OTHER, USAGE, INPUT, WEIGHTS, BACKEND, INTERRUPTED = 1, 2, 3, 4, 5, 130
 
 MEANINGS = {

@@ -9,8 +9,6 @@ import click
 
 from physic_core.cli.output import echo
 
-__all__ = ["export"]
-
 
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:

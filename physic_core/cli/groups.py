@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.installed import Installed
     from physic_core.discovery.records import CommandRecord
 
-__all__ = ["ExtensibleGroup"]
-
 
 class ExtensibleGroup(click.Group):
     """A command group with the commands of the core, and the commands of plugins (hook ``physic_commands``).

@@ -16,12 +16,10 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["describe_backend", "describe_schema", "format_table", "plugins_as_dicts", "plugins_table"]
-
-MAX_CELL_WIDTH = 40
+_MAX_CELL_WIDTH = 40
 """Maximum characters of a licence or of needs in the table; ``physic plugins show`` prints them in full."""
 
-SLOW_SECONDS = 0.5
+_SLOW_SECONDS = 0.5
 """Registration time above which the status of a backend is "slow": its module imports too much."""
 
 
@@ -158,7 +156,7 @@ def _owner(origin: Any) -> dict[str, str]:
 
 
 def _shorten(text: str) -> str:
-    return text if len(text) <= MAX_CELL_WIDTH else f"{text[: MAX_CELL_WIDTH - 1].rstrip(' ,;:')}…"
+    return text if len(text) <= _MAX_CELL_WIDTH else f"{text[: _MAX_CELL_WIDTH - 1].rstrip(' ,;:')}…"
 
 
 def _needs(offer: BackendOffer) -> str:
@@ -173,7 +171,7 @@ def _readiness(registry: Registry, offer: BackendOffer) -> Readiness:
 
 def _status(registry: Registry, offer: BackendOffer) -> str:
     found = _readiness(registry, offer)
-    if offer.origin.seconds > SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
+    if offer.origin.seconds > _SLOW_SECONDS and found.word in ("ready", "unsure", "not ready"):
         return f"{found}, slow: {offer.origin.seconds:.1f} s to register"
     return str(found)
 

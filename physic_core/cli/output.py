@@ -12,8 +12,6 @@ import click
 
 from physic_core.configuration.quoting import printable
 
-__all__ = ["echo", "echo_json", "open_missing_streams", "printed_logs"]
-
 
 def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
     """Print a text with control characters escaped, which a terminal would obey.

@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["reserve_folder"]
-
 
 @contextmanager
 def reserve_folder(

@@ -13,9 +13,6 @@ from physic_core.cli.output import echo, echo_json
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
 
-__all__ = ["details", "list_", "plugins", "show"]
-
-
 _COMMANDS = {
     "list": ("physic_core.cli.plugins:list_", "List installed backends, as `physic plugins` does."),
     "show": ("physic_core.cli.plugins:show", "Show the options, licence and source of a backend."),

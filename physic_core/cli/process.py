@@ -8,8 +8,6 @@ import os
 import sys
 from contextlib import suppress
 
-__all__ = ["collect_rarely", "main_of_process"]
-
 
 def main_of_process() -> None:
     """Run the command, and end the process without the teardown of the interpreter, which takes torch 0.7 s.

@@ -12,8 +12,6 @@ from physic_core.cli.output import echo
 if TYPE_CHECKING:
     from physic_core.errors import PhysicError
 
-__all__ = ["report"]
-
 
 @click.command()
 @click.argument("results", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path))

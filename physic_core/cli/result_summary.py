@@ -19,8 +19,6 @@ from physic_core.io.records import from_record_or_none, from_records
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 
-__all__ = ["print_summary", "show", "summary_record", "summary_text"]
-
 _HEAD = ("person", "grade", "distance", "contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 

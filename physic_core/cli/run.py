@@ -20,8 +20,6 @@ from physic_core.cli.output_folder import reserve_folder
 from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
 
-__all__ = ["run", "sigterm_as_exception"]
-
 
 class _Numbers(click.ParamType[Any]):
     """Numbers with commas between them, such as fx,fy,cx,cy; any number of them if the name ends in dots."""

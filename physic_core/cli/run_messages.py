@@ -9,8 +9,6 @@ from contextlib import contextmanager
 
 from physic_core.cli.output import echo
 
-__all__ = ["collect_plugin_messages", "print_messages", "show_progress"]
-
 
 @contextmanager
 def collect_plugin_messages() -> Iterator[list[tuple[str, str]]]:

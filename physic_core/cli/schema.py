@@ -6,8 +6,6 @@ import click
 
 from physic_core.cli.output import echo
 
-__all__ = ["schema"]
-
 
 @click.command()
 @click.option("--print", "content", is_flag=True, help="Print the schema itself.")

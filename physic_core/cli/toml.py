@@ -6,8 +6,6 @@ import json
 import math
 from typing import Any
 
-__all__ = ["toml_value"]
-
 
 def toml_value(value: Any) -> str:
     """Format a bool, number, text, list or dictionary as TOML."""

@@ -14,8 +14,6 @@ from physic_core.cli.output import echo, echo_json
 if TYPE_CHECKING:
     from physic_core.weights.library import ListedWeights, WeightLibrary
 
-__all__ = ["list_", "show", "verify", "weights", "where"]
-
 _COMMANDS = {
     "list": ("physic_core.cli.weights:list_", "List all weight sets: size, licence, and whether they are here."),
     "show": ("physic_core.cli.weights:show", "Show the licence, files and sources of a weight set."),

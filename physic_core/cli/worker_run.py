@@ -15,8 +15,6 @@ from physic_core.errors import BackendError, PhysicError
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["RunArguments", "reconstruct_in_worker"]
-
 
 @dataclass(frozen=True)
 class RunArguments:

@@ -13,8 +13,6 @@ from physic_core.errors import PluginError
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
 
-__all__ = ["DEFAULT_ENERGY", "check_engine_preset", "engine_preset", "engine_preset_names"]
-
 DEFAULT_ENERGY = "default"
 """Name of the core's preset."""
 

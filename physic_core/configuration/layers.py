@@ -23,17 +23,6 @@ from physic_core.errors import ConfigError
 from physic_core.files.strict_json import from_json, parse_json
 from physic_core.interfaces import INTERFACES
 
-__all__ = [
-    "Layer",
-    "environment_layers",
-    "is_path",
-    "merge_layers",
-    "override_layers",
-    "preset_names",
-    "read_layers",
-    "source_of",
-]
-
 Layer = tuple[str, Mapping[str, Any]]
 """One source of settings: its label, and its tables as nested dictionaries."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import reprlib
 from typing import Any
 
-__all__ = ["printable", "quoted", "shorten"]
-
 
 class _Repr(reprlib.Repr):
     def __init__(self) -> None:

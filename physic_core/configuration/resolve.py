@@ -44,21 +44,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend, Options
     from physic_core.weights.manifest import WeightSet
 
-__all__ = [
-    "ResolvedBackend",
-    "ResolvedPipeline",
-    "check_backends",
-    "format_missing",
-    "load_checked_config",
-    "load_plan",
-    "missing_file_messages",
-    "missing_gpu",
-    "named_weights",
-    "require_available",
-    "resolve",
-    "resolve_one",
-]
-
 
 @dataclass(frozen=True)
 class ResolvedBackend:

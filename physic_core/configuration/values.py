@@ -9,8 +9,6 @@ from typing import Any
 from physic_core.configuration.problems import Problem
 from physic_core.configuration.quoting import shorten
 
-__all__ = ["InvalidTextError", "check_values", "parse_toml"]
-
 _MAX_DEPTH = 16
 """Tables and lists in each other. The deepest setting has four, the options of a backend seldom more."""
 

@@ -7,17 +7,6 @@ from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
-__all__ = [
-    "CATALOG",
-    "COMMANDS",
-    "ENERGIES",
-    "EXECUTORS",
-    "EXPORTERS",
-    "distribution_for",
-    "how_to_install",
-    "known_names",
-]
-
 _IN_CONTRIB = ("physic-omnieraser", "physic-ray")
 
 

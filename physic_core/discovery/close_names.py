@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 
-__all__ = ["closest_name", "did_you_mean", "format_choice", "similar_names"]
-
 _MAX_LENGTH = 100  # comparing longer names takes long, and no known name is similar
 _MAX_SUGGESTIONS = 4
 _MIN_PREFIX = 4

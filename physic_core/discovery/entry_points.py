@@ -30,8 +30,6 @@ from physic_core.discovery.registration import (
 if TYPE_CHECKING:
     import pluggy
 
-__all__ = ["FoundPlugins", "find_plugins", "origin_of"]
-
 
 @dataclass(frozen=True)
 class FoundPlugins:

@@ -9,8 +9,6 @@ from pathlib import PurePath
 
 from physic_core.discovery.plugin_code import plugin_error
 
-__all__ = ["describe_error", "is_debugging", "message_of", "traceback_text"]
-
 _MAX_MESSAGE = 4096
 
 _SKIPPED_PACKAGES = ("physic_core", "importlib", "pluggy")

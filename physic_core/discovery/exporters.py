@@ -9,8 +9,6 @@ from physic_core.discovery.installed import Installed, explain_absence, find_ins
 from physic_core.discovery.records import ExporterRecord
 from physic_core.errors import InputError, PackageMissingError
 
-__all__ = ["find_exporter", "find_exporters"]
-
 _GLB = ExporterRecord(
     "glb",
     (".glb",),

@@ -60,36 +60,27 @@ if TYPE_CHECKING:
 
     from physic_core.discovery.records import BackendRecord, CommandRecord, ExporterRecord
 
-__all__ = [
-    "PROJECT",
-    "hookimpl",
-    "physic_backends",
-    "physic_commands",
-    "physic_exporters",
-    "physic_weights",
-]
-
 PROJECT = "physic"
 
-hookspec = pluggy.HookspecMarker(PROJECT)
+_hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 
 
-@hookspec
+@_hookspec
 def physic_backends() -> Sequence[BackendRecord]:  # type: ignore[empty-body]
     """Return the backends of this plugin; called once per discovery."""
 
 
-@hookspec
+@_hookspec
 def physic_commands() -> Sequence[CommandRecord]:  # type: ignore[empty-body]
     """Return the commands that this plugin adds to ``physic``."""
 
 
-@hookspec
+@_hookspec
 def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
     """Return the formats that this plugin adds to ``physic export``."""
 
 
-@hookspec
+@_hookspec
 def physic_weights() -> Path:  # type: ignore[empty-body]
     """Return the path of this plugin's weight manifest: a TOML file, or a folder of them."""

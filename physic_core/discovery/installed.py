@@ -18,17 +18,6 @@ from physic_core.errors import ConfigError, PackageMissingError, PhysicError, Pl
 if TYPE_CHECKING:
     from physic_core.discovery.offers import Origin
 
-__all__ = [
-    "Installed",
-    "call_target",
-    "explain_absence",
-    "find_entries",
-    "find_entry",
-    "find_installed",
-    "find_only_entry",
-    "import_target",
-]
-
 _Record = TypeVar("_Record", bound=CommandRecord | ExporterRecord | TargetRecord)
 
 

@@ -16,8 +16,6 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-__all__ = ["TARGET", "load_module", "split_folder", "with_folder"]
-
 _DOTTED = r"[^\W\d]\w*(?:\.[^\W\d]\w*)*"
 TARGET = re.compile(rf"{_DOTTED}:{_DOTTED}")
 """Pattern of the text "module:Class"."""

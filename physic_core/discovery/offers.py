@@ -14,19 +14,6 @@ if TYPE_CHECKING:
 
     from physic_core.discovery.records import BackendRecord
 
-__all__ = [
-    "GIVEN_IN_PYTHON",
-    "NAMED_IN_CONFIG",
-    "REGISTERED_BY_HAND",
-    "UNREGISTERED_CLASS",
-    "BackendOffer",
-    "BrokenPlugin",
-    "Manifest",
-    "Origin",
-    "backend_record_problem",
-    "canonicalize_name",
-]
-
 _NAME = re.compile(r"[a-z0-9]+([.-][a-z0-9]+)*")
 _RESERVED_NAMES = ("none",)
 

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from typing import Any
 
-__all__ = ["PluginExit", "own_stdout", "plugin_code", "plugin_error"]
-
 
 class PluginExit(Exception):
     """Raised in place of SystemExit or another BaseException of a plugin, which is its cause."""

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["Readiness", "has_gpu", "missing_requirements", "readiness"]
-
-State = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
+_State = Literal["ready", "unsure", "not ready", "ambiguous", "refused", "broken"]
 
 _GPU = ("gpu", "cuda")
 _WEIGHTS = "weights"
@@ -40,7 +38,7 @@ class Readiness:
         why: the reason; may be empty if the backend is ready.
     """
 
-    word: State
+    word: _State
     why: str = ""
 
     def __str__(self) -> str:

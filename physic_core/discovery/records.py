@@ -11,14 +11,6 @@ if TYPE_CHECKING:
 
     from physic_core.interfaces import Backend
 
-__all__ = [
-    "RECORD_HOOKS",
-    "BackendRecord",
-    "CommandRecord",
-    "ExporterRecord",
-    "TargetRecord",
-]
-
 
 @dataclass(frozen=True)
 class BackendRecord:

@@ -17,21 +17,6 @@ import pluggy
 from physic_core.discovery import hookspecs
 from physic_core.discovery.records import RECORD_HOOKS
 
-__all__ = [
-    "ENERGIES_GROUP",
-    "EXECUTORS_GROUP",
-    "GROUPS",
-    "MOMENTS_GROUP",
-    "PAGES_GROUP",
-    "PLUGINS_GROUP",
-    "PLUGINS_VARIABLE",
-    "InvalidPluginError",
-    "load_plugin",
-    "records_of_hook",
-    "requested_plugins",
-    "select_entry_points",
-]
-
 PLUGINS_GROUP = "physic.plugins"
 ENERGIES_GROUP = "physic.energies"
 EXECUTORS_GROUP = "physic.executors"

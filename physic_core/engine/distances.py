@@ -7,8 +7,6 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 
-__all__ = ["hinge_angles", "lowest_height", "lowest_sole_indices", "root_relative", "signed_distance"]
-
 # Entries of the 55 rotation matrices, flattened: knees turn by rows 2 and 1 of column 1, elbows by rows 2 and 0 of
 # column 0. One gather of eight numbers has a cheap gradient.
 _HINGE_SINES = [9 * joint + 7 for joint in joint_pair("knee")] + [9 * joint + 6 for joint in joint_pair("elbow")]

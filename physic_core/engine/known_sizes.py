@@ -20,21 +20,6 @@ from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = [
-    "CONTRADICTION",
-    "STATURES_M",
-    "BodyPoint",
-    "KnownDistances",
-    "KnownGeometry",
-    "KnownScene",
-    "known_geometry",
-    "scale_scene",
-    "scale_scene_to_known_sizes",
-    "scene_factor",
-    "stature_factor",
-    "vertices_at_ray",
-]
-
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0

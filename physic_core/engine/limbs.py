@@ -13,18 +13,6 @@ from physic_core.engine.distances import hinge_angles
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
-__all__ = [
-    "detected_joints",
-    "hands_may_hold",
-    "is_sitting",
-    "is_standing",
-    "keypoints_of_observed_limbs",
-    "limb_part_indices",
-    "observed_parts",
-    "placement_keypoints",
-    "straight_hips",
-]
-
 _END_JOINT = {
     "upper_leg": "knee",
     "lower_leg": "ankle",

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from physic_core.engine.placement.method import PlacementMethod
     from physic_core.engine.scene.method import SceneMethod
 
-__all__ = ["EngineSettings", "with_overrides"]
-
 
 @dataclass(frozen=True)
 class EngineSettings:

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Arrays = dict[str, NDArray[Any]]
 
-__all__ = ["DamagedFileError", "join_arrays", "read_archive", "split_arrays", "write_archive"]
-
 _DOCUMENT = "document"
 
 

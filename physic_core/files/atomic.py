@@ -25,8 +25,6 @@ from filelock import Timeout
 from physic_core.errors import OutputError
 from physic_core.files.locks import lock_folder
 
-__all__ = ["AtomicWrite", "atomic_write", "check_writable", "sync_folder", "unfinished_indices"]
-
 _WAIT_S = 120.0
 # As no other program names its files.
 _PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)

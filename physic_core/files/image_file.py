@@ -22,16 +22,6 @@ from physic_core.files.jpeg_data import check_jpeg_data
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
 
-__all__ = [
-    "MAX_DECODING_BYTES",
-    "MAX_PIXELS",
-    "SUFFIXES",
-    "ImageSource",
-    "decode",
-    "open_image",
-    "wrap_decoding_errors",
-]
-
 MAX_PIXELS = 150_000_000
 """Maximum number of pixels of an image."""
 

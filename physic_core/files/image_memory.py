@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["decoding_bytes"]
-
 
 def decoding_bytes(image: Image.Image) -> int:
     """Return the most bytes that decoding takes, with the decoded image, for an image that is open and not decoded.

@@ -8,8 +8,6 @@ from typing import BinaryIO
 
 import simplejpeg
 
-__all__ = ["MAX_JPEG_BYTES", "MAX_SCANS", "check_jpeg_data"]
-
 MAX_SCANS = 500
 """Maximum number of scans. Cameras and editors write up to about 20; each takes the time of a complete picture."""
 

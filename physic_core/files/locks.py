@@ -11,8 +11,6 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout, lock_descriptor, unlock_descriptor
 
-__all__ = ["lock_folder"]
-
 LOCK_FILE = ".physic.lock"
 """Locked in place of the folder where folders cannot be locked: on Windows, and on network file systems."""
 

@@ -17,16 +17,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = [
-    "MAX_BYTES",
-    "ArrayHeader",
-    "ObjectArrayError",
-    "read_arrays",
-    "read_headers",
-    "read_names",
-    "write_arrays",
-]
-
 MAX_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
 

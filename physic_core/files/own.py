@@ -9,8 +9,6 @@ from typing import BinaryIO
 
 from physic_core.errors import OutputError
 
-__all__ = ["MARK", "check_own", "foreign_file", "open_to_append"]
-
 MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
 

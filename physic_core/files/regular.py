@@ -8,8 +8,6 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
-__all__ = ["open_regular", "read_regular"]
-
 
 def open_regular(path: Path) -> BufferedReader:
     """Open a regular file, or a link to one, for reading.

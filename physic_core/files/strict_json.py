@@ -8,8 +8,6 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-__all__ = ["from_json", "parse_json", "to_json"]
-
 _MAX_DEPTH = 200
 _MAX_DIGITS = 60
 

@@ -25,8 +25,6 @@ from torch import Tensor
 
 from physic_core.types import AffineAmbiguity
 
-__all__ = ["Alignment", "AlignmentOptions", "align", "apply_alignment"]
-
 _SEED = 0
 _MAX_PIXELS = 20_000  # random sample of the common pixels
 _FEWEST_PIXELS = 16

@@ -12,9 +12,7 @@ from torch import Tensor
 
 from physic_core.geometry.rays import RayCaster
 
-__all__ = ["move_behind_bodies"]
-
-Array = NDArray[np.float64]
+_Array = NDArray[np.float64]
 
 _ROUNDS = 3  # a point that leaves one limb may enter another
 _STEP_M = 1e-4  # beyond a face, so that the next ray does not hit it again
@@ -38,7 +36,7 @@ def move_behind_bodies(
         points: (N, 3), moved.
         moved: (N,) bool.
     """
-    start: Array = points.detach().cpu().double().numpy()
+    start: _Array = points.detach().cpu().double().numpy()
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
     along = np.zeros(len(start))
     if not len(start):
@@ -59,7 +57,7 @@ def move_behind_bodies(
     return torch.where(out[:, None], moved, points), out
 
 
-def _distance_to_front(caster: RayCaster, points: Array, rays: Array, reach: float) -> Array:
+def _distance_to_front(caster: RayCaster, points: _Array, rays: _Array, reach: float) -> _Array:
     """Return the distance from each point to the front face behind it on its ray; 0 for others."""
     face = caster.first_faces(np.zeros(3), rays)
     front = (face >= 0) & ((caster.normals[face] * rays).sum(1) < 0)
@@ -67,7 +65,7 @@ def _distance_to_front(caster: RayCaster, points: Array, rays: Array, reach: flo
     return np.where(front & (way > 0) & (way <= reach), way + _STEP_M, 0.0)
 
 
-def _distance_to_exit(caster: RayCaster, points: Array, rays: Array) -> Array:
+def _distance_to_exit(caster: RayCaster, points: _Array, rays: _Array) -> _Array:
     """Return the distance from each inside point along its ray to the surface; 0 for outside points."""
     way = np.zeros(len(points))
     near = np.flatnonzero(((points > caster.low) & (points < caster.high)).all(1))

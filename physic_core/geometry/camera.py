@@ -9,8 +9,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-__all__ = ["focal_px", "intrinsics_matrix", "mean_camera", "pixel_grid", "pixel_rays", "project", "unproject"]
-
 _MIN_DEPTH = 1e-3
 
 

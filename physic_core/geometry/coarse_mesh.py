@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-__all__ = ["CoarseMesh", "cluster_points", "coarse_mesh"]
-
 _EQUAL_M = 1e-9  # smaller differences of distances are rounding errors
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Intrinsics, UInt8Array
 
-__all__ = ["check_distortion", "undistort_image", "undistort_pixels"]
-
 _ITERATIONS = 50  # of the fixed point that inverts the distortion
 _RADII = 200
 

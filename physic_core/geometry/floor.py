@@ -25,21 +25,11 @@ from physic_core.geometry.floor_ransac import (
 from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.tensors import all_finite, select_pixels
 
-__all__ = [
-    "MIN_INLIER_SHARE",
-    "MIN_UP_CONFIDENCE",
-    "FloorEvidence",
-    "FloorReason",
-    "FloorSearch",
-    "PlaneFit",
-    "fit_floor",
-]
-
 FloorReason = Literal["found", "no_pixels", "no_consensus", "below_plane", "switched_off"]
 """Reason why a search ended: "found"; "no_pixels": too few pixels; "no_consensus": too few inliers; "below_plane": too
 many pixels below the best plane, so that it is no floor; "switched_off" by the settings."""
 
-TOLERANCE = 0.02
+_TOLERANCE = 0.02
 """Largest error of an inlier, as a share of the range of inverse depth."""
 
 MIN_INLIER_SHARE = 0.15
@@ -212,11 +202,11 @@ def _inverse_depth_map(
     if len(known) < FEWEST_SAMPLES:
         return "no_pixels"
     spread = _percentile_range(known)
-    if not TOLERANCE * spread > 0:
+    if not _TOLERANCE * spread > 0:
         return "no_consensus"
     shown = None if normals is None else estimate_up(select_pixels(valid, normals)[0])
     up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
-    return _InverseDepthMap(rays, inverse, valid, TOLERANCE * spread, _LEAST_RISE * spread, evidence, normals, up)
+    return _InverseDepthMap(rays, inverse, valid, _TOLERANCE * spread, _LEAST_RISE * spread, evidence, normals, up)
 
 
 def _percentile_range(values: Tensor) -> float:

@@ -11,8 +11,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["BlockMeans", "average_blocks", "fit_plane", "plane_inlier_shares"]
-
 LOWER_SHARE = 0.6
 """Height of the lower part of the image, in which a floor is searched without a mask."""
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-__all__ = ["front_depth", "in_free_space"]
-
 
 def front_depth(depth: Tensor) -> Tensor:
     """Return the least depth of each 2 x 2 pixel block: (H, W) -> (H - 1, W - 1); inf if none is finite.

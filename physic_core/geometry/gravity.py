@@ -12,8 +12,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["UpEstimate", "estimate_up"]
-
 _ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, and number of iterations
 _SAMPLES = 20_000
 _FEWEST = 200

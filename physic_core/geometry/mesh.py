@@ -14,12 +14,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-__all__ = ["faces_of_vertices", "select_faces", "vertex_areas", "vertex_normals"]
-
-Array = TypeVar("Array", "NDArray[Any]", "Tensor")
+_Array = TypeVar("_Array", "NDArray[Any]", "Tensor")
 
 
-def vertex_normals(vertices: Array, faces: Array, around: Tensor | None = None) -> Array:
+def vertex_normals(vertices: _Array, faces: _Array, around: Tensor | None = None) -> _Array:
     """Return outward unit vertex normals, weighted by face areas (faces counter-clockwise from outside).
 
     Args:
@@ -51,7 +49,7 @@ def vertex_normals(vertices: Array, faces: Array, around: Tensor | None = None) 
     return F.normalize(total, dim=-1)
 
 
-def vertex_areas(vertices: Array, faces: Array) -> Array:
+def vertex_areas(vertices: _Array, faces: _Array) -> _Array:
     """Return the area of each vertex: a third of the area of its faces.
 
     Args:

@@ -18,8 +18,6 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Nearest", "NearestPointSearch", "inside_body_boxes"]
-
 _LEAF = 32  # points of a leaf of the tree
 
 

@@ -10,8 +10,6 @@ import math
 import torch
 from torch import Tensor
 
-__all__ = ["height_over_plane", "plane_basis", "sample_plane"]
-
 _SPACING_M, _NEAR_M = 0.025, 1.5  # of points near people, and how far from a person that is
 _MAX_POINTS = 40_000
 

@@ -10,14 +10,6 @@ from torch import Tensor
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.camera import pixel_grid, unproject
 
-__all__ = [
-    "depth_edges",
-    "depth_to_pointmap",
-    "intrinsics_from_pointmap",
-    "isolated_pixels",
-    "pointmap_normals",
-]
-
 _FEWEST_POINTS = 16
 _RINGS = (2, 4)  # px, distances of neighbours of an isolated pixel
 _STRIP_ROWS = 64  # of a photo, so that temporary arrays stay in the cache of a CPU

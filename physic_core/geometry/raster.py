@@ -13,8 +13,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-__all__ = ["hidden_by_raster", "rasterise"]
-
 _SIDES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)  # px, sides of the pixel boxes of a bucket
 _BLOCK = 1 << 24  # pixels per block
 _NEAR_M = 1e-3  # triangles with a smaller depth are not drawn

@@ -14,12 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["RayCaster", "RayHits", "RayLibrary"]
-
 RayLibrary = Literal["embree", "numpy"]
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+_Array = NDArray[np.float64]
+_Indices = NDArray[np.int64]
 
 _FAN = 4  # children of a box
 _BITS = 16  # per axis, of the cells by which triangles are sorted
@@ -37,9 +35,9 @@ class RayHits:
         corners: (n, 3) float64 barycentric coordinates.
     """
 
-    face: Indices
-    distance: Array
-    corners: Array
+    face: _Indices
+    distance: _Array
+    corners: _Array
 
 
 class RayCaster:
@@ -80,12 +78,12 @@ class RayCaster:
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 
-    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> Indices:
+    def first_faces(self, origins: ArrayLike, directions: ArrayLike) -> _Indices:
         """Return the first face on each ray, (n,) int64, -1 without a hit: as :meth:`first`, faster."""
         start, way = _rays(origins, directions)
         if self._tree is not None:
             return self._tree.first(start, way)[0]
-        face: Indices = self._run(start, way).astype(np.int64)
+        face: _Indices = self._run(start, way).astype(np.int64)
         return face
 
     def blocked(self, origins: ArrayLike, directions: ArrayLike) -> NDArray[np.bool_]:
@@ -97,7 +95,7 @@ class RayCaster:
         hit: NDArray[np.bool_] = self._run(start, way, dists=np.ones(len(way), np.float32), query="OCCLUDED") >= 0
         return hit
 
-    def plane_distance(self, faces: Indices, origins: Array, directions: Array) -> Array:
+    def plane_distance(self, faces: _Indices, origins: _Array, directions: _Array) -> _Array:
         """Return the distance (n,) of rays to the planes of faces (n,), in units of the direction's length.
 
         Negative behind the origin, and inf along the plane.
@@ -105,21 +103,21 @@ class RayCaster:
         normal = self.normals[faces]
         slope = _dot(normal.T, directions.T)
         height = _dot(normal.T, (self._corner[faces] - origins).T)
-        distance: Array = np.divide(height, slope, out=np.full(len(slope), np.inf), where=slope != 0)
+        distance: _Array = np.divide(height, slope, out=np.full(len(slope), np.inf), where=slope != 0)
         return distance
 
-    def _run(self, origins: Array, directions: Array, **query: Any) -> Any:
+    def _run(self, origins: _Array, directions: _Array, **query: Any) -> Any:
         return self._embree[0].run(origins.astype(np.float32), directions.astype(np.float32), **query)  # type: ignore[index]
 
-    def _refined(self, face: Indices, coarse: NDArray[np.float32], start: Array, way: Array) -> Array:
+    def _refined(self, face: _Indices, coarse: NDArray[np.float32], start: _Array, way: _Array) -> _Array:
         """Compute hit distances in float64, except along faces and at tiny faces."""
         # Along a face, and past a tiny one, Embree is more exact than the plane.
         exact = self.plane_distance(face, start, way)
-        close: Array = np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)
+        close: _Array = np.where(np.abs(exact - coarse) <= 1e-3 * (1e-2 + np.abs(coarse)), exact, coarse)
         return close
 
 
-def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[_Array, _Array]:
     way = np.asarray(directions, np.float64)
     return np.broadcast_to(np.asarray(origins, np.float64), way.shape), way
 
@@ -137,7 +135,7 @@ def _device() -> Any:
     return EmbreeDevice()
 
 
-def _embree_scene(vertices: Array, faces: Indices) -> tuple[Any, Any]:
+def _embree_scene(vertices: _Array, faces: _Indices) -> tuple[Any, Any]:
     """Return a scene of Embree and its mesh, which the scene only refers to."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -156,14 +154,14 @@ class _TriangleTree:
         corners: (F, 3, 3) metres.
     """
 
-    def __init__(self, corners: Array) -> None:
+    def __init__(self, corners: _Array) -> None:
         chosen = np.flatnonzero(np.isfinite(corners).all((1, 2)))
         low, high = corners[chosen].min(1).T, corners[chosen].max(1).T
         extent = np.ptp(corners[chosen], axis=(0, 1)) if len(chosen) else np.ones(3)
         margin = _MARGIN * max(float(extent.max()), 1e-30)
         cells = ((low + high) / 2 - low.min(1, keepdims=True, initial=np.inf)) / (extent[:, None] + margin)
         order = np.argsort(_along_curve((cells * (1 << _BITS)).astype(np.int64)), kind="stable")
-        self._face: Indices = chosen[order]
+        self._face: _Indices = chosen[order]
         self._corners = np.ascontiguousarray(corners[self._face].transpose(1, 2, 0))
         self._levels = [np.concatenate([low[:, order] - margin, high[:, order] + margin])]
         while self._levels[-1].shape[1] > _FAN:
@@ -173,7 +171,7 @@ class _TriangleTree:
                 np.concatenate([np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)])
             )
 
-    def first(self, origins: Array, directions: Array) -> tuple[Indices, Array, Array]:
+    def first(self, origins: _Array, directions: _Array) -> tuple[_Indices, _Array, _Array]:
         """Find the first triangle on each ray.
 
         Args:
@@ -199,7 +197,7 @@ class _TriangleTree:
             uv[start + ray] = np.stack([u[chosen], v[chosen]], 1)
         return face, distance, uv
 
-    def _pairs(self, origin: Array, way: Array) -> tuple[Indices, Indices]:
+    def _pairs(self, origin: _Array, way: _Array) -> tuple[_Indices, _Indices]:
         """Return the pairs of rays, given by rows (3, n), and triangles whose boxes they meet."""
         inverse = 1 / np.where(np.abs(way) < 1e-30, 1e-30, way)
         ray, node = (np.arange(n) for n in (origin.shape[1], self._levels[-1].shape[1]))
@@ -220,8 +218,8 @@ class _TriangleTree:
 
 
 def _intersect(
-    ray: Indices, triangle: Indices, origin: Array, way: Array, corners: Array
-) -> tuple[Indices, Indices, Array, Array, Array]:
+    ray: _Indices, triangle: _Indices, origin: _Array, way: _Array, corners: _Array
+) -> tuple[_Indices, _Indices, _Array, _Array, _Array]:
     """Intersect pairs of rays and triangles (Moeller and Trumbore 1997): pairs that meet, distances, coordinates."""
     start, second, third = corners[..., triangle]
     first, second, way = second - start, third - start, way[:, ray]
@@ -235,17 +233,17 @@ def _intersect(
     return ray[met], triangle[met], along[met], u[met], v[met]
 
 
-def _dot(a: Array, b: Array) -> Array:
+def _dot(a: _Array, b: _Array) -> _Array:
     """Return the dot products (n,) of vectors (3, n), in an order that is the same on every processor."""
-    total: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    total: _Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross(a: _Array, b: _Array) -> _Array:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _along_curve(cells: Indices) -> Indices:
+def _along_curve(cells: _Indices) -> _Indices:
     """Return the positions of cells (3, n) on a Morton curve, (n,)."""
     code = np.zeros(cells.shape[1], np.int64)
     for bit in range(_BITS):

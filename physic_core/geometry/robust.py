@@ -16,8 +16,6 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["absolute", "barron", "cauchy", "geman_mcclure", "loss_with_slope", "pseudo_huber", "robust_loss"]
-
 
 def geman_mcclure(squared: Tensor, c: float) -> Tensor:
     """Return the Geman-McClure loss of squared residuals (...): ``c^2 / 2`` at residual ``c``, always below ``c^2``."""

@@ -12,9 +12,7 @@ import torch
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["all_finite", "select_pixels", "tensor", "to_device"]
-
-Record = TypeVar("Record")
+_Record = TypeVar("_Record")
 
 
 def tensor(array: NDArray[Any]) -> torch.Tensor:
@@ -41,7 +39,7 @@ def all_finite(points: torch.Tensor) -> torch.Tensor:
     return torch.isfinite(points @ points.new_ones(3))
 
 
-def to_device(record: Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> Record:
+def to_device(record: _Record, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> _Record:
     """Return a copy of a dataclass on another device, with its floating-point tensors in another type.
 
     Args:

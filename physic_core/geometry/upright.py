@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     Matrix = NDArray[np.float64]
 
-__all__ = ["gltf_from_camera", "transform_points", "up_in_camera"]
-
 
 def up_in_camera(floor: Plane | None) -> Matrix:
     """Return the unit up direction (3,) in the camera frame: the floor's normal, else the camera's up axis."""

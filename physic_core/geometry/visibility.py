@@ -23,16 +23,6 @@ if TYPE_CHECKING:
 
     from physic_core.geometry.coarse_mesh import CoarseMesh
 
-__all__ = [
-    "SelfOcclusion",
-    "depth_order_violations",
-    "facing_camera",
-    "hidden_from_camera",
-    "inside_image",
-    "inside_mask",
-    "self_occlusion",
-]
-
 _CELL_PX = 8  # side of the cells in which depths of two people are compared
 _ORDER_TOLERANCE_M = 0.02  # largest accepted difference of these depths
 _BEHIND_M = 2e-3  # least distance of a surface in front of a vertex that hides it; a smaller gap is rounding error

@@ -16,22 +16,6 @@ from physic_core.interfaces.checks import check_type, require_image
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
-__all__ = [
-    "Backend",
-    "GpuMemory",
-    "Options",
-    "Packages",
-    "Repository",
-    "Request",
-    "Requirement",
-    "Result",
-    "Share",
-    "UserFile",
-    "call",
-    "contract_violations",
-    "interface_of",
-]
-
 Result = TypeVar("Result")
 
 Share = Annotated[float, Field(ge=0, le=1)]

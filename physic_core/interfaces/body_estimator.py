@@ -15,8 +15,6 @@ from physic_core.types import Bodies, BodyParameters, Hints, Mesh
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["BodyEstimator", "BodyEstimatorRequest", "valid_body_rows"]
-
 _JOINTS = 55  # of SMPL-X
 
 _WIDTHS = {

@@ -17,26 +17,6 @@ from physic_core.types import Intrinsics
 if TYPE_CHECKING:
     from physic_core.types import BoolArray
 
-__all__ = [
-    "check_array",
-    "check_camera",
-    "check_faces",
-    "check_finite",
-    "check_limit",
-    "check_median",
-    "check_notes",
-    "check_sigma",
-    "check_type",
-    "check_unit_range",
-    "is_finite",
-    "length",
-    "require_image",
-    "rows_to_check",
-    "tensor_advice",
-    "valid_rows",
-    "within",
-]
-
 
 def require_image(image: object) -> None:
     """Raise InputError unless an image is a numpy array (H, W, 3) of uint8 with at least one pixel."""

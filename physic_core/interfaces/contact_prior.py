@@ -25,8 +25,6 @@ from physic_core.types import ContactProbability, RestMesh
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, People, UInt8Array
 
-__all__ = ["ContactPrior", "ContactPriorRequest", "valid_contact_rows"]
-
 
 @dataclass(frozen=True)
 class ContactPriorRequest(Request[ContactProbability]):

@@ -23,8 +23,6 @@ from physic_core.types import Hands
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Keypoints, People, UInt8Array
 
-__all__ = ["HandEstimator", "HandEstimatorRequest", "valid_hand_rows"]
-
 
 @dataclass(frozen=True)
 class HandEstimatorRequest(Request[Hands]):

@@ -13,8 +13,6 @@ from physic_core.interfaces.checks import check_array
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["Inpainter", "InpainterRequest"]
-
 
 @dataclass(frozen=True)
 class InpainterRequest(Request["UInt8Array"]):

@@ -23,8 +23,6 @@ from physic_core.types import Keypoints, Skeleton, skeleton_named
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-__all__ = ["KeypointDetector", "KeypointDetectorRequest", "keypoint_violations", "valid_keypoint_rows"]
-
 
 @dataclass(frozen=True)
 class KeypointDetectorRequest(Request[Keypoints]):

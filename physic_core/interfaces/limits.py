@@ -6,18 +6,6 @@ number beyond them is treated as a person with a NaN.
 
 from __future__ import annotations
 
-__all__ = [
-    "DEPTH_M",
-    "FOCAL_SHARE",
-    "METRES",
-    "PIXELS",
-    "PRINCIPAL_SHARE",
-    "RADIANS",
-    "RELATIVE_DEPTH",
-    "SHAPE",
-    "SIGMA",
-]
-
 PIXELS = 1e5
 """Largest magnitude of a keypoint's coordinate, px."""
 

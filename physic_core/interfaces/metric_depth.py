@@ -15,8 +15,6 @@ from physic_core.types import DepthMap, Hints
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
-__all__ = ["MetricDepth", "MetricDepthRequest"]
-
 
 @dataclass(frozen=True)
 class MetricDepthRequest(Request[DepthMap]):

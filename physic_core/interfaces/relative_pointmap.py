@@ -22,8 +22,6 @@ from physic_core.types import AffineAmbiguity, Hints, Pointmap
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["RelativePointmap", "RelativePointmapRequest"]
-
 
 @dataclass(frozen=True)
 class RelativePointmapRequest(Request[Pointmap]):

@@ -15,8 +15,6 @@ from physic_core.types import SURFACE_NAMES, Keypoints, People, SurfaceLabels, U
 if TYPE_CHECKING:
     from physic_core.types import PeoplePrompt, UInt8Array
 
-__all__ = ["Segmenter", "SegmenterRequest"]
-
 
 @dataclass(frozen=True)
 class SegmenterRequest(Request[People]):

@@ -26,18 +26,6 @@ if TYPE_CHECKING:
 
     AnyArray = NDArray[Any]
 
-__all__ = [
-    "CAMERA_ARRAYS",
-    "DETECTION_ARRAYS",
-    "PERSON_ARRAYS",
-    "SHARED_ARRAYS",
-    "ArraySpec",
-    "camera_specs",
-    "check_arrays",
-    "number_of_people",
-    "to_arrays",
-]
-
 
 @dataclass(frozen=True)
 class ArraySpec:

@@ -24,17 +24,6 @@ if TYPE_CHECKING:
 
     Arrays = dict[str, NDArray[Any]]
 
-__all__ = [
-    "COMPACT_PERSON_ARRAYS",
-    "COMPACT_SHARED_ARRAYS",
-    "array_specs",
-    "compact_arrays",
-    "expand_arrays",
-    "expand_people",
-    "is_compact",
-    "is_kept_without_scene",
-]
-
 _MANTISSA_BITS = 15
 _STEPS_PER_METRE = 16384
 _NORMAL_STEPS = 127

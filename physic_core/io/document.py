@@ -22,15 +22,6 @@ from physic_core.types import Skeleton
 if TYPE_CHECKING:
     from physic_core.types import CameraView, Person, Reconstruction
 
-__all__ = [
-    "SCHEMA",
-    "SCHEMA_VERSION",
-    "decode_document",
-    "encode_document",
-    "parse_skeleton",
-    "to_document",
-]
-
 SCHEMA_VERSION = 5
 """Of the documents that are written, and of those that are read."""
 

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
-__all__ = ["intrinsics_from_exif", "swaps_sides"]
-
 ORIENTATION = 0x0112
 EXIF_IFD = 0x8769
 _FOCAL_LENGTH = 0x920A
@@ -20,7 +18,7 @@ _FOCAL_LENGTH_35MM = 0xA405
 _PIXEL_WIDTH, _PIXEL_HEIGHT = 0xA002, 0xA003
 _PLANE_X, _PLANE_Y, _PLANE_UNIT = 0xA20E, 0xA20F, 0xA210
 
-FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+_FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal of a 36 x 24 mm frame: CIPA DCG-001 defines the 35 mm equivalent by equal diagonals."""
 
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
@@ -72,7 +70,7 @@ def _focal_px(
 ) -> tuple[float, float, str] | None:
     equivalent = _number(tags.get(_FOCAL_LENGTH_35MM))
     if equivalent:
-        focal = equivalent * math.hypot(width, height) / FULL_FRAME_DIAGONAL_MM
+        focal = equivalent * math.hypot(width, height) / _FULL_FRAME_DIAGONAL_MM
         return focal, focal, f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
     focal_mm, plane_x = _number(tags.get(_FOCAL_LENGTH)), _number(tags.get(_PLANE_X))
     unit_mm = _UNIT_MM.get(int(_number(tags.get(_PLANE_UNIT)) or 2))

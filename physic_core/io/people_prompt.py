@@ -16,9 +16,7 @@ from physic_core.types import PeoplePrompt
 if TYPE_CHECKING:
     from physic_core.types import BoolArray
 
-__all__ = ["check_prompt", "read_masks", "resize_prompt"]
-
-MAX_MASKS = 100
+_MAX_MASKS = 100
 """Maximum number of people in a mask file. More values are shades of a smoothed edge."""
 
 _MAX_MASK_PIXELS = 64_000_000  # of the file: finding its values takes up to 18 bytes each
@@ -38,7 +36,7 @@ def read_masks(path: str | os.PathLike[str]) -> BoolArray:
 
     Raises:
         InputError: the file cannot be read, is too large, has several channels, has no value above 0 or more than
-            ``MAX_MASKS``.
+            ``_MAX_MASKS``.
     """
     source = ImageSource(str(Path(path)), path=Path(path), what="masks", formats="an indexed or grey PNG")
     advice = "save an indexed or grey PNG: 0 for background, 1 for the first person, 2 for the second"
@@ -55,9 +53,9 @@ def read_masks(path: str | os.PathLike[str]) -> BoolArray:
     people = np.unique(values[values > 0])
     if not len(people):
         raise InputError(f"cannot use the {source}: every pixel is 0, the background; {advice}")
-    if len(people) > MAX_MASKS:
+    if len(people) > _MAX_MASKS:
         raise InputError(
-            f"cannot use the {source}: it has {len(people)} values above 0, more than {MAX_MASKS} people; "
+            f"cannot use the {source}: it has {len(people)} values above 0, more than {_MAX_MASKS} people; "
             f"{advice}, without smoothed edges or JPEG compression"
         )
     if len(people) * values.size > _MAX_BYTES:

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
 
-__all__ = ["MIN_SIDE", "Photo", "check_image", "limit_size", "photo_path_for_messages", "read_photo", "read_source"]
-
 MIN_SIDE = 64
 """Minimum length of the short side of a photo, px."""
 

@@ -11,9 +11,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from physic_core.files.strict_json import from_json
 from physic_core.types import BodyContact, ContactPartner, Grade, Provenance, StageRecord, Support
 
-__all__ = ["from_record", "from_record_or_none", "from_records", "parse_grade", "to_record"]
-
-Record = TypeVar("Record")
+_Record = TypeVar("_Record")
 
 _KEYS = {
     (ContactPartner, "surface"): "class",
@@ -43,7 +41,7 @@ def to_record(value: Any) -> Any:
     return record | {"hidden": value.hidden} if isinstance(value, Support) else record
 
 
-def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
+def from_record(kind: type[_Record], record: Mapping[str, Any]) -> _Record:
     """Parse a dataclass of class ``kind``.
 
     Raises:
@@ -60,12 +58,12 @@ def from_record(kind: type[Record], record: Mapping[str, Any]) -> Record:
     return kind(**values)
 
 
-def from_record_or_none(kind: type[Record], record: Mapping[str, Any] | None) -> Record | None:
+def from_record_or_none(kind: type[_Record], record: Mapping[str, Any] | None) -> _Record | None:
     """Parse a dataclass as :func:`from_record` does; None is None."""
     return None if record is None else from_record(kind, record)
 
 
-def from_records(kind: type[Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[Record, ...]:
+def from_records(kind: type[_Record], records: Iterable[Mapping[str, Any]] | None) -> tuple[_Record, ...]:
     """Parse a list of records; None is an empty one."""
     return tuple(from_record(kind, record) for record in records or ())
 

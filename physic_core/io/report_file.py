@@ -16,8 +16,6 @@ from physic_core.visual.report import PAGE_MARK, report_html
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["REPORT_FILE", "add_report", "is_result", "save_report"]
-
 
 def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], title: str = "") -> Path:
     """Write the page of a reconstruction to a file; an earlier page of PhySIC is replaced.

@@ -20,24 +20,6 @@ from physic_core.files.strict_json import parse_json
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
-__all__ = [
-    "ARRAYS_FILE",
-    "DOCUMENT_FILE",
-    "PEOPLE_FILE",
-    "PREVIEW_FILE",
-    "REPORT_FILE",
-    "SCHEMA",
-    "check_overwrite",
-    "digest_of",
-    "digests_of_result",
-    "file_digest",
-    "image_digest",
-    "photo_identity",
-    "photo_identity_of_result",
-    "same_photo",
-    "unchanged_result_files",
-]
-
 SCHEMA = "physic-reconstruction"
 DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"

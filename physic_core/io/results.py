@@ -78,20 +78,6 @@ if TYPE_CHECKING:
     from physic_core.files.npz import ArrayHeader
     from physic_core.io.arrays import ArraySpec
 
-__all__ = [
-    "ARRAYS_FILE",
-    "DOCUMENT_FILE",
-    "PREVIEW_FILE",
-    "add_files",
-    "check_writable",
-    "load_people",
-    "load_reconstruction",
-    "read_document",
-    "read_image",
-    "save_people",
-    "save_reconstruction",
-]
-
 _SMALL = 256 << 20
 _MAX_RATIO = 50
 """Arrays may have 256 MB, and 50 times the size of their file beyond: photos and depth compress by less than 10."""

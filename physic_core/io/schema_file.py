@@ -9,8 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-__all__ = ["result_schema_file", "schema_fault"]
-
 
 def result_schema_file() -> Path:
     """Return the path of the JSON Schema (draft 2020-12) of ``reconstruction.json`` as it is written now."""

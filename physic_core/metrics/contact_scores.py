@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Counts = NDArray[np.int64]
 
-__all__ = ["ContactCounts", "ContactScores", "contact_counts", "contact_scores", "precision_recall_f1"]
-
 
 @dataclass(frozen=True)
 class ContactCounts:

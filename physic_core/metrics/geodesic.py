@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["GeodesicError", "distance_to_sources", "geodesic_error", "surface_graph"]
-
 
 @dataclass(frozen=True)
 class GeodesicError:

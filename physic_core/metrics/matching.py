@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-__all__ = ["Matching", "mask_iou", "match_by_masks"]
-
 
 @dataclass(frozen=True)
 class Matching:

@@ -11,12 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.mesh import vertex_areas, vertex_normals
-
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
-
-__all__ = ["Penetration", "contact_gap", "penetration", "vertex_areas", "vertex_normals"]
 
 
 @dataclass(frozen=True)

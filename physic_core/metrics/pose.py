@@ -16,8 +16,6 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["BODY_JOINTS", "align_similarity", "mpjpe_mm", "mpvpe_mm", "pa_mpjpe_mm"]
-
 BODY_JOINTS = slice(0, 22)
 """Pelvis to wrists, of the 55 joints in SMPL-X order: those that all SMPL-family bodies have."""
 

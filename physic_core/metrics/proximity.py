@@ -21,8 +21,6 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Plane
 
-__all__ = ["SEARCH_RADIUS_M", "SignedDistances", "hidden_by_depth_map", "point_spacing", "scene_distance"]
-
 SEARCH_RADIUS_M = 0.15
 """Default search radius, metres, as in the released code."""
 

@@ -16,9 +16,7 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Plane
 
-__all__ = ["FloorError", "SceneError", "floor_error", "scene_error"]
-
-DELTA = 1.25
+_DELTA = 1.25
 """Largest depth ratio of a correct pixel (Eigen et al., NeurIPS 2014)."""
 
 
@@ -90,7 +88,7 @@ def scene_error(
         coverage=pixels / int(known.sum()),
         depth_relative_median=float(np.median(relative)),
         depth_relative_mean=float(relative.mean()),
-        delta_share=float((np.maximum(depth / fact, fact / depth) < DELTA).mean()),
+        delta_share=float((np.maximum(depth / fact, fact / depth) < _DELTA).mean()),
         point_median=float(np.median(off)),
         point_mean=float(off.mean()),
         log_scale=math.log(float(np.median(depth)) / float(np.median(fact))),

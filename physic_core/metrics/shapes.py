@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray
 
-__all__ = ["require_bool", "require_same_shape"]
-
 
 def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) -> None:
     """Raise PhysicError if two arrays differ in shape; ``what`` is their plural name for the message."""

@@ -10,8 +10,6 @@ from physic_core.pipeline.known_sizes import bodies_of_stature
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
 
-__all__ = ["resize_children"]
-
 
 def resize_children(bodies: Bodies, model: BodyModel, known: KnownPeople) -> tuple[Bodies, list[str]]:
     """Give people of a known age under 16 years a child's stature and shape; the others stay as they are.

@@ -15,12 +15,10 @@ from physic_core.types.per_person import select_people
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, PeoplePrompt
 
-__all__ = ["person_at_point", "person_in_box", "select_chosen"]
-
-MIN_BOX_IOU = 0.3
+_MIN_BOX_IOU = 0.3
 """A found person whose box has less overlap with the user's box is somebody else."""
 
-MIN_MASK_IOU = 0.5
+_MIN_MASK_IOU = 0.5
 """Found keypoints are kept for a given mask that overlaps at least so much with the found one."""
 
 
@@ -74,12 +72,12 @@ def person_at_point(people: People, point: tuple[float, float]) -> int | None:
 
 
 def person_in_box(people: People, box: tuple[float, float, float, float]) -> int | None:
-    """Return the person whose box has the largest intersection over union with a box; None below ``MIN_BOX_IOU``."""
+    """Return the person whose box has the largest intersection over union with a box; None below ``_MIN_BOX_IOU``."""
     if not len(people):
         return None
     overlap = box_iou(np.array([box]), np.asarray(people.boxes, np.float64))[0]
     best = int(overlap.argmax())
-    return best if overlap[best] >= MIN_BOX_IOU else None
+    return best if overlap[best] >= _MIN_BOX_IOU else None
 
 
 def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People) -> int:
@@ -95,12 +93,12 @@ def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People)
 
 
 def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
-    """Return the row of the mask with the largest intersection over union; None below ``MIN_MASK_IOU``."""
+    """Return the row of the mask with the largest intersection over union; None below ``_MIN_MASK_IOU``."""
     if not len(masks):
         return None
     overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))
     best = int(overlap.argmax())
-    return best if overlap[best] >= MIN_MASK_IOU else None
+    return best if overlap[best] >= _MIN_MASK_IOU else None
 
 
 def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:

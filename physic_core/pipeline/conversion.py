@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import Bodies, ContactProbability, Hands
 
-__all__ = ["bodies_for_backends", "convert_bodies", "replace_hands", "transfer_contact"]
-
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     """Replace the finger rotations of bodies by those of ``hands`` where their confidence is above 0.

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import Intrinsics
 
-__all__ = ["contact_input", "joint_problem", "placement_input", "scene_stage_input", "sized_scene"]
-
 _RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 
 

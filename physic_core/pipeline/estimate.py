@@ -60,8 +60,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
-__all__ = ["ChosenByUser", "Estimates", "feet_pixels", "floor_evidence", "run_backends"]
-
 
 @dataclass(frozen=True)
 class ChosenByUser:

@@ -11,8 +11,6 @@ from physic_core.types.skeletons import SIDES
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People
 
-__all__ = ["select_held_objects"]
-
 _SEEN = 0.3  # least confidence of a keypoint
 _HAND_LENGTH = 0.4  # from the wrist to the middle of the fingers, as a share of the forearm in the photo
 _REACH = 0.12  # of the longer side of a person's box: half the length of a hand and the errors of keypoints

@@ -20,13 +20,6 @@ from physic_core.types import BodyParameters
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BoolArray, ContactProbability, Hands, Keypoints
 
-__all__ = [
-    "discard_invalid_bodies",
-    "discard_invalid_hands",
-    "discard_invalid_keypoints",
-    "expand_contact",
-]
-
 
 def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
     """Set the confidence of people with invalid keypoints to 0.

@@ -27,15 +27,6 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.solve import SceneState
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
 
-__all__ = [
-    "ages_of_people",
-    "bodies_of_stature",
-    "check_people_in_scene",
-    "contradictions",
-    "floor_contradiction",
-    "statures_of_people",
-]
-
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.interfaces import Backend
 
-__all__ = ["LoadedBackends", "load_backend", "wrap_plugin_errors"]
-
 
 class LoadedBackends:
     """The backends of a pipeline that are loaded on one device."""

@@ -19,8 +19,6 @@ from physic_core.geometry.visibility import facing_camera, inside_mask
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["Ground", "clearance", "depth_ratio", "moved_scene", "sole_height", "support_gap", "visible_share"]
-
 
 @dataclass(frozen=True)
 class Ground:

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from physic_core.pipeline.time_limit import is_supervised
 
-__all__ = ["limited_memory"]
-
 _MAX_READING_BYTES = 2_000_000_000
 """More memory than a photo takes: files just below the limits of their formats took up to 1.27 GB."""
 

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
 
-__all__ = ["run_engine"]
-
 _EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
 
 

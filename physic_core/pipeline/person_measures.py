@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.problem import JointProblem, JointResult
     from physic_core.types import Support
 
-__all__ = ["deep_shares", "depth_ratios", "measure_people", "reversed_depths"]
-
 
 def measure_people(problem: JointProblem, result: JointResult, found: ContactResult) -> list[dict[str, float | None]]:
     """Measure how each person agrees with scene, floor and photo; an empty mapping for non-finite vertices.

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
-__all__ = ["Pipeline", "reconstruct", "reconstruct_photo"]
-
 
 class Pipeline:
     """The backends and settings of a configuration; the backends are loaded once and used for many photos.

@@ -19,8 +19,6 @@ from physic_core.geometry.raster import rasterise
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["PhotoEvidence", "compare_silhouettes"]
-
 _LONG_SIDE_PX = 400
 _CLOTHES = 0.08  # of the square root of the mask's area: clothes and hair reach beyond the body
 _RIM = 0.03  # of the same: the body may leave the mask by this much

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.types import BodyContact, BoolArray, ContactPartner, FloatArray, Support
 
-__all__ = ["Solution", "assemble_solution", "scene_alone"]
-
 
 @dataclass(frozen=True)
 class Solution(ShortRepr):

@@ -12,8 +12,6 @@ from physic_core.weights.lock import FileUse, lock_file_path, read_lock
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedPipeline
 
-__all__ = ["describe_sources"]
-
 
 def describe_sources(plan: ResolvedPipeline, files: Mapping[str, FileUse]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the entries "weights" and "repositories" of the diagnostics, and warnings.

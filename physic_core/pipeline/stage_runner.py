@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Request
     from physic_core.weights.lock import FileUse
 
-__all__ = ["Progress", "StageRunner"]
-
 Progress = Callable[[str, int, int], None]
 """Called at the start of a stage with its name, its number from 0, and the number of stages."""
 

@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["CONSTRUCTION", "READING", "is_supervised", "limited_calls", "report_calls_to", "timed_call"]
-
 CONSTRUCTION = "import and construction of the backends"
 """Title of what happens before a backend is loaded."""
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from physic_core.io.photo import Photo
     from physic_core.types import BoolArray, FloatArray, Intrinsics
 
-__all__ = ["undistort", "undistort_photo", "undistort_prompt", "undistort_sizes"]
-
 _EDGE_POINTS = 9  # along each side of a box
 
 

@@ -11,8 +11,6 @@ from physic_core.types import DepthMap
 if TYPE_CHECKING:
     from physic_core.types import Intrinsics, Plane, Pointmap
 
-__all__ = ["CAMERA_HEIGHT_M", "MEDIAN_DEPTH_M", "guess_metric_depth"]
-
 CAMERA_HEIGHT_M = 1.5
 """Assumed height of the camera above the floor: people hold a camera at their chest or eyes."""
 

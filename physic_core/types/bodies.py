@@ -11,8 +11,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Bodies", "BodyParameters", "ContactProbability", "Hands", "Mesh", "RestMesh"]
-
 
 @dataclass(frozen=True)
 class BodyParameters(ShortRepr):

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_core.types.arrays import FloatArray
 
-__all__ = ["CameraTrust", "Intrinsics", "Lens"]
-
 
 class CameraTrust(StrEnum):
     """Reliability of camera intrinsics; a more reliable camera replaces a less reliable one."""

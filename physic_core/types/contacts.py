@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["NO_PARTNER", "PARTNER_KINDS", "BodyContact", "ContactPartner", "part_words"]
-
 PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden", "object")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the own body; a support
 that the reconstructed scene does not have, such as a seat behind the person or a thin bar; a small object in somebody's

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
     from physic_core.types.camera import Intrinsics
 
-__all__ = ["AffineAmbiguity", "DepthMap", "Plane", "Pointmap"]
-
 AffineAmbiguity = Literal["scale", "scale_shift", "inverse_scale_shift"]
 """Unknown transformation from a relative depth Z' to a metric depth Z:
 ``Z = s Z'`` | ``Z = s Z' + t`` | ``1 / Z = s / Z' + t``."""

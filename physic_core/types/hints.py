@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from physic_core.types.depth import Plane, Pointmap
     from physic_core.types.people import Keypoints, People
 
-__all__ = ["Hints"]
-
 
 @dataclass(frozen=True)
 class Hints(ShortRepr):

@@ -11,8 +11,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import FloatArray
 
-__all__ = ["KnownLength", "KnownPeople", "KnownSizes"]
-
 _STATURES_M = (0.4, 2.6)
 _LENGTHS_M = (0.01, 1000)
 _OLDEST = 120.0

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
     from physic_core.types.surfaces import SurfaceLabels
 
-__all__ = ["Keypoints", "People", "UnposedPerson"]
-
 
 @dataclass(frozen=True)
 class Keypoints(ShortRepr):

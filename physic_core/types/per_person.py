@@ -7,15 +7,13 @@ from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-__all__ = ["PER_PERSON", "select_people"]
-
-Record = TypeVar("Record")
+_Record = TypeVar("_Record")
 
 PER_PERSON: Mapping[str, bool] = MappingProxyType({"per_person": True})
 """Metadata of a field with a row for each person: an array, or a dataclass with such fields."""
 
 
-def select_people(record: Record, rows: Any) -> Record:
+def select_people(record: _Record, rows: Any) -> _Record:
     """Return a copy of a dataclass with the rows of some people in its fields of metadata :data:`PER_PERSON`.
 
     Args:

@@ -10,8 +10,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray
 
-__all__ = ["PeoplePrompt"]
-
 
 @dataclass(frozen=True)
 class PeoplePrompt(ShortRepr):

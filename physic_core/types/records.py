@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
 
-__all__ = ["CheckResult", "CheckState", "Grade", "Provenance", "StageRecord", "summarize_checks"]
-
 
 @dataclass(frozen=True)
 class Provenance:

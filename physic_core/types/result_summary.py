@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult
     from physic_core.types.results import Reconstruction
 
-__all__ = ["SUMMARY_NUMBERS", "summarize"]
-
-Number = float | int | None
+_Number = float | int | None
 
 
 def _depths_m(result: Reconstruction) -> list[float]:
@@ -32,7 +30,7 @@ def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> in
     return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)
 
 
-_NUMBERS: dict[str, Callable[[Reconstruction], Number]] = {
+_NUMBERS: dict[str, Callable[[Reconstruction], _Number]] = {
     "people": lambda result: len(result.people),
     "bodies": lambda result: len(_depths_m(result)),
     "width_px": lambda result: result.intrinsics.width,
@@ -59,7 +57,7 @@ SUMMARY_NUMBERS = tuple(_NUMBERS)
 """Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
 
 
-def summarize(result: Reconstruction) -> dict[str, Number]:
+def summarize(result: Reconstruction) -> dict[str, _Number]:
     """Return the numbers of :meth:`physic_core.types.Reconstruction.summary`."""
     numbers = {name: number(result) for name, number in _NUMBERS.items()}
     by_name: dict[str, list[CheckResult]] = defaultdict(list)

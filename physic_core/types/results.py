@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from physic_core.types.support import Support
     from physic_core.types.views import CameraView
 
-__all__ = ["Person", "Reconstruction", "Scene"]
-
 
 @dataclass(frozen=True)
 class Scene(ShortRepr):

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-__all__ = ["ShortRepr"]
-
 _MAX_PRINTED_VALUES = 4
 _MAX_TEXT_LENGTH = 60
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["SIDES", "SKELETONS", "Skeleton", "is_finger", "skeleton_named"]
-
 SIDES = ("left", "right")
 _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 

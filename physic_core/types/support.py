@@ -7,8 +7,6 @@ from enum import StrEnum
 
 from physic_core.types.contacts import BodyContact, part_words
 
-__all__ = ["Support", "SupportState"]
-
 _HIDDEN_BELOW = {
     "foot": "feet",
     "lower_leg": "knees",

@@ -10,8 +10,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, UInt8Array
 
-__all__ = ["SURFACE_NAMES", "SurfaceLabels"]
-
 SURFACE_NAMES = (
     "unknown",
     "floor",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics
     from physic_core.types.results import Person, Reconstruction
 
-__all__ = ["CameraView", "Detection"]
-
 
 @dataclass(frozen=True)
 class Detection(ShortRepr):

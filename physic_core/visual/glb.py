@@ -31,18 +31,6 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
     from physic_core.visual.export.request import Frame
 
-__all__ = [
-    "Look",
-    "add_joints",
-    "body_material",
-    "build_glb",
-    "export_glb",
-    "glb_files",
-    "glb_notes",
-    "skin_influences",
-    "textured_scene",
-]
-
 _WEIGHT_LOSS = 1e-3
 """Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""
 
@@ -78,7 +66,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Background:
+class _Background:
     """Mesh of the scene, its texture, and the floor.
 
     Attributes:
@@ -167,7 +155,7 @@ def _mannequin(*_: object) -> Look:
 
 def build_glb(
     request: ExportRequest,
-    background: Background | None,
+    background: _Background | None,
     skins: Mapping[int, Rig],
     reason: str = "",
     look: Callable[[GlbBuilder, int, ExportRequest], Look] = _mannequin,
@@ -283,15 +271,15 @@ def _add_mesh(
     return glb.add("nodes", {"name": name, "mesh": mesh, **node})
 
 
-def textured_scene(result: Reconstruction, frame: Frame) -> Background:
+def textured_scene(result: Reconstruction, frame: Frame) -> _Background:
     """Return mesh and texture of the scene, and its floor in a frame."""
     surface = mesh_scene(result.scene, depth_limit(result))
     texture, (width, height) = _power_of_two(result.scene.colors)
     uv = ((surface.pixels + 0.5) / [width, height]).astype(np.float32)
-    return Background(surface, uv, texture, drawn_floor(result, frame, surface))
+    return _Background(surface, uv, texture, drawn_floor(result, frame, surface))
 
 
-def _add_scene(glb: GlbBuilder, background: Background, request: ExportRequest) -> list[int]:
+def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
     """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
     if not len(background.surface.faces):
         return []
@@ -306,7 +294,7 @@ def _add_scene(glb: GlbBuilder, background: Background, request: ExportRequest) 
     return [_add_mesh(glb, "scene", attributes, background.surface.faces, Look(photo))]
 
 
-def _add_floor(glb: GlbBuilder, background: Background, request: ExportRequest) -> list[int]:
+def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
     """Add what is drawn of the floor, if there is one, and return the index of its node."""
     if background.floor is None:
         return []

@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["ARRAY", "INDICES", "GlbBuilder"]
-
 ARRAY, INDICES = 34962, 34963
 """Targets of buffer views: vertex attributes and indices."""
 

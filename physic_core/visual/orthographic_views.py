@@ -30,16 +30,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = [
-    "BACKGROUND_RGB",
-    "PAGE_RGB",
-    "LabeledView",
-    "PreviewGeometry",
-    "build_preview_geometry",
-    "side_view",
-    "top_view",
-]
-
 _POINTS = 1_200_000  # at most
 
 

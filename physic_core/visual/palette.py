@@ -17,29 +17,15 @@ if TYPE_CHECKING:
 
     from physic_core.types import ContactPartner, Person, Reconstruction, UInt8Array
 
-__all__ = [
-    "BODY_RGB",
-    "CAMERA_RGB",
-    "CONTACT_PALETTE",
-    "CONTACT_RGB",
-    "FLOOR_RGB",
-    "contact_color",
-    "contact_colors",
-    "contact_legend",
-    "linear_from_srgb",
-    "person_color",
-    "person_tint",
-]
+_Rgb = tuple[int, int, int]
 
-Rgb = tuple[int, int, int]
-
-BODY_RGB: Rgb = (196, 192, 186)
+BODY_RGB: _Rgb = (196, 192, 186)
 """sRGB colour of body vertices without contact."""
 
-CONTACT_RGB: Rgb = (204, 68, 0)
+CONTACT_RGB: _Rgb = (204, 68, 0)
 """sRGB colour of body vertices in contact, where partners are not shown or not known."""
 
-CONTACT_PALETTE: dict[str, Rgb] = {
+CONTACT_PALETTE: dict[str, _Rgb] = {
     "floor": (24, 140, 130),
     "seat": (16, 72, 156),
     "wall": (124, 168, 255),
@@ -51,13 +37,13 @@ CONTACT_PALETTE: dict[str, Rgb] = {
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
 
-FLOOR_RGB: Rgb = CONTACT_PALETTE["floor"]
+FLOOR_RGB: _Rgb = CONTACT_PALETTE["floor"]
 """sRGB colour of the floor, which is that of contact with it."""
 
-CAMERA_RGB: Rgb = (42, 111, 184)
+CAMERA_RGB: _Rgb = (42, 111, 184)
 """sRGB colour of the camera's field of view."""
 
-_PERSON_RGB: tuple[Rgb, ...] = (
+_PERSON_RGB: tuple[_Rgb, ...] = (
     (86, 156, 222),
     (240, 150, 62),
     (96, 186, 108),
@@ -71,12 +57,12 @@ _TINT = 0.2  # share of a person's colour in their body where contact is shown o
 _LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}  # the others are labels themselves
 
 
-def person_color(index: int) -> Rgb:
+def person_color(index: int) -> _Rgb:
     """Return the sRGB colour of a person; colours repeat after the eighth person."""
     return _PERSON_RGB[index % len(_PERSON_RGB)]
 
 
-def person_tint(index: int) -> Rgb:
+def person_tint(index: int) -> _Rgb:
     """Return the sRGB colour of a person's body where contact is shown on it: grey with a touch of their colour."""
     red, green, blue = (
         round(_TINT * own + (1 - _TINT) * grey) for own, grey in zip(person_color(index), BODY_RGB, strict=True)
@@ -91,12 +77,12 @@ def contact_label(partner: ContactPartner) -> str:
     return _LABEL_OF_KIND.get(partner.kind, partner.kind)
 
 
-def contact_color(partner: ContactPartner) -> Rgb:
+def contact_color(partner: ContactPartner) -> _Rgb:
     """Return the sRGB colour of contact with a partner."""
     return CONTACT_PALETTE[contact_label(partner)]
 
 
-def contact_colors(person: Person, partners: Sequence[ContactPartner], body: Rgb = BODY_RGB) -> UInt8Array:
+def contact_colors(person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB) -> UInt8Array:
     """Return the sRGB colours (V, 3) of a body by partner; of CONTACT_RGB in a result without partners.
 
     Args:
@@ -111,7 +97,7 @@ def contact_colors(person: Person, partners: Sequence[ContactPartner], body: Rgb
     return colors
 
 
-def contact_legend(*results: Reconstruction) -> dict[str, Rgb]:
+def contact_legend(*results: Reconstruction) -> dict[str, _Rgb]:
     """Return label -> sRGB colour of the contact that the bodies of results show, in the order of CONTACT_PALETTE."""
     shown: set[str] = set()
     for result in results:

@@ -26,17 +26,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = [
-    "CONTACT_VIEWS",
-    "colored_depth",
-    "depth_panel",
-    "depth_range",
-    "overlay_panel",
-    "photo_panel",
-    "render_contact_views",
-]
-
-OPACITY = 0.85
+_OPACITY = 0.85
 """Opacity of the bodies over the photo."""
 
 CONTACT_VIEWS = ("front", "back", "below")
@@ -72,7 +62,7 @@ def overlay_panel(
     if camera is not None:
         view = View.of_photo(camera, width, height)
     layer = render_mesh(geometry.people, view, geometry.people_colors)
-    return _bytes(composite(layer, (photo / 255.0).astype(np.float32), OPACITY))
+    return _bytes(composite(layer, (photo / 255.0).astype(np.float32), _OPACITY))
 
 
 def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     Line = tuple[str, tuple[int, int, int]]
 
-__all__ = ["MAX_PEOPLE", "draw_person_number", "people_table"]
-
 MAX_PEOPLE = 16
 """Maximum number of people with a row."""
 

@@ -40,9 +40,7 @@ from physic_core.visual.unposed_boxes import draw_unposed
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
 
-__all__ = ["preview_image", "preview_png", "summary_line"]
-
-WIDTH = 1800
+_WIDTH = 1800
 """Width of the preview, px."""
 
 _MARGIN, _GAP, _TITLE = 24, 18, 30
@@ -78,7 +76,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     """
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
-    room = WIDTH - 2 * _MARGIN
+    room = _WIDTH - 2 * _MARGIN
     facts = wrap(summary_line(reconstruction), 17, room, "  ·  ")
     lines = [
         *((line, ALERT_RGB) for line in _message_lines("! ", reconstruction.warnings)),
@@ -90,7 +88,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     rows = _photo_rows(reconstruction, below)
     below = max([below, *(row.y + row.height + 14 for row, _ in rows)])
     messages = below if table is None else below + _TITLE + table.height + 10
-    page = Image.new("RGB", (WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
+    page = Image.new("RGB", (_WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
     pen = ImageDraw.Draw(page)
     draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
     for line, fact in enumerate(facts):
@@ -150,7 +148,7 @@ def _title(reconstruction: Reconstruction) -> str:
 
 def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
     """Return the frames of photo, overlay, depth, side view and top view, below a row of px."""
-    room, y = WIDTH - 2 * _MARGIN, top + _TITLE
+    room, y = _WIDTH - 2 * _MARGIN, top + _TITLE
     if aspect > 1.05:
         width, half = (room - 2 * _GAP) // 3, (room - _GAP) // 2
         height, low = round(width / aspect), y + round(width / aspect) + _GAP + _TITLE
@@ -160,7 +158,7 @@ def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
         height = min(700, round((room - 3 * _GAP - 420) / (3 * aspect)))
         width, left = round(height * aspect), _MARGIN + 3 * (max(round(height * aspect), _CELL) + _GAP)
         half = (height - _GAP - _TITLE) // 2
-        views = [_Frame(left, y + i * (height - half), WIDTH - _MARGIN - left, half) for i in (0, 1)]
+        views = [_Frame(left, y + i * (height - half), _WIDTH - _MARGIN - left, half) for i in (0, 1)]
     pictures = [_Frame(_MARGIN + i * (max(width, _CELL) + _GAP), y, max(width, 1), height) for i in range(3)]
     return (*pictures, *views)
 
@@ -174,7 +172,7 @@ def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Arra
 
 def _photo_rows(reconstruction: Reconstruction, top: int) -> list[tuple[_Frame, CameraView]]:
     """Return the frame of each photo but the reference, one below the other from a row of px on."""
-    found, width = [], (WIDTH - 2 * _MARGIN - 2 * _GAP) // 3
+    found, width = [], (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3
     for camera in reconstruction.cameras[1:]:
         aspect = camera.image.shape[1] / camera.image.shape[0]
         height = min(_ROW, round(width / aspect))
@@ -187,7 +185,7 @@ def _draw_photo(
     page: Image.Image, frame: _Frame, camera: CameraView, reconstruction: Reconstruction, geometry: PreviewGeometry
 ) -> None:
     """Draw a photo, the same with the people over it, and what is known of its camera."""
-    step = (WIDTH - 2 * _MARGIN - 2 * _GAP) // 3 + _GAP
+    step = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3 + _GAP
     beside = replace(frame, x=frame.x + step)
     _draw_panel(page, frame, camera.photo, photo_panel(camera.image, frame.width, frame.height))
     over = overlay_panel(reconstruction, geometry, frame.width, frame.height, camera)
@@ -273,4 +271,4 @@ def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconst
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
     more = len(texts) - _SHOWN_MESSAGES
     shown = [*texts[:_SHOWN_MESSAGES], *([f"{more} more in reconstruction.json"] if more > 0 else [])]
-    return [line for text in shown for line in wrap(f"{mark}{' '.join(text.split())}", 16, WIDTH - 2 * _MARGIN)]
+    return [line for text in shown for line in wrap(f"{mark}{' '.join(text.split())}", 16, _WIDTH - 2 * _MARGIN)]

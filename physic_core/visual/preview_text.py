@@ -6,8 +6,6 @@ from functools import cache
 
 from PIL import ImageDraw, ImageFont
 
-__all__ = ["ALERT_RGB", "INK_RGB", "SOFT_RGB", "draw_text", "font", "wrap"]
-
 INK_RGB, SOFT_RGB, ALERT_RGB = (32, 34, 38), (98, 102, 108), (178, 48, 34)
 
 # The font has none of these.

@@ -23,17 +23,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     AnyFloat = NDArray[np.floating[Any]]
 
-__all__ = [
-    "LONGEST_BODY_EDGE_M",
-    "Layer",
-    "RayCastMesh",
-    "View",
-    "composite",
-    "prepare_meshes",
-    "render_mesh",
-    "render_points",
-]
-
 _RAYS = 2  # along each side of a pixel that has an edge
 _EDGE = 0.06  # difference of colour or coverage between neighbouring pixels that is an edge, of 1
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core.errors import InputError
     from physic_core.types import Reconstruction
 
-__all__ = ["HEAD_BYTES", "PAGE_MARK", "report_html", "require_report"]
-
 PAGE_MARK = '<meta name="generator" content="PhySIC report">'
 """Element by which a page is recognised, so that a new page may replace it."""
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Rig", "body_of_result", "pose_rig", "rigs"]
-
 _SAME_BODY_M = 1e-3
 """Maximum distance of the posed vertices from those of the result, metres; a larger one is another body file."""
 

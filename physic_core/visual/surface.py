@@ -15,18 +15,16 @@ if TYPE_CHECKING:
 
     from physic_core.types import Reconstruction, Scene
 
-__all__ = ["SceneMesh", "depth_limit", "mesh_scene", "unit_normals"]
-
-MAX_VERTICES = 130_000
+_MAX_VERTICES = 130_000
 """Maximum number of vertices; a scene.glb then stays under 7 MB, at 44 bytes a vertex with two triangles."""
 
-MAX_DEPTH_RATIO = 1.06
+_MAX_DEPTH_RATIO = 1.06
 """Maximum depth ratio of neighbours on one surface; 1.03-1.1 works."""
 
-MAX_SLANTED_DEPTH_RATIO = 1.2
+_MAX_SLANTED_DEPTH_RATIO = 1.2
 """Maximum depth ratio of neighbours on a slanted surface (such as a distant floor), by their normals."""
 
-MIN_COMPONENT_SHARE = 0.002
+_MIN_COMPONENT_SHARE = 0.002
 """Minimum size of a connected component, as a share of all vertices."""
 
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
@@ -54,7 +52,7 @@ def depth_limit(reconstruction: Reconstruction) -> float:
     return max(8.0, 3.0 * max(finite)) if finite else 20.0
 
 
-def mesh_scene(scene: Scene, limit: float, max_vertices: int = MAX_VERTICES) -> SceneMesh:
+def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) -> SceneMesh:
     """Build a triangle mesh of every n-th pixel of a scene; faces join neighbours on the same surface.
 
     Args:
@@ -106,7 +104,7 @@ def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np
     _, piece = connected_components(graph, directed=False)
     sizes = np.bincount(piece)
     joined = sizes[sizes > 1].sum()
-    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > MIN_COMPONENT_SHARE * joined]
+    kept: NDArray[np.int64] = faces[sizes[piece[faces[:, 0]]] > _MIN_COMPONENT_SHARE * joined]
     return kept
 
 
@@ -121,7 +119,7 @@ def _on_same_surface(points: NDArray[Any], normals: NDArray[Any], first: Any, se
         u, v, w = (normal[..., k] for k in range(3))
         # A normal of zero is unknown, and must not vouch for a steep step.
         flat &= (np.abs(u * x + v * y + w * z) < reach) & ((u != 0) | (v != 0) | (w != 0))
-    return np.asarray((far < MAX_DEPTH_RATIO * near) | (flat & (far < MAX_SLANTED_DEPTH_RATIO * near)))
+    return np.asarray((far < _MAX_DEPTH_RATIO * near) | (flat & (far < _MAX_SLANTED_DEPTH_RATIO * near)))
 
 
 def unit_normals(vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> NDArray[np.float32]:

@@ -13,17 +13,15 @@ if TYPE_CHECKING:
 
     from physic_core.types import Reconstruction
 
-__all__ = ["draw_unposed", "unposed_boxes"]
-
 _RGB = (255, 214, 64)
 _BACKGROUND = (32, 34, 38)
 _DASH_PX = 7
 _FONT_PX = 12
 
-Box = tuple[float, float, float, float]
+_Box = tuple[float, float, float, float]
 
 
-def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[Box, str]]:
+def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
     """Return the boxes (px of the image) and reasons of all people without a body."""
     found = [(one.box, one.reason) for one in reconstruction.unposed]
     for index, person in enumerate(reconstruction.people):

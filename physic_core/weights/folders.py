@@ -10,15 +10,6 @@ from pathlib import Path
 from physic_core.cache.folders import cache_folder
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 
-__all__ = [
-    "FOLDERS_VARIABLE",
-    "default_download_folder",
-    "describe_search_folders",
-    "find_in_hub_cache",
-    "find_without_subfolder",
-    "user_folders",
-]
-
 FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 """Environment variable with folders of the user, separated as in ``PATH``."""
 

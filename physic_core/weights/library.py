@@ -15,8 +15,6 @@ from physic_core.weights.manifest import WeightSet, read_manifest
 if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Manifest, Origin, Registry
 
-__all__ = ["ListedWeights", "WeightLibrary", "missing_sets", "read_library"]
-
 
 @dataclass(frozen=True)
 class ListedWeights:

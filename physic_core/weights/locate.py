@@ -22,20 +22,6 @@ from physic_core.weights.lock import locked, record_use
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_manifest
 from physic_core.weights.verify import require_published_sha256
 
-__all__ = [
-    "LOGIN",
-    "LocatedFiles",
-    "find",
-    "fingerprint",
-    "format_licence",
-    "format_size",
-    "how_to_get",
-    "locate",
-    "locate_files",
-    "missing",
-    "size_mismatches",
-]
-
 LOGIN = "log in with `hf auth login`, or set HF_TOKEN"
 
 

@@ -21,16 +21,6 @@ from physic_core.weights.folders import default_download_folder
 from physic_core.weights.manifest import HubSource, WeightFile, WeightSet
 from physic_core.weights.verify import sha256_of
 
-__all__ = [
-    "LOCK_VARIABLE",
-    "FileUse",
-    "lock_file_path",
-    "locked",
-    "read_lock",
-    "record_use",
-    "recorded_uses",
-]
-
 LOCK_VARIABLE = "PHYSIC_LOCK"
 """Environment variable with the path of the lock file."""
 

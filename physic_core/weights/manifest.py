@@ -35,8 +35,6 @@ from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, Type
 from physic_core.discovery.close_names import did_you_mean
 from physic_core.errors import BackendError
 
-__all__ = ["HubSource", "WebSource", "WeightFile", "WeightSet", "is_inside", "read_manifest"]
-
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
 _MAX_SHOWN = 80

@@ -16,14 +16,6 @@ from physic_core.weights.manifest import WeightFile
 if TYPE_CHECKING:
     from io import BufferedReader
 
-__all__ = [
-    "describe_mismatch",
-    "require_published_sha256",
-    "require_unchanged_files",
-    "sha256_of",
-    "sha256_of_open",
-]
-
 
 def describe_mismatch(path: Path, file: WeightFile) -> str:
     """Describe how the size or SHA-256 of a file differs from its manifest; "" if they match."""

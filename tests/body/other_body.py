@@ -16,8 +16,6 @@ from scipy.sparse import coo_matrix, csr_matrix
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.body.model import BodyModel
 
-__all__ = ["OtherBody", "make", "smpl_file_arrays", "smplx_file_arrays"]
-
 SHIFTS_MM = {
     "pelvis": (0, 30, 0),
     "hip": (-45, -20, 10),

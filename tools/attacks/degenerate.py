@@ -16,8 +16,6 @@ from physic_mock import backends
 if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
-__all__ = ["CONFIG", "DEVIATIONS", "Deviation", "deviating_backends", "mock_of", "record"]
-
 CONFIG = {
     "extends": "mock",
     "engine": {"joint": {"optimiser": {"steps": 1}}},

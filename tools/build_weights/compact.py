@@ -16,8 +16,6 @@ from onnx.external_data_helper import set_external_data
 
 from tools.build_weights.products import product_scales
 
-__all__ = ["output_channel_axes", "save", "save_together", "store"]
-
 Axis = Callable[[str, np.ndarray[Any, Any]], int | None]
 """Name and value of a weight -> the axis of its output channels, or None for float16."""
 

@@ -14,8 +14,6 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-__all__ = ["convert", "fuse_attention"]
-
 Array = np.ndarray[Any, Any]
 GRID, PATCH, WIDTH, HEADS = 37, 14, 384, 6
 END = np.iinfo(np.int64).max

@@ -14,8 +14,6 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-__all__ = ["cut", "fold_gains", "transpose_upsampling"]
-
 CLAMP = 256.0
 
 Ends = dict[str, tuple[str, tuple[int, ...]]]

@@ -22,8 +22,6 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 from torch.nn import functional
 
-__all__ = ["constants_to_weights", "export_decoder", "export_encoder", "load", "share_bias_tables"]
-
 SIZE, GRID, PATCH = 1024, 64, 16
 MARGIN = 64
 """Least padding that the encoder computes beside a photo, px: features there change those of the photo."""

@@ -10,8 +10,6 @@ import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Cache", "GithubFile", "NpmPackage", "PypiSource", "sha256"]
-
 
 def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()

@@ -12,8 +12,6 @@ import numpy as np
 import onnx
 from onnx import helper
 
-__all__ = ["PAIR_LIMIT", "factor_matrices", "multiply_in_int8", "product_scales"]
-
 Array = np.ndarray[Any, Any]
 
 PAIR_LIMIT = 128

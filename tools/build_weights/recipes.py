@@ -13,8 +13,6 @@ from tools.build_weights.migan import cut, fold_gains, transpose_upsampling
 from tools.build_weights.packages import Cache, GithubFile, NpmPackage, PypiSource, sha256
 from tools.build_weights.products import factor_matrices, multiply_in_int8
 
-__all__ = ["RECIPES"]
-
 POSE = NpmPackage(
     "@mediapipe/pose",
     "0.5.1675469404",

@@ -13,8 +13,6 @@ import onnx
 from ai_edge_litert import schema_py_generated as schema
 from onnx import TensorProto, helper, numpy_helper
 
-__all__ = ["convert", "dense"]
-
 Array = np.ndarray[Any, Any]
 DTYPES = {
     schema.TensorType.FLOAT32: np.float32,

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import Bodies, Hints, Intrinsics, Plane, Pointmap
 
-__all__ = ["Stature", "StatureOptions"]
-
 
 class StatureOptions(Options):
     """Settings of Stature."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.floating[Any]]
 
-__all__ = ["PullPush", "PullPushOptions"]
-
 
 class PullPushOptions(Options):
     """Settings of PullPush."""

@@ -17,8 +17,6 @@ from physic_core.weights import fingerprint, locate, missing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["OmniEraser", "OmniEraserOptions"]
-
 MANIFEST = Path(__file__).parent / "weights"
 HOMEPAGE = "https://github.com/PRIS-CV/Omnieraser"
 MODULE, PIPELINE = "pipeline_flux_control_removal", "FluxControlRemovalPipeline"

@@ -15,8 +15,6 @@ from typing import Any
 from physic_core.batch.machine import usable_cores
 from physic_core.errors import ConfigError
 
-__all__ = ["connected"]
-
 _STORE_BYTES = 200_000_000  # rows are small; Ray's default takes 30 % of the memory
 _CONNECT_S = 10.0
 _QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_BACKEND_LOG_LEVEL": "fatal"}

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from physic_core import Config
 
-__all__ = ["reconstruct"]
-
 PHOTOS_OF_BLOCK = 16
 """Photos of one task of Ray; what the loss of a node can cost is this much work for each of its workers."""
 

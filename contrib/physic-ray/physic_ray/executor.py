@@ -22,8 +22,6 @@ from physic_ray.worker import JsonActor, WorkerPlan, encode_item, environment_of
 if TYPE_CHECKING:
     from physic_core.batch.run import Executor
 
-__all__ = ["MAX_INIT_DEATHS", "ray_executor", "run_on_ray"]
-
 MAX_INIT_DEATHS = 2
 """Actors that may die one after the other while they are created. The backends load in a process of their own, so an
 actor dies only with its node, or where physic-ray is not installed; the third in a row ends the batch."""

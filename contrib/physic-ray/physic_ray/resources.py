@@ -8,8 +8,6 @@ from typing import Any
 
 from physic_core.errors import ConfigError
 
-__all__ = ["Resources"]
-
 
 @dataclass(frozen=True)
 class Resources:

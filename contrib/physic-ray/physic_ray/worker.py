@@ -20,8 +20,6 @@ from physic_core.batch.run import outcome_row
 from physic_core.batch.workers import SupervisedWorker, WorkerSettings
 from physic_core.errors import OutputError, PhysicError
 
-__all__ = ["JsonActor", "PhotoWorker", "WorkerPlan", "decode_item", "encode_item", "environment_of_driver"]
-
 VISIBLE_S = 30.0
 
 

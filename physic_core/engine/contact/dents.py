@@ -19,8 +19,6 @@ from physic_core.engine.contact.distance import (
 )
 from physic_core.engine.contact.scene_parts import SceneParts
 
-__all__ = ["GIVE_M", "dent_depths", "largest_dents"]
-
 GIVE_M: Mapping[str, float] = {"bed": 0.10, "seat": 0.08, "vegetation": 0.05, "ground": 0.03, "rug": 0.02}
 """Class of :data:`physic_core.types.SURFACE_NAMES` -> largest depth of a dent, metres. "ground" may be sand or grass.
 Surfaces of all other classes, and those of unknown class, do not give way."""

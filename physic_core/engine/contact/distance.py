@@ -13,16 +13,6 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = [
-    "SEARCH_RADIUS_M",
-    "ContactSurfaces",
-    "DistanceMeasure",
-    "SurfaceDistances",
-    "distance_along_normal",
-    "nearby_surfaces",
-    "surface_distances",
-]
-
 SEARCH_RADIUS_M = 0.15
 """Search radius, metres: larger distances are reported as inf. The contact thresholds of all presets are smaller."""
 

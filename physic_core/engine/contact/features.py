@@ -34,8 +34,6 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["KINDS", "Columns", "Distances", "feature_columns", "measure_distances"]
-
 KINDS = ("scene", "person", "own body", "object")
 """What a vertex may touch; floor and scene are one kind."""
 

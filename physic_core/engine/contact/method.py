@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.engine.contact.problem import ContactInput
     from physic_core.engine.joint.problem import JointProblem
 
-__all__ = ["ContactMethod", "ContactSettings", "Touch", "touch_by_probability"]
-
 
 @dataclass(frozen=True)
 class ContactSettings:

@@ -17,8 +17,6 @@ from torch import Tensor
 from physic_core.geometry.camera import project
 from physic_core.geometry.pointmap import depth_to_pointmap
 
-__all__ = ["HeldObjects", "ObjectDistances", "object_distances"]
-
 _MAX_DEPTH_SPREAD = 0.15  # of the median depth: pixels farther from it show what is behind the object
 
 

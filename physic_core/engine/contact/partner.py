@@ -13,8 +13,6 @@ from physic_core.engine.contact.probability import ContactModel
 from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
-__all__ = ["DECIMALS", "HIDDEN", "HIDDEN_SEAT", "VertexContacts", "assign_partners", "body_contacts"]
-
 HIDDEN, HIDDEN_SEAT = len(KINDS), len(KINDS) + 1
 """What a vertex touches, beside the index into ``KINDS``: a hidden support, or a hidden seat."""
 

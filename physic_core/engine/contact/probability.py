@@ -17,8 +17,6 @@ from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Columns
 
-__all__ = ["ContactModel", "contact_model"]
-
 
 @dataclass(frozen=True)
 class ContactModel:

@@ -16,8 +16,6 @@ from physic_core.types.contacts import BodyContact, ContactPartner
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support
 
-__all__ = ["ContactInput", "ContactResult"]
-
 
 @dataclass(frozen=True)
 class ContactInput:

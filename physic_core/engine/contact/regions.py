@@ -8,8 +8,6 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = ["Regions", "are_adjacent", "contact_regions", "is_farther_out"]
-
 _OWN_REGIONS = {"gluteus": "seat", "back": "back"}
 _TRUNK = ("torso", *_OWN_REGIONS.values())
 _CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))

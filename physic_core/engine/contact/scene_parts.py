@@ -11,8 +11,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = ["GROUND_CLASSES", "ClassifiedPoints", "SceneParts", "scene_parts"]
-
 GROUND_CLASSES = ("floor", "ground", "rug")
 """Classes of :data:`physic_core.types.SURFACE_NAMES` that are the floor."""
 

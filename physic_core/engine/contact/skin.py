@@ -14,8 +14,6 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = ["OWN_RADIUS_M", "SkinDistances", "own_distances", "people_distances"]
-
 OWN_RADIUS_M = 0.08
 """Search radius on the own body, metres: its parts are off by less than scene and people."""
 

@@ -13,8 +13,6 @@ from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
 
-__all__ = ["solve_contact"]
-
 _OWN_BODY, _OBJECT = KINDS.index("own body"), KINDS.index("object")
 
 
@@ -22,11 +20,11 @@ def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
     """Return the contact of all people. People with non-finite vertices touch nothing."""
     near = measure_distances(given, method.measure, skin=method.people)
     touch = method.touch(given, near)
-    carried = find_supports(given, near, touch, method)
-    return describe_contacts(given, near, _with_hidden(touch, carried, method), carried, method)
+    carried = _find_supports(given, near, touch, method)
+    return _describe_contacts(given, near, _with_hidden(touch, carried, method), carried, method)
 
 
-def find_supports(
+def _find_supports(
     given: ContactInput, near: Distances, touch: Touch, method: ContactMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return what carries each person; None for people with non-finite vertices."""
@@ -59,7 +57,7 @@ def _with_hidden(touch: Touch, carried: tuple[PersonSupport | None, ...], method
     return Touch(kind, probability)
 
 
-def describe_contacts(
+def _describe_contacts(
     given: ContactInput,
     near: Distances,
     touch: Touch,

@@ -23,16 +23,6 @@ from physic_core.types.contacts import BodyContact
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
 
-__all__ = [
-    "ContactEvidence",
-    "PersonSupport",
-    "PosedPerson",
-    "beside_hull",
-    "centre_of_mass",
-    "find_support",
-    "support_record",
-]
-
 _NECK, _PELVIS = JOINT_INDEX["neck"], JOINT_INDEX["pelvis"]
 _DOWNWARD = -0.3  # cosine between a normal and up; skin below it faces down, and can rest on something
 _BALANCE_M = 0.12  # metres beside the hull within which a body is balanced; poses are off by a decimetre along the ray

@@ -16,16 +16,6 @@ from torch import Tensor
 
 from physic_core.engine.joint.state import State
 
-__all__ = [
-    "Energy",
-    "energy_per_person",
-    "finite_energy_per_person",
-    "keep_lowest_energy",
-    "revert_if_worse",
-    "term_totals",
-    "total_energy",
-]
-
 _SCENE_TERM = "scale"  # the term of the scene, not of a person
 
 

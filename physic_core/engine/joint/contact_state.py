@@ -13,8 +13,6 @@ from physic_core.geometry.free_space import in_free_space
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["MAX_MOTION_M", "ContactState", "nearby_scene", "update_contacts"]
-
 MAX_MOTION_M = 0.6
 """Motion of people, metres, after which the search structure of nearby scene points is built again."""
 

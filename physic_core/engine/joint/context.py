@@ -12,14 +12,6 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = [
-    "STATIC_CONTACT_PARTS",
-    "JointContext",
-    "Keypoints",
-    "select_surface",
-    "with_static_contacts",
-]
-
 STATIC_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back")
 """Parts of the body that usually touch the scene, after PROX."""
 

@@ -20,8 +20,6 @@ from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 
-__all__ = ["JointEnergy"]
-
 _MARGIN_M = 0.1  # of MAX_MOTION_M that is left when the search structure is built again
 
 

@@ -18,8 +18,6 @@ from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import select_pixels
 
-__all__ = ["finalize_scene"]
-
 _ANKLES = joint_pair("ankle")
 
 

@@ -21,8 +21,6 @@ from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
 from physic_core.geometry.neighbors import NearestPointSearch
 
-__all__ = ["JointMethod"]
-
 _LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
 

@@ -20,8 +20,6 @@ from torch import Tensor
 from physic_core.engine.bounds import Count, NotNegative, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, revert_if_worse, term_totals, total_energy
 
-__all__ = ["Block", "LbfgsSettings", "MinimisationResult", "OptimiserSettings", "Progress", "join_results"]
-
 Progress = Callable[[float], None]
 """Called with the completed share of the work, 0-1."""
 

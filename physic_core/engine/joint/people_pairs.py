@@ -12,8 +12,6 @@ from physic_core.body.model import BodyModel
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
-__all__ = ["PeoplePairs", "PeopleProbes", "connected_groups", "find_people_pairs", "select_probes"]
-
 _SPACING_M = 0.03  # of the probes
 _MAX_BESIDE_M = 0.02  # of a vertex from the normal of its partner: the spacing of the partners
 _MAX_SLANT = 0.5  # the same, as a share of the distance along the normal

@@ -20,8 +20,6 @@ from physic_core.geometry.free_space import front_depth
 from physic_core.geometry.mesh import select_faces, vertex_areas
 from physic_core.geometry.visibility import inside_image
 
-__all__ = ["precompute", "subsample_vertices"]
-
 _ANKLES = joint_pair("ankle")
 _STEPS_PER_M = float(1 << 20)  # to which positions are rounded
 _CONTACT_PROBABILITY = 0.5  # at least, of a contact vertex

@@ -15,8 +15,6 @@ from physic_core.geometry.tensors import to_device
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
 
-__all__ = ["JointProblem", "JointResult", "View"]
-
 
 def _shape(shape: str) -> dict[str, tuple[str, ...]]:
     """Return metadata with the shape of a tensor, such as "B 55 3": numbers, and letters of :meth:`JointProblem.check`.

@@ -8,8 +8,6 @@ from torch import Tensor
 
 from physic_core.geometry.robust import loss_with_slope, robust_loss
 
-__all__ = ["RobustSum"]
-
 
 @dataclass(frozen=True)
 class RobustSum:

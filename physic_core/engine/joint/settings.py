@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from physic_core.engine.bounds import Degrees, NotNegative
 
-__all__ = ["VisibilitySettings"]
-
 
 @dataclass(frozen=True)
 class VisibilitySettings:

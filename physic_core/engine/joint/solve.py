@@ -16,8 +16,6 @@ from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.joint.problem import JointProblem, JointResult, people_with_valid_start
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["DEEP_M", "JointProblem", "JointResult", "optimize"]
-
 DEEP_M = 0.03
 """Depth inside the scene, metres; deeper vertices are a visible error."""
 

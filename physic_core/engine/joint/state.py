@@ -17,8 +17,6 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["BODY", "DEPTH_SCALE_SIGMA", "FACE", "GROUPS", "HANDS", "Estimate", "State", "StateSigmas"]
-
 GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
 depth offset."""

@@ -15,8 +15,6 @@ from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.visibility import Visibility
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["PosedBodies", "RobustLoss", "Snapshot", "Term"]
-
 RobustLoss = Callable[[Tensor], Tensor]
 """Robust loss of squared residuals."""
 

@@ -18,14 +18,6 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import facing_camera, inside_image, self_occlusion
 
-__all__ = [
-    "HIDDEN_LIMB_SHARE",
-    "SelfOcclusion",
-    "Visibility",
-    "sample_mask_neighbours",
-    "update_visibility",
-]
-
 HIDDEN_LIMB_SHARE = 0.3
 """A limb segment is hidden when this share of its vertices lies behind other parts; as released."""
 

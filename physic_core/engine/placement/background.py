@@ -6,8 +6,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-__all__ = ["dilate", "nearness_to_people"]
-
 _DEPTH_SHARE = 0.15  # standard deviation of the background weight, as a share of the inverse depth range
 _FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 

@@ -11,8 +11,6 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.limbs import detected_joints
 from physic_core.types import Skeleton
 
-__all__ = ["Detections", "observed_joints"]
-
 
 @dataclass(frozen=True)
 class Detections:

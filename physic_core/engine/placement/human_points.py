@@ -18,17 +18,6 @@ from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite
 from physic_core.types import AffineAmbiguity
 
-__all__ = [
-    "FAR_M",
-    "MIN_ALIGN_INLIER_SHARE",
-    "AlignedPhoto",
-    "PhotoPoints",
-    "align_photo",
-    "align_photo_points_to_scene",
-    "human_points",
-    "move_photo_points_to_scene",
-]
-
 MIN_ALIGN_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
 

@@ -18,12 +18,10 @@ from physic_core.engine.placement.background import dilate
 from physic_core.engine.placement.detections import Detections
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["depth_gaps_at_feet", "find_lifted_feet"]
-
 MIN_FOOT_GAP = 0.1
 """Least gap of a lifted foot; feet on the ground have 0.08 at most in photos."""
 
-MIN_FOOT_HEIGHT_M = 0.12
+_MIN_FOOT_HEIGHT_M = 0.12
 """Least height of a lifted foot over the floor, metres. Heels and ankles are higher than soles, and the gaps of a low
 camera are large."""
 
@@ -57,7 +55,7 @@ def find_lifted_feet(gap: Tensor, held: Tensor, camera_height_m: float) -> Tenso
 
 
 def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
-    return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > MIN_FOOT_HEIGHT_M)
+    return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > _MIN_FOOT_HEIGHT_M)
 
 
 def depth_gaps_at_feet(detections: Detections, photo: Tensor, scene: Tensor, raised: Tensor) -> Tensor:

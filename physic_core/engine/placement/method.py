@@ -41,8 +41,6 @@ from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
 
-__all__ = ["ALIGN_TOLERANCE", "FEWEST_POINTS", "Fit", "PlacementMethod"]
-
 ALIGN_TOLERANCE = 0.15
 """Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
 one surface."""

@@ -20,15 +20,6 @@ from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, Plac
 from physic_core.geometry.camera import project
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = [
-    "PeopleObservations",
-    "PersonPlacement",
-    "Placement",
-    "PosedBodies",
-    "median_reprojection_px",
-    "place_bodies",
-]
-
 _FARTHEST = 1e3  # times the estimated distance, that a body is placed at
 
 

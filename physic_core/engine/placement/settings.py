@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 
-__all__ = ["PlacementSettings"]
-
 
 @dataclass(frozen=True)
 class PlacementSettings:

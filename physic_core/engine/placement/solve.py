@@ -26,8 +26,6 @@ from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.scene.stature import resize_bodies
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["EstimatedBodies", "PlacedPeople", "PlacementInput", "solve_placement"]
-
 _ANKLES, _SHOULDERS, _WRISTS = joint_pair("ankle"), joint_pair("shoulder"), joint_pair("wrist")
 
 

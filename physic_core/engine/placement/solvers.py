@@ -14,8 +14,6 @@ from torch import Tensor
 from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem, Residuals, Term
 from physic_core.geometry.robust import cauchy
 
-__all__ = ["TRANSLATION", "closed_form_translation", "gauss_newton", "term_energy"]
-
 TRANSLATION = (0, 1, 2)
 """Elements of x that are the translation."""
 

@@ -16,17 +16,6 @@ from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.geometry.camera import project
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = [
-    "FEWEST_KEYPOINTS",
-    "NEAREST_M",
-    "ChamferTerm",
-    "FloorTerm",
-    "PlacementProblem",
-    "ReprojectionTerm",
-    "Residuals",
-    "Term",
-]
-
 FEWEST_KEYPOINTS = 3
 """Least number of confident keypoints to estimate a translation."""
 

@@ -32,8 +32,6 @@ from physic_core.engine.joint.terms.stature import StatureSettings, StatureTerm
 from physic_core.engine.joint.terms.surface import SurfaceTermGroup, SurfaceTerms
 from physic_core.engine.joint.terms.views import ViewsTerm
 
-__all__ = ["DefaultOptimisation"]
-
 _LATE_TOLERANCE = 1e-3  # of the steps with the people term, a small share of an energy that has converged
 
 

@@ -10,8 +10,6 @@ from torch import Tensor
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
 from physic_core.geometry.pointmap import intrinsics_from_pointmap
 
-__all__ = ["Cameras", "convert_to_common_camera", "scene_camera"]
-
 
 @dataclass(frozen=True)
 class Cameras:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["EDGE_RATIO", "edge_ratio"]
-
 EDGE_RATIO = 1.05
 """Largest depth ratio within 3 x 3 pixels that is no depth edge, for an image of 1024 px."""
 

@@ -20,8 +20,6 @@ from physic_core.geometry.floor import MIN_UP_CONFIDENCE, PlaneFit
 from physic_core.geometry.gravity import estimate_up
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["FloorRejection", "floor_under_people", "without_floor", "wrong_floor"]
-
 FloorRejection = Literal["through_people", "far_below_people", "tilted"]
 """Why a floor is rejected for the people's sake."""
 

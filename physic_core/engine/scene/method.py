@@ -15,8 +15,6 @@ from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSea
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, pointmap_normals
 
-__all__ = ["ALIGN_TOLERANCE", "PixelSurface", "SceneMethod", "SceneSettings"]
-
 ALIGN_TOLERANCE = 0.1
 """Largest difference of point map and metric depth at an inlier, as a share of the depth."""
 

@@ -26,8 +26,6 @@ from physic_core.geometry.tensors import all_finite, select_pixels
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["MIN_ALIGN_INLIER_SHARE", "SceneInput", "SceneState", "alignment_diagnostics", "solve_scene"]
-
 MIN_ALIGN_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
 

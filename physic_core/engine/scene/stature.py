@@ -14,15 +14,6 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 
-__all__ = [
-    "STATURE_SIGMA",
-    "LinearStature",
-    "betas_with_stature",
-    "linearise_stature",
-    "resize_bodies",
-    "stature_prior",
-]
-
 STATURE_SIGMA = 0.06
 """Expected error of log(stature). With the embedded body's shape prior (0.054) the combined error is 0.04."""
 

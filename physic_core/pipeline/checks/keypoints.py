@@ -13,8 +13,6 @@ from physic_core.types.skeletons import SIDES
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics, Skeleton
 
-__all__ = ["limb_keypoint_error"]
-
 _LIMB_JOINTS = tuple(
     f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
 )

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
 
-__all__ = ["check_person"]
-
 _KNEES, _ANKLES, _SHOULDERS = joint_pair("knee"), joint_pair("ankle"), joint_pair("shoulder")
 _NO_FLOOR = "no floor was found"
 _ASSUMED_FLOOR = "the floor is only assumed at the people's feet"

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.solution import Solution
 
-__all__ = ["check_photo"]
-
 _NO_PEOPLE = "there is no person in the result"
 _FEWEST_TRUNKS = 2  # a single person may bend
 

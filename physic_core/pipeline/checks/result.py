@@ -10,17 +10,6 @@ from typing import Any
 from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.types import CheckResult, CheckState, Grade
 
-__all__ = [
-    "check_value",
-    "failed_checks",
-    "grade_person",
-    "grade_photo",
-    "measured",
-    "relative_difference",
-    "unknown_checks",
-    "warning_messages",
-]
-
 _WORST_FIRST = (Grade.BAD, Grade.DOUBTFUL, Grade.GOOD)
 
 

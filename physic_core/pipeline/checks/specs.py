@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-__all__ = ["CHECKS", "CheckSpec", "Direction", "Failure"]
-
 Direction = Literal["at most", "at least"]
 
 Failure = Literal["ignored", "doubtful", "contradiction", "bad"]

@@ -15,8 +15,6 @@ from physic_core.pipeline.checks.result import check_value, grade_photo, warning
 if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Reconstruction
 
-__all__ = ["with_cameras"]
-
 
 def with_cameras(result: Reconstruction, cameras: Sequence[CameraView]) -> Reconstruction:
     """Return a result with the cameras of several photos, a check of each photo, and the grade and warnings of all.

@@ -15,13 +15,11 @@ if TYPE_CHECKING:
     from physic_core.visual.export.request import Frame
     from physic_core.visual.surface import SceneMesh
 
-__all__ = ["drawn_floor"]
-
-MARGIN_M = 0.5
+_MARGIN_M = 0.5
 """Distance of the floor's edges from people, where the scene is smaller."""
-CELL_M, MAX_CELLS = 0.1, 300
+_CELL_M, _MAX_CELLS = 0.1, 300
 """Side of a square of the floor; it grows where the floor would have more squares along a side."""
-NEAR_M = 0.2
+_NEAR_M = 0.2
 """The scene's surface covers the floor where it is this near to the plane: both would be drawn at one place."""
 _CORNERS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3] * 3])
 
@@ -43,18 +41,18 @@ def drawn_floor(
     bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
     feet = transform_points(frame.from_camera, np.concatenate([np.zeros((0, 3)), *bodies]))[:, plan]
     scene = transform_points(frame.from_camera, surface.vertices)
-    outline = np.concatenate([scene[:, plan], feet + MARGIN_M, feet - MARGIN_M])
+    outline = np.concatenate([scene[:, plan], feet + _MARGIN_M, feet - _MARGIN_M])
     if not len(outline):
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
     low, size = outline.min(0), np.ptp(outline, axis=0).max()
-    cell = max(CELL_M, float(size) / MAX_CELLS)
+    cell = max(_CELL_M, float(size) / _MAX_CELLS)
     squares: NDArray[Any] = ((outline - low) / cell).astype(np.int32)
     width, height = squares.max(0) + 1
     inside = np.zeros((height, width), np.uint8)
     inside[squares[:, 1], squares[:, 0]] = 1
     # The outline of the squares: that of all points takes several times as long.
     cv2.fillConvexPoly(inside, cv2.convexHull(cv2.findNonZero(inside)), 1)
-    first, second, third = (np.abs(scene[:, up]) < NEAR_M)[surface.faces.T]
+    first, second, third = (np.abs(scene[:, up]) < _NEAR_M)[surface.faces.T]
     samples = _CORNERS @ scene[:, plan][surface.faces[first & second & third]]
     covered = np.zeros_like(inside)
     columns, rows = ((samples.reshape(-1, 2) - low) / cell).astype(np.int32).T

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import Intrinsics, Person, Plane, Reconstruction
 
-__all__ = ["ExportRequest", "ExportedCamera", "Frame", "camera_pose", "export_frame", "exported_cameras"]
-
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 

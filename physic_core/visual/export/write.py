@@ -23,8 +23,6 @@ from physic_core.visual.export.request import ExportRequest, export_frame
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["export_reconstruction"]
-
 
 def export_reconstruction(
     result: Reconstruction,

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-__all__ = ["EmbeddedBodies"]
-
 _MAX_APPARENT_BEND = 0.7  # radians that a knee of somebody who upright may seem to bend
 _BEND_SHARE = 0.35  # share of it that is taken to be true
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["StaticContact", "is_sitting"]
-
 # Contact set -> joints of which one must be seen.
 _VISIBLE_JOINTS: dict[str, tuple[str, ...]] = {
     "left_foot": ("left_ankle", "left_foot"),

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.hand_landmarks import HandLandmarks
 
-__all__ = ["EmbeddedHands", "EmbeddedHandsOptions"]
-
 SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 

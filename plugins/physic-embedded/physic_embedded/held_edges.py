@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-__all__ = ["hands_at_edges", "is_at_edge"]
-
 # Lengths are shares of the longer side of the person's box.
 _PATCH = 0.3  # half side of the pixels around a hand that are searched
 _MIN_LENGTH = 0.08  # of an edge

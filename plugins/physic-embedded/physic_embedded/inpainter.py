@@ -14,8 +14,6 @@ from physic_embedded.networks.sessions import PackagedNetworks
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["MiGan", "MiGanOptions"]
-
 _NETWORK_SIZE = 512
 _MARGIN = 128  # px of the photo on each side of the hole that the network sees
 _EDGE = np.exp(-0.25 * np.arange(-2.0, 3.0) ** 2)

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_embedded.networks.pose import Pose
 
-__all__ = ["EmbeddedKeypoints", "EmbeddedKeypointsOptions", "keypoints_from_poses"]
-
 MIN_MASK_FIT = 0.15
 """A pose with a lower overlap with the mask belongs to another person."""
 

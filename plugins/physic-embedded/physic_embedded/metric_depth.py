@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["EmbeddedMetricDepth", "PersonScales", "scale_from_soles", "scale_from_torsos"]
-
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 _LEAST_SIZE = 0.25  # of people with visible soles, as a share of the size of the best visible torso
 _FARTHEST_M = 1e4

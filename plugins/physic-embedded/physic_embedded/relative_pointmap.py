@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["EmbeddedPointmap"]
-
 _MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest point, so that depth stays finite
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["ScaleVote", "vote_on_scale"]
-
 _SHIFTS = np.linspace(-3.0, 3.0, 241)  # tried shifts, in standard deviations
 
 

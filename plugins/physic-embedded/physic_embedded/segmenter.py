@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from physic_embedded.networks.pose import Pose
     from physic_embedded.segmentation.people import DetectedPose
 
-__all__ = ["EmbeddedSegmenter", "EmbeddedSegmenterOptions"]
-
 NETWORKS = (
     "yolox_nano",
     "pose_detection",

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-__all__ = ["StandingPerson", "angle_deg", "standing_bodies", "standing_people"]
-
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
 
 

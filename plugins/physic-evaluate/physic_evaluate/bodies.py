@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SMPL_NAMES", "BodyFiles", "PosedBody", "rotations_of"]
-
 SMPL_NAMES = (*JOINT_NAMES[:22], "left_hand", "right_hand")
 """Joints of SMPL."""
 

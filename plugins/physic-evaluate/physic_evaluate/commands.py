@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_evaluate.reconstruct import Reconstruction
     from physic_evaluate.run import Method, UnexpectedError
 
-__all__ = ["evaluate"]
-
 CONTACT_CM = "2,4,5"
 NAMED_ERRORS = 5
 

@@ -17,17 +17,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-__all__ = [
-    "TOPOLOGY_OF_COUNT",
-    "Frame",
-    "Picture",
-    "PredictedPerson",
-    "Prediction",
-    "Surface",
-    "TruePerson",
-    "Truth",
-]
-
 TOPOLOGY_OF_COUNT: Mapping[int, str] = {6890: "smpl", 10475: "smplx", 13348: "physic-embedded-1", 18439: "mhr"}
 """Number of vertices -> name of the mesh topology."""
 

@@ -16,18 +16,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = [
-    "GENDERS",
-    "DamagedFileError",
-    "as_numbers",
-    "item",
-    "naming",
-    "number_array",
-    "require_finite",
-    "require_rotation",
-    "unreadable",
-]
-
 _SYSTEM_ERRORS = (errno.EACCES, errno.EPERM, errno.EIO, errno.ESTALE)
 """Of the operating system, where a copy of the file would not help either."""
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["ALTERNATIVES", "FrameCheck", "check_frame", "into_camera"]
-
 MIN_OVERLAP = 0.3
 """Median overlap of boxes of results that are in the frame that is assumed. Wrong axes or units give less than .1."""
 

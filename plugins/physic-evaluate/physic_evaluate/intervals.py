@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Record = Mapping[str, Any]
 
-__all__ = ["DRAWS", "Figure", "difference", "figure"]
-
 DRAWS, SEED = 2000, 20261121
 
 

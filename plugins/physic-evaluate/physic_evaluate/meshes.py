@@ -11,8 +11,6 @@ import numpy as np
 from physic_evaluate.contract import Surface
 from physic_evaluate.damage import DamagedFileError, unreadable
 
-__all__ = ["read_mesh", "read_vertex_colours", "require_metres", "scene_mesh"]
-
 MAX_BODY_M = 3.0
 
 

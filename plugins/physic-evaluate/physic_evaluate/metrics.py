@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Record = Mapping[str, Any]
 
-__all__ = ["COLUMNS", "CONTACT_FIGURES", "Column", "columns_for"]
-
 
 @dataclass(frozen=True)
 class Column:

@@ -17,8 +17,6 @@ from physic_evaluate.wording import counted
 if TYPE_CHECKING:
     from physic_evaluate.run import Evaluation
 
-__all__ = ["PLOTS", "check_output", "contact_rules", "summary_of", "write_evaluation"]
-
 _TABLES = ("table.txt", "table.md", "table.tex", "results.json")
 PLOTS = "plots.png"
 

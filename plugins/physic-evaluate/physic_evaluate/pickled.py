@@ -22,8 +22,6 @@ from physic_core.body.array_pickle import (
 )
 from physic_evaluate.damage import DamagedFileError
 
-__all__ = ["pickled_arrays", "read_object_rows"]
-
 _DAMAGED = (pickle.UnpicklingError, EOFError, ValueError, KeyError, IndexError, TypeError, AttributeError)
 """What the standard library raises for a pickle that is cut off or damaged."""
 

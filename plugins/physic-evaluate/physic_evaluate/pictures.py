@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from physic_evaluate.contract import Frame, Picture
 
-__all__ = ["open_picture", "picture_file", "read_picture"]
-
 
 @contextmanager
 def open_picture(path: Path) -> Iterator[OpenedImage]:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     Record = Mapping[str, Any]
 
-__all__ = ["draw_plots"]
-
 DISTANCES_M = (0.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, math.inf)
 SHARES = (0.0, 0.1, 0.3, 0.6, 1.01)
 COUNT_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}

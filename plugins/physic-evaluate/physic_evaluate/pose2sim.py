@@ -11,8 +11,6 @@ import numpy as np
 
 from physic_core.errors import InputError
 
-__all__ = ["read_calibration"]
-
 KEYS = ("size", "matrix", "distortions", "rotation", "translation")
 """Entries of a camera."""
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Pixels = NDArray[np.uint8]
 
-__all__ = ["write_previews"]
-
 WORST = 10
 WIDTH = 960
 TRUE, PREDICTED = (40, 200, 90), (235, 80, 40)

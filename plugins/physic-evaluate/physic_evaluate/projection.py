@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["box_iou", "box_of_points", "person_points", "project"]
-
 
 def person_points(person: TruePerson | PredictedPerson) -> Array:
     """Return the points (n, 3) m that show where somebody is: vertices, or else joints."""

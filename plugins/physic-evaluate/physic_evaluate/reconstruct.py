@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_evaluate.contract import Frame
 
-__all__ = ["Reconstruction", "photo_item", "reconstruct"]
-
 TIMEOUT_S = 1200.0
 
 

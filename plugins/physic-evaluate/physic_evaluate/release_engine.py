@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["optimise_release", "release_problem"]
-
 
 def release_problem(arrays: Mapping[str, Any], path: Path, bodies: BodyFiles) -> JointProblem:
     """Return the joint problem of a file of the release.

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-__all__ = ["Evaluation", "Method", "UnexpectedError", "evaluate_methods", "require_any_truth"]
-
 CHECKED_FRAMES = 10
 """Frames, spread over the data set, that decide in which frame of reference results are."""
 

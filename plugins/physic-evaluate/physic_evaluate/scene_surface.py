@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SceneIndex", "contact_by_rule"]
-
 INSIDE_REACH_M = 0.15
 """A vertex counts as inside up to this depth, as in the released code's rule of contact."""
 

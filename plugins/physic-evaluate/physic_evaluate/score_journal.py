@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-__all__ = ["SCORES", "append_scores", "known_scores", "rules_digest", "score_digest"]
-
 SCORES = "scores"
 """Folder of the journal in the output folder."""
 

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     Bools = NDArray[np.bool_]
     Record = dict[str, Any]
 
-__all__ = ["BODY_NAMES", "CURVE_CM", "ScoringRules", "base_record", "score_frame"]
-
 BODY_NAMES = tuple(JOINT_NAMES[:22])
 """Pelvis to wrists: joints that SMPL, SMPL+H and SMPL-X have."""
 

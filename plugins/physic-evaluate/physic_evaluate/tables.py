@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     Record = Mapping[str, Any]
 
-__all__ = ["Tables", "compute_tables", "latex_table", "markdown_table", "text_table"]
-
 PAPER_COLUMNS = ("pa_mpjpe", "me_mpjpe", "me_pve")
 """Of the LaTeX table, as in the paper's Table 2; precision, recall and F1 of the first contact truth follow."""
 

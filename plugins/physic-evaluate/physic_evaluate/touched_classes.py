@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import ContactPartner
 
-__all__ = ["CLASSES", "class_of_object", "class_of_partner", "contact_by_class"]
-
 CLASSES = ("supporting", "seat", "bed", "table", "cabinet", "vehicle", "vegetation", "object", "person")
 """Classes of touched things. "supporting" is floor, ground, stairs and wall, as DAMON's label of that name."""
 

@@ -13,8 +13,6 @@ from physic_evaluate.damage import DamagedFileError, unreadable
 if TYPE_CHECKING:
     from physic_evaluate.contract import Frame, PredictedPerson, Prediction, TruePerson, Truth
 
-__all__ = ["check_prediction", "checked_truth"]
-
 MAX_DISTANCE_M = 200.0
 """No person is annotated farther from the camera. Millimetres and world coordinates of a map are."""
 

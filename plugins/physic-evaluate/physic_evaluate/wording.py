@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["counted"]
-
 
 def counted(count: int, noun: str, plural: str = "") -> str:
     """Return "1 frame" or "2 frames"; ``plural`` is the plural if it does not end in s."""

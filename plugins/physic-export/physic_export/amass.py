@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.visual.export.request import Frame
 
-__all__ = ["export_amass", "read_amass"]
-
 _FRAME_RATE = 30.0
 """Frames per second of the one frame; Blender's add-on refuses less than its target rate, 30 by default."""
 

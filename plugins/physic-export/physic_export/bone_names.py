@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from physic_core.body.joints import JOINT_NAMES
 
-__all__ = ["BONE_NAMES", "bone_names"]
-
 BONE_NAMES = ("smplx", "mixamo", "unreal", "unity", "vrm")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine bones; the
 HumanBodyBones of Unity's humanoid avatar; the humanoid bones of VRM 1.0."""

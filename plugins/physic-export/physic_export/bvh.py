@@ -17,8 +17,6 @@ from physic_export.t_pose import t_pose
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["export_bvh"]
-
 _END_M = 0.02
 """Length of a bone without children, metres: BVH demands one."""
 

@@ -15,8 +15,6 @@ from physic_core.types.skeletons import SKELETONS, skeleton_named
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Detection, UInt8Array
 
-__all__ = ["export_coco", "run_lengths"]
-
 _VISIBLE_CONFIDENCE = 0.5
 """Minimum confidence of a keypoint that is labelled as visible (v = 2)."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from physic_core.visual.glb_builder import GlbBuilder
     from physic_core.visual.rig import Rig
 
-__all__ = ["add_animation", "add_variants", "body_look", "export_glb"]
-
 _VARIANTS = ("photo", "neutral", "contact")
 
 _FRAME_S = 1 / 24

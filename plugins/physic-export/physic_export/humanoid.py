@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["DENSITY_KG_M3", "NUM_BODIES", "PASSIVE", "Passive", "add_defaults", "add_humanoid", "segments"]
-
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""
 

@@ -20,8 +20,6 @@ Knees and elbows bend up to the bound of the reconstruction, 155 degrees; passiv
 
 from __future__ import annotations
 
-__all__ = ["LIMITS"]
-
 _BACK = (("x", -10.0, 30.0), ("z", -10.0, 10.0), ("y", -10.0, 10.0))  # CFR, a third for each of its three joints
 _NECK = (("x", -22.5, 22.5), ("z", -22.5, 22.5), ("y", -40.0, 40.0))  # CFR, half for each of its two joints
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.visual.export.request import ExportRequest
     from physic_export.skins import Skins
 
-__all__ = ["ColoredMesh", "contact_lines", "person_meshes", "scene_mesh"]
-
 
 @dataclass(frozen=True)
 class ColoredMesh:

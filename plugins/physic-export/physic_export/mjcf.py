@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Person
 
-__all__ = ["export_mjcf", "mjcf_text"]
-
 _PERSON_BITS = 29
 """Number of people who collide with one another, but not with themselves: MuJoCo has 32 bits; one is the scene's."""
 

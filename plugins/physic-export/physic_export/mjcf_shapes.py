@@ -11,8 +11,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FRICTION", "RGBA", "add_mesh", "convex_hull", "numbers"]
-
 RGBA = "0.77 0.75 0.73 1"
 FRICTION = "0.8 0.005 0.0001"
 """Sliding, torsional (m) and rolling (m) friction of floor, scene and people: rubber soles on dry ground."""

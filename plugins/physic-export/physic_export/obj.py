@@ -16,8 +16,6 @@ from physic_export.textures import encode_jpeg
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["export_obj"]
-
 _MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 

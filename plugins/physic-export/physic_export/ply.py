@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from physic_core.types import Plane
     from physic_core.visual.export.request import Frame
 
-__all__ = ["export_ply"]
-
 _VERTEX = np.dtype(
     [
         *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["CONTROLS", "STAY_M", "Motion", "posture", "simulate_people"]
-
 STAY_M = 0.05
 """Distance up to which a person stays, metres: of the pelvis, and of the parts that carry, over the whole time."""
 

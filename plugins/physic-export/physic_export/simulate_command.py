@@ -11,8 +11,6 @@ import click
 if TYPE_CHECKING:
     from physic_export.simulate import Motion
 
-__all__ = ["simulate"]
-
 
 @click.command()
 @click.argument("out", type=click.Path(path_type=Path))

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from physic_export.simulate import Motion
 
-__all__ = ["draw_motions"]
-
 _SIDE_PX, _SIDE_M = 320, 2.2
 _VIEW = np.deg2rad(30.0)  # from the camera's direction, so that a fall towards the camera is seen
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core import ExportRequest
     from physic_core.types import UInt8Array
 
-__all__ = ["Skins", "skins_of"]
-
 
 @dataclass(frozen=True)
 class Skins:

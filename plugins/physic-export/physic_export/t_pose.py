@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from physic_core.visual.rig import Rig
 
-__all__ = ["skinned", "t_pose"]
-
 
 def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
     """Return a rig in the T-pose: upright, at the place of the pose, facing as it does, with the soles at height 0.

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from physic_core.errors import BodyModelError
 from physic_core.files.npz import read_arrays
 
-__all__ = ["TextureCoordinates", "load_texture_coordinates", "split_at_seams"]
-
 
 @dataclass(frozen=True)
 class TextureCoordinates:

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from physic_export.texture_coordinates import TextureCoordinates
 
-__all__ = ["TextureRaster", "pad_texture", "rasterize"]
-
 
 @dataclass(frozen=True)
 class TextureRaster:

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["BodyTexture", "TexturedBodies", "encode_jpeg", "encode_png", "textured_bodies"]
-
 FULL_FACING, NO_FACING = 0.45, 0.15
 """Cosines between surface normal and the ray to the camera, from which the photo counts fully, and below which not."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Tile", "convex_tiles", "tile_errors"]
-
 THICKNESS_M, THINNEST_M = 0.1, 0.01
 """Depth of a tile behind the surface, where only people are known, and the least, where a person is right behind it."""
 

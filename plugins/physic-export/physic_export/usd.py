@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from physic_core.visual.export.request import ExportedCamera
     from physic_core.visual.rig import Rig
 
-__all__ = ["export_usd"]
-
 _APERTURE = 36.0
 """Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length matters."""
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from physic_core.visual.rig import Rig
 
-__all__ = ["add_skeleton"]
-
 
 def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.float64]) -> None:
     """Add ``skeleton`` and ``animation`` to a SkelRoot, and bind its mesh to them.

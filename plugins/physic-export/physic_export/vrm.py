@@ -17,8 +17,6 @@ from physic_export.t_pose import skinned, t_pose
 if TYPE_CHECKING:
     from physic_core.visual.rig import Rig
 
-__all__ = ["LICENSE_URL", "export_vrm"]
-
 LICENSE_URL = "https://vrm.dev/licenses/1.0/"
 """The only licence document that VRM 1.0 accepts; what it permits are the fields of ``meta``, by default the least."""
 

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["CameraHmr", "CameraHmrOptions"]
-
 SIDE = 256
 """Side of the square input of both networks, px."""
 _CHECKPOINT, _CAMERA_CHECKPOINT, _MEAN = (

@@ -23,20 +23,6 @@ from physic_core.interfaces import Backend, Options, Requirement
 if TYPE_CHECKING:
     import torch
 
-__all__ = [
-    "MANIFEST",
-    "CheckoutBackend",
-    "CheckoutNetwork",
-    "CheckoutOptions",
-    "CheckoutProject",
-    "batch_slices",
-    "checkpoint_error",
-    "inference_context",
-    "load_parameters",
-    "read_checkpoint",
-    "to_numpy",
-]
-
 MANIFEST = Path(__file__).parent / "weights"
 _LOG = logging.getLogger(__name__)
 

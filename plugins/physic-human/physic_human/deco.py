@@ -24,8 +24,6 @@ from physic_human.user_smpl import load_rest_mesh
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
 
-__all__ = ["SMPL_VERTICES", "Deco", "DecoOptions"]
-
 SMPL_VERTICES = 6890
 
 

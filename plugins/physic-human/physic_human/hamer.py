@@ -20,8 +20,6 @@ from physic_human.mano_hands import ManoHandEstimator, ManoOptions
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["Hamer", "HamerOptions"]
-
 ASPECT = 192 / 256
 """Width over height of the input region that the network uses; boxes are widened to it before they grow."""
 _CHECKPOINT, _CONFIG = "hamer_ckpts/checkpoints/hamer.ckpt", "hamer_ckpts/model_config.yaml"

@@ -29,8 +29,6 @@ from physic_human.user_smpl import load_rest_mesh
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray, People, RestMesh, UInt8Array
 
-__all__ = ["InteractVlmOptions", "InteractVlmResults"]
-
 _SUFFIX = "_hcontact_vertices"
 _TOPOLOGIES = {6890: "smpl", 10475: "smplx"}
 _PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")

@@ -17,8 +17,6 @@ from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, batc
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands, Keypoints, People, UInt8Array
 
-__all__ = ["SIDE", "ManoHandEstimator", "ManoOptions"]
-
 SIDE = 256
 """Side of the networks' square input, px."""
 

@@ -20,8 +20,6 @@ from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, Chec
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
 
-__all__ = ["Moge1", "Moge1Options"]
-
 _LEVELS = 9
 
 

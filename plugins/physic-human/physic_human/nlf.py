@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["Nlf", "NlfOptions"]
-
 _LOG = logging.getLogger(__name__)
 _METHODS = ("estimate_parametric_batched", "estimate_smpl_batched")
 _MM = 1000.0

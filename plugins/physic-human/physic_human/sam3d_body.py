@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["Sam3dBody", "Sam3dBodyOptions"]
-
 _CHECKPOINT, _CONFIG, _MHR = "model.ckpt", "model_config.yaml", "assets/mhr_model.pt"
 _DINOV3 = "facebookresearch/dinov3"
 _DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)

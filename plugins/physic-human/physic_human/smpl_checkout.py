@@ -10,8 +10,6 @@ from physic_human.user_smpl import smpl_missing, smpl_requirement
 if TYPE_CHECKING:
     from physic_core.interfaces import Requirement
 
-__all__ = ["SmplCheckoutBackend", "SmplCheckoutOptions"]
-
 
 class SmplCheckoutOptions(CheckoutOptions):
     """Settings of a backend that runs a checkout and reads a SMPL file."""

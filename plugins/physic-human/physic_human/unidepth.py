@@ -16,8 +16,6 @@ from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, Chec
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["UniDepth", "UniDepthOptions"]
-
 _HALF_PIXEL = 0.5
 """Offset of pixel centres in UniDepth's image coordinates, px."""
 _FARTHEST_M = 1e4

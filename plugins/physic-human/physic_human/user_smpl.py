@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.body.smpl_file import SmplBody
     from physic_core.types import Bodies, FloatArray, RestMesh
 
-__all__ = ["load_rest_mesh", "open_smpl", "posed_bodies", "smpl_missing", "smpl_requirement"]
-
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de (non-commercial) and "
     "download the model"

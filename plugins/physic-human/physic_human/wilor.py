@@ -20,8 +20,6 @@ from physic_human.mano_hands import SIDE, ManoHandEstimator, ManoOptions
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
-__all__ = ["Wilor", "WilorOptions"]
-
 _FILES = ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
 _FOCAL = 5000
 

@@ -19,17 +19,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = [
-    "BONES",
-    "LIMBS",
-    "camera_rotations",
-    "depth_flip",
-    "draw_bone_errors",
-    "hidden_bones",
-    "line_of_sight_axes",
-    "local_rotations",
-]
-
 BONES = 22
 """Number of body joints; each rotates the bone that follows it."""
 

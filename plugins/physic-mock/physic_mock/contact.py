@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["ContactOptions", "MockContactPrior"]
-
 _FEWEST = 60  # vertices: whoever touches less gets made-up contact as if they touched this much
 _FARTHEST = 3.0  # patches: beyond, the scene's distance tempts no less
 

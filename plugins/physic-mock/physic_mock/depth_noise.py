@@ -14,8 +14,6 @@ from physic_mock.noise import smooth_image
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["add_hole_noise", "add_smooth_noise", "blur_depth_edges", "flatten_relief"]
-
 _EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
 _REACH = 2.0  # a blur_depth_edges edge fades out over this many of its widths
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["MetricDepthOptions", "MockMetricDepth", "MockRelativePointmap", "RelativePointmapOptions"]
-
 _WARP_WAVES = 2.0  # across the longer side of the image
 _DISAGREEMENT_WAVES = 3.0
 _BUMP_WAVES = 16.0

@@ -9,8 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["fill_from_surroundings"]
-
 _SWEEPS = 24  # of Jacobi's method at each resolution
 _SMALLEST = 4  # px: an image of this side is not halved again
 

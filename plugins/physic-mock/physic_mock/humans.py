@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["BodyOptions", "HandOptions", "MockBodyEstimator", "MockHandEstimator"]
-
 _WRISTS = (20, 21)
 _FLIPPABLE = {
     f"{side}_{joint}": f"{side}_{child}"

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, People, UInt8Array
     from physic_mock.recognition import RecognisedWorld
 
-__all__ = ["KeypointOptions", "MockKeypointDetector"]
-
 _LEG = ("knee", "ankle", "heel", "big_toe", "small_toe", "foot_tip")
 _ARM = (
     *("elbow", "wrist", "hand_root"),

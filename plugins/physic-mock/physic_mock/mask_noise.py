@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
 
-__all__ = ["LIMB_ENDS", "add_stray_disc", "draw_floor_mask", "remove_hands_and_feet"]
-
 LIMB_ENDS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle")
 """Joints at the start of hands and feet."""
 

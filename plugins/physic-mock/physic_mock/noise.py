@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
 
-__all__ = [
-    "REFERENCE_WIDTH_PX",
-    "add_rotation_noise",
-    "bernoulli",
-    "roughen_border",
-    "scale_to_image",
-    "seeded_rng",
-    "smooth_field",
-    "smooth_image",
-]
-
 REFERENCE_WIDTH_PX = 640
 """Longer image side for which options in px are defined; they scale with the image."""
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_mock.recognition import RecognisedWorld
 
-__all__ = ["InpainterOptions", "MockInpainter", "MockSegmenter", "SegmenterOptions"]
-
 
 class SegmenterOptions(MockOptions):
     """Options of :class:`MockSegmenter`."""

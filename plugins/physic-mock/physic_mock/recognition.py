@@ -16,8 +16,6 @@ from physic_testing.worlds import World, build_world, is_world, labels
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array
 
-__all__ = ["MockOptions", "RecognisedWorld", "match_people", "recognise_world"]
-
 _TOLERANCE = 2  # grey levels; a world drawn on another machine may round differently
 _LARGEST_PX = 1920 * 1440  # a larger world would take minutes to draw
 _SAME_PERSON_IOU = 0.3

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network, Port
 
-__all__ = ["GraphSignature", "PortMatch", "PortSpec", "match", "match_signature"]
-
 _FLOATS = ("float32", "float16", "float64")
 
 

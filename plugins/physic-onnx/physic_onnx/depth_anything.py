@@ -34,14 +34,6 @@ if TYPE_CHECKING:
 
     from .one_graph import LoadedGraph
 
-__all__ = [
-    "DepthAnythingMetric",
-    "DepthAnythingMetricOptions",
-    "DepthAnythingRelative",
-    "DepthAnythingRelativeOptions",
-    "preprocess",
-]
-
 PATCH = 14  # px
 _SKY_SCORE = 0.3  # of Depth Anything 3, from here on it is sky
 _SATURATED = 0.98  # of the largest depth that a metric network can say

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import DepthMap, FloatArray, Hints, UInt8Array
 
-__all__ = ["DepthAnything3", "DepthAnything3Options", "preprocess"]
-
 CANONICAL_FOCAL_PX = 300.0
 PATCH = 14  # px
 

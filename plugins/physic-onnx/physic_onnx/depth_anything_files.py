@@ -9,8 +9,6 @@ if TYPE_CHECKING:
 
     from .one_graph import LoadedGraph
 
-__all__ = ["base_name", "has_sigmoid", "is_version_3_name", "takes_raw_pixels"]
-
 
 def has_sigmoid(path: Path) -> bool:
     """Return whether an ONNX file contains a sigmoid node, by searching its bytes for the node type."""

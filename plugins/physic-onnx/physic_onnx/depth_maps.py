@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, Hints, Intrinsics
 
-__all__ = ["aspect_change_note", "fixed_input_size", "mask_depth", "required_camera", "squeeze_map"]
-
 _MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from .options import OnnxOptions
     from .sessions import Network
 
-__all__ = ["SIGNATURES", "Detector", "open_detector"]
-
 GREY = 114
 """Grey level around the photo in the training of YOLOX and RTMO."""
 

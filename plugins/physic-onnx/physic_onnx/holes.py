@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["hole_crops", "inpaint_in_crops"]
-
 Box = tuple[int, int, int, int]
 """Box y0, y1, x0, x1 px."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["InstantHmr", "InstantHmrOptions"]
-
 SIDE = 224
 """Side of the crop, px."""
 MARGIN = 1.2

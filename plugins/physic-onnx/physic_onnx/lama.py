@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["Lama", "LamaOptions"]
-
 INPUTS = (PortSpec("image", shape=(None, 3, None, None)), PortSpec("mask", shape=(None, 1, None, None)))
 OUTPUTS = (PortSpec("output", ("result",), shape=(None, 3, None, None)),)
 

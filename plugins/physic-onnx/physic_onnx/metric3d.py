@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_core.adapters.pictures import Letterbox
     from physic_core.types import DepthMap, FloatArray, Hints, UInt8Array
 
-__all__ = ["Metric3d", "Metric3dOptions", "preprocess"]
-
 CANONICAL_FOCAL_PX = 1000.0
 PADDING = (123.675, 116.28, 103.53)
 """Padding colour: ImageNet's mean, which the network normalises to 0."""

@@ -15,8 +15,6 @@ from .one_graph import WEIGHTS_HELP, OnnxBackend, OnnxBackendOptions
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["MiGan", "MiGanOptions"]
-
 INPUTS = (
     PortSpec("image", dtype="uint8", shape=(None, 3, None, None)),
     PortSpec("mask", dtype="uint8", shape=(None, 1, None, None)),

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import AffineAmbiguity, BoolArray, FloatArray, Hints, UInt8Array
 
-__all__ = ["Moge2Depth", "Moge2Pointmap", "MogeOptions"]
-
 MANIFEST = Path(__file__).parent / "weights"
 _FILE = "model.onnx"
 

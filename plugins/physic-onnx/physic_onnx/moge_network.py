@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["SIGNATURES", "AffinePoints", "SharedMoge", "network_input_size", "shared_moge"]
-
 SIGNATURES = {
     "MoGe-2": GraphSignature(
         inputs=(

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from .contract import PortMatch
     from .sessions import Network
 
-__all__ = ["MANIFEST", "LoadedGraph", "OnnxBackend", "OnnxBackendOptions", "find_graph_file"]
-
 MANIFEST = Path(__file__).parent / "weights"
 WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from physic_core.interfaces import Options
 
-__all__ = ["OnnxOptions", "ProviderName"]
-
 ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["Rtmo", "RtmoOptions", "assign_poses"]
-
 SIDE = 640
 GREY = 114  # around the photo
 _SKELETON = "coco17"

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["RtmPose", "RtmPoseOptions"]
-
 HEIGHT, WIDTH = 256, 192
 _LINE = (None, None, None)
 

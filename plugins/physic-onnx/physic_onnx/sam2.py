@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from .detectors import Detector
     from .sam2_networks import EncodedImage, Sam2Networks
 
-__all__ = ["Sam2", "Sam2Options"]
-
 MANIFEST = Path(__file__).parent / "weights"
 EMBEDDED = "embedded"
 """Value of the option ``detector``: boxes, joints and surfaces of the segmenter in the wheel of physic-embedded."""

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from .sam2_networks import EncodedImage, Sam2Networks
 
-__all__ = ["bottom_edge_points", "feet_positions", "floor_mask", "ground_points"]
-
 ANKLES = (15, 16)
 """Indices of the ankles in the skeleton "coco17"."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from .options import OnnxOptions
     from .sessions import Network
 
-__all__ = ["DECODERS", "ENCODERS", "EncodedImage", "Sam2Networks", "open_sam2"]
-
 ENCODERS: Mapping[str, GraphSignature] = {
     "transformers.js": GraphSignature(
         (PortSpec("pixel_values", shape=(None, 3, None, None)),),

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from .options import OnnxOptions
 
-__all__ = ["Network", "Port", "open_network"]
-
 
 @dataclass(frozen=True)
 class Port:

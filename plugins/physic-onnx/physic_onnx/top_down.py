@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from .one_graph import LoadedGraph
 
-__all__ = ["SKELETON_BY_JOINTS", "crop_batch", "run_batches", "size_or_default", "skeleton_name"]
-
 SKELETON_BY_JOINTS: dict[int, str] = {17: "coco17", 23: "coco23", 26: "halpe26", 133: "coco_wholebody133"}
 """Number of joints -> skeleton name."""
 

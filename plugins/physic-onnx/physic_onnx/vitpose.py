@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from .sessions import Network
 
-__all__ = ["VitPose", "VitPoseOptions"]
-
 HEIGHT, WIDTH = 256, 192
 COCO = 0
 EXPERT_BY_JOINTS = {17: COCO, 133: 5}

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = ["read_depth", "read_pointmap", "resize_nearest"]
-
 _OPENCV_EXR = "OPENCV_IO_ENABLE_OPENEXR"
 _EXR = b"\x76\x2f\x31\x01"
 _EXR_HEADER = 1 << 20  # a usual one has 400 bytes

@@ -16,8 +16,6 @@ from physic_opencv.depth_files import read_depth, read_pointmap, resize_nearest
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
 
-__all__ = ["DepthFile", "DepthFileOptions", "PointmapFile", "PointmapFileOptions"]
-
 
 class DepthFileOptions(interfaces.Options):
     """Settings of the depth map from a file."""

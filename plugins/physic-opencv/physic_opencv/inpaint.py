@@ -17,8 +17,6 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["DiffusionOptions", "NavierStokes", "Telea"]
-
 
 class DiffusionOptions(interfaces.Options):
     """Settings of both diffusion inpainters."""

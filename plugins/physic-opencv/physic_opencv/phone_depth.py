@@ -19,8 +19,6 @@ from physic_core.files.image_file import ImageSource, open_image, wrap_decoding_
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["HEIC_SUFFIXES", "read_phone_depth"]
-
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
 _UNIFORM_DISPARITY = 1
 _RELATIVE = re.compile(rb"depthData:Accuracy\W{1,4}relative")

@@ -17,8 +17,6 @@ from physic_core.engine.bounds import Count, Positive, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
 from physic_core.engine.joint.optimiser import Block, MinimisationResult, OptimiserSettings, Progress, join_results
 
-__all__ = ["AdamSettings"]
-
 _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose energy has only increased
 
 

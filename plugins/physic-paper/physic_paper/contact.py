@@ -14,8 +14,6 @@ from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.joint.problem import JointProblem
 
-__all__ = ["DistanceContact", "with_floor_samples"]
-
 
 @dataclass(frozen=True)
 class DistanceContact(ContactMethod):

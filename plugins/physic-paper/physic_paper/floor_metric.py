@@ -10,8 +10,6 @@ from torch import Tensor
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 
-__all__ = ["MIN_INLIER_SHARE", "fit_floor_metric"]
-
 # As released; the paper only names RANSAC.
 _TOLERANCE_M = 0.01
 _MIN_NORMAL_COSINE = math.cos(math.radians(30.0))  # of an inlier

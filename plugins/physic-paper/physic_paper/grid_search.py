@@ -9,8 +9,6 @@ from torch import Tensor
 
 from physic_core.geometry.neighbors import NearestPointSearch
 
-__all__ = ["GridSearch"]
-
 _LEAST_MARGIN_M = 1e-3  # of the grid's box around coplanar points
 
 

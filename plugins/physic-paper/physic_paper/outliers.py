@@ -6,8 +6,6 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-__all__ = ["KNN_SHARE", "image_outliers", "knn_outliers", "nearest_other_points"]
-
 KNN_SHARE = 0.05
 """Number of neighbours, the point itself among them, as a share of the short image side; as released."""
 

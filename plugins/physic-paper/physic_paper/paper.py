@@ -63,8 +63,6 @@ from physic_paper.terms.point_penetration import PointPenetrationSettings, Point
 from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings, PrintedRegularisationTerm
 from physic_paper.terms.reprojection import confident_keypoints
 
-__all__ = ["CONTACT_RANGE_M", "PaperOptimisation", "PaperReprojectionSettings", "PaperVisibilitySettings"]
-
 CONTACT_RANGE_M = 0.15
 """Largest distance of a vertex in contact (eps of L_c), metres; as released, since it is not printed."""
 

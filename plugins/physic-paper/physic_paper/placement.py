@@ -23,8 +23,6 @@ from physic_paper.released.visibility import is_opposite_optical_axis, mean_face
 from physic_paper.scene import released_alignment_options
 from physic_paper.translation import restore_keypoint_fit, solve_adam, solve_lbfgs
 
-__all__ = ["PaperPlacement", "ReleasePlacement"]
-
 _RELEASED_FACING_DEG = 80.0
 
 

@@ -15,8 +15,6 @@ from physic_paper.prox import ProxOptimisation
 from physic_paper.release import ReleaseOptimisation
 from physic_paper.scene import PaperScene, ProxScene, ReleaseScene
 
-__all__ = ["PAPER", "PROX", "RELEASE"]
-
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not printed. 4 cm is
 # calibrated: of 2, 4 and 5 cm it is nearest to the paper's precision and recall (benchmarks/README.md).
 _PRINTED_CONTACT_M = 0.04

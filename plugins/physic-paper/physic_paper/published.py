@@ -17,8 +17,6 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import BODY, FACE, HANDS, Estimate, State
 from physic_paper.contact import with_floor_samples
 
-__all__ = ["PublishedOptimisation", "UnwhitenedState"]
-
 
 class UnwhitenedState(State):
     """Free parameters in their own units; the scale is the factor on the scene, not its logarithm."""

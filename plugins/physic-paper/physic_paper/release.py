@@ -47,8 +47,6 @@ from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import PrintedRegularisationSettings
 
-__all__ = ["ReleaseOptimisation", "ReleaseReprojectionSettings"]
-
 _FACING_DEG = 80.0
 _barron = partial(robust_loss, "barron", c=1.0)
 

@@ -19,8 +19,6 @@ from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
 from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
 
-__all__ = ["PaperScene", "ProxScene", "ReleaseScene", "released_alignment_options"]
-
 _GRID_SIDE = 100  # floor points along each side, as released
 
 

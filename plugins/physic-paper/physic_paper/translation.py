@@ -11,8 +11,6 @@ from torch import Tensor
 from physic_core.engine.placement.solvers import TRANSLATION, gauss_newton
 from physic_core.engine.placement.terms import ChamferTerm, ReprojectionTerm, Residuals
 
-__all__ = ["TranslationPrior", "restore_keypoint_fit", "solve_adam", "solve_lbfgs"]
-
 # Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _ADAM_STEPS = 30
 _LEARNING_RATE = 1e-2

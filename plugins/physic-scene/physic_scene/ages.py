@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import ChosenPhotos, Photo
 
-__all__ = ["ages_of_photos", "ages_of_scene", "check_ages"]
-
 
 def check_ages(ages: Sequence[float], photo: str, result: Reconstruction | None) -> None:
     """Check that several ages are as many as the people of the first photo.

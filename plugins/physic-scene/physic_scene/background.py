@@ -15,15 +15,6 @@ from physic_scene.rigid import angle_deg
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Reconstruction, UInt8Array
 
-__all__ = [
-    "Background",
-    "BackgroundSettings",
-    "BackgroundTurn",
-    "background_turn",
-    "same_photo",
-    "sees",
-]
-
 _MINIMAL, _SOLUTIONS = 5, 10  # matches that give a motion between two cameras, and how many they give at most
 
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_scene.bundle import Bundle, Observations
     from physic_scene.observations import PhotoPeople
 
-__all__ = ["MeanBodies", "mean_bodies"]
-
 
 @dataclass(frozen=True)
 class MeanBodies:

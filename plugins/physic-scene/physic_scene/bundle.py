@@ -37,20 +37,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
 
-__all__ = [
-    "Block",
-    "Bundle",
-    "BundleSettings",
-    "Observations",
-    "PixelMatches",
-    "PoseUncertainty",
-    "adjust",
-    "energy",
-    "keypoint_block",
-    "robust_weights",
-    "uncertainties",
-]
-
 _NEAREST_M = 0.1
 _KNOWN_FOCAL = 0.01  # standard deviation of the logarithm of a known focal length
 _BONES = (

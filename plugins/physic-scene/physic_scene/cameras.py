@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_scene.scene import SceneSettings
     from physic_scene.selection import ChosenPhotos
 
-__all__ = ["FitLimits", "SolvedScene", "reference_photo", "solve_cameras", "start_poses"]
-
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
 

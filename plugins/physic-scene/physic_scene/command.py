@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from physic_core import Intrinsics
     from physic_scene.types import SceneResult
 
-__all__ = ["scene"]
-
 
 @click.command()
 @click.argument("photos", metavar="PHOTO PHOTO...", nargs=-1, required=True, type=click.Path(path_type=Path))

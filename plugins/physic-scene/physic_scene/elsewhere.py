@@ -12,8 +12,6 @@ from physic_scene.bundle import adjust, energy, keypoint_block, robust_weights
 if TYPE_CHECKING:
     from physic_scene.bundle import Bundle, BundleSettings, Observations
 
-__all__ = ["likeliest_elsewhere"]
-
 _PHOTOS, _PEOPLE = 3, 3  # with fewer photos of a person, or people of a photo, nothing shows which of them differs
 
 

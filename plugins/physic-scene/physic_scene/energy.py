@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.camera import Cameras
     from physic_core.geometry.floor import FloorEvidence, FloorSearch
 
-__all__ = ["KeypointSettings", "OtherViews", "ViewsPlacement", "require_default_engine", "with_other_views"]
-
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
 _SAME_M = 1e-3  # between the same vertex in single and in double precision

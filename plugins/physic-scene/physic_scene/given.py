@@ -11,8 +11,6 @@ from physic_core.types import Bodies, DepthMap
 if TYPE_CHECKING:
     from physic_core.types import Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["SolvedBodies", "SolvedDepth"]
-
 
 class SolvedBodies(BodyEstimator):
     """Returns the bodies that several photos show."""

@@ -25,18 +25,6 @@ if TYPE_CHECKING:
     from physic_scene.background import BackgroundTurn
     from physic_scene.observations import PhotoPeople
 
-__all__ = [
-    "MatchingSettings",
-    "PairMatch",
-    "Tracks",
-    "join_tracks",
-    "joined_matches",
-    "look_cues",
-    "match_pair",
-    "place_cues",
-    "relative_motion",
-]
-
 _BODY = 22  # joints without hands and face
 _PELVIS = 0
 _GARMENTS = {"top": [0, 2], "legs": [3, 4]}

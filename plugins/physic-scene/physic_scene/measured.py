@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray, IntArray
 
-__all__ = ["CueTable", "KeypointErrors", "MeasuredErrors", "keypoint_class", "keypoint_clusters", "measured_errors"]
-
 FILE = "measured_errors.json"
 
 _CLASSES = {

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core import Config, Reconstruction
     from physic_core.batch.moments import MomentPhoto
 
-__all__ = ["join_photos"]
-
 
 def join_photos(photos: Sequence[MomentPhoto], config: Config) -> tuple[Reconstruction, dict[str, bytes]]:
     """Return the result of one moment from the results of its photos alone, and the content of ``moment.json``.

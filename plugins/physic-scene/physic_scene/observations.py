@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Person, Reconstruction, Skeleton
 
-__all__ = ["COLOUR_GROUPS", "PhotoPeople", "observe"]
-
 COLOUR_GROUPS = (
     ("torso",),
     ("head",),

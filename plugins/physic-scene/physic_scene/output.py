@@ -14,8 +14,6 @@ from physic_core.files.strict_json import to_json
 if TYPE_CHECKING:
     from physic_scene.types import SceneResult
 
-__all__ = ["MOMENT_FILE", "POINTS_FILE", "moment_document", "moment_json", "save_scene"]
-
 MOMENT_FILE, POINTS_FILE, REPORT_FILE = "moment.json", "scene_points.ply", "report.html"
 
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_scene.cameras import SolvedScene
     from physic_scene.selection import Photo
 
-__all__ = ["PersonOfScene", "people_of_scene"]
-
 
 @dataclass(frozen=True)
 class PersonOfScene(ShortRepr):

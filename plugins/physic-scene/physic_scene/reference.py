@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
 
-__all__ = ["ReferenceInput", "scene_scales", "solve_reference", "solved_camera"]
-
 _STATURE_SIGMA = 0.06  # of log(stature) of one person, whose mean gives the scale
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _STAND_M = 0.03  # error of that point

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_scene.people import PersonOfScene
     from physic_scene.selection import Photo
 
-__all__ = ["assemble"]
-
 _POINTS = 60_000  # of the scene of each photo
 
 

@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = ["Pose", "angle_deg", "fit_rotation", "mean_rotation"]
-
 
 @dataclass(frozen=True)
 class Pose:

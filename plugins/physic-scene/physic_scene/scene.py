@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     PhotoSource = Any
     Progress = Callable[[str, int, int], None]
 
-__all__ = ["Scene", "SceneSettings", "reconstruct_scene"]
-
 FEWEST, MOST = 2, 8
 """Numbers of photos."""
 

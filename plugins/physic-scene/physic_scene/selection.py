@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_core.types import IntArray, Reconstruction
     from physic_scene.observations import PhotoPeople
 
-__all__ = ["ChosenPhotos", "Photo", "select_photos"]
-
 _CLEARER = "add a photo from a direction between the others, or one in which people wear clothes of different colours"
 
 

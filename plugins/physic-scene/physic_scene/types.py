@@ -10,8 +10,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types import BodyParameters, FloatArray, Intrinsics, Reconstruction, UInt8Array
 
-__all__ = ["CameraPose", "LeftOut", "ScenePerson", "SceneResult"]
-
 
 @dataclass(frozen=True)
 class CameraPose(ShortRepr):

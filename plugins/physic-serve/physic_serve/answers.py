@@ -12,8 +12,6 @@ from physic_serve.pages import error_page
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-__all__ = ["answer", "wants_page"]
-
 
 def wants_page(request: Request) -> bool:
     """Whether a browser shows the response, and not a program."""

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from physic_serve.settings import Limits
 
-__all__ = ["Failure", "Status", "make_app"]
-
 _POLL_S, _HEARTBEAT_S = 0.2, 15.0
 _TYPES = {
     ".json": "application/json",

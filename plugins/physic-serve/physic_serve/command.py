@@ -17,8 +17,6 @@ from physic_core import BackendError, ConfigError
 from physic_core.cli.arguments import configuration_options
 from physic_core.cli.output import echo
 
-__all__ = ["exposure_warning", "is_loopback", "serve"]
-
 
 class _PositiveNumber(click.FloatRange):
     def __init__(self) -> None:

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from physic_serve.settings import Limits
 
-__all__ = ["make_server"]
-
 
 def make_server(app: ASGIApp, host: str, port: int, limits: Limits) -> uvicorn.Server:
     """Return the server of an application; the caller runs it."""

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-__all__ = ["server_folder"]
-
 _PREFIX, _LOCK, _CONTENT = "physic-serve-", "lock", "jobs"
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from physic_serve.settings import Limits
 
-__all__ = ["Guard"]
-
 # A stricter policy would make browsers send forms with the origin "null".
 _HEADERS = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"same-origin"))
 

@@ -17,8 +17,6 @@ from typing import Any
 from physic_serve.settings import Limits
 from physic_serve.worker import PHOTO_FILE, Message, Task, Worker
 
-__all__ = ["Job", "Jobs", "QueueFull"]
-
 _LOG = logging.getLogger("physic_serve")
 _EVERY_S = 1.0  # between two searches for old results, and for the end of an idle worker
 _PAUSE_S = 5.0  # before a worker is opened again that could not be opened

@@ -12,8 +12,6 @@ from physic_serve.settings import Limits
 from physic_serve.uploads import KINDS
 from physic_serve.worker import REPORT_FILE
 
-__all__ = ["STATIC", "error_page", "job_page", "start_page"]
-
 STATIC = {
     "style.css": "text/css",
     "results.js": "text/javascript",

@@ -16,8 +16,6 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-__all__ = ["KINDS", "SETTINGS", "read_upload"]
-
 SETTINGS = {
     "focal_px": ("Focal length in px of the photo file", 1e6),
     "stature": ("Standing height of every person, metres", 2.7),

@@ -26,8 +26,6 @@ from physic_core.errors import PackageMissingError
 if TYPE_CHECKING:
     from physic_core import Config, Reconstruction
 
-__all__ = ["Message", "OpenPipeline", "Task", "Worker", "open_pipeline"]
-
 Progress = Callable[[str, int, int], None]
 OpenPipeline = Callable[[Any], Callable[["Task", Progress], "Reconstruction"]]
 

@@ -18,8 +18,6 @@ from physic_setup.hub import download_from_hub
 from physic_setup.pins import pin_files
 from physic_setup.web import ByteProgress, download_from_web
 
-__all__ = ["Progress", "fetch"]
-
 Progress = Callable[[str, int, int | None], None]
 """Callback with the path of a file in its set, the bytes downloaded so far, and the total if known."""
 

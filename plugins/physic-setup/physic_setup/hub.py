@@ -14,8 +14,6 @@ from physic_core.weights.manifest import HubSource, WeightFile
 from physic_core.weights.verify import describe_mismatch
 from physic_setup.web import ByteProgress
 
-__all__ = ["download_from_hub"]
-
 
 def download_from_hub(file: WeightFile, target: Path | None, report: ByteProgress, advice: str = "") -> None:
     """Download a file from a Hugging Face repository, and compare it with the manifest.

@@ -11,8 +11,6 @@ from physic_core.weights.lock import lock_file_path, read_lock
 from physic_core.weights.manifest import WeightSet
 from physic_core.weights.verify import sha256_of
 
-__all__ = ["pin", "pin_files"]
-
 _HEAD = "# What was fetched first, by `physic weights fetch` and `physic setup --run`. Keep it with your project.\n"
 
 

@@ -24,8 +24,6 @@ from physic_core.interfaces import INTERFACES
 if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Registry
 
-__all__ = ["config_schema"]
-
 _QUALIFIED_NAME = {
     "type": "string",
     "pattern": "^[^:]+:[^:]+$",

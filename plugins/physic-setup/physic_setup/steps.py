@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
     from physic_core.weights.manifest import WeightSet
 
-__all__ = ["Setup", "SetupStep", "pin_setup", "setup_steps"]
-
 _Kind = TypeVar("_Kind")
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
 
-__all__ = ["config_template", "texts_of_fields"]
-
 _WIDTH = 118
 _HEAD = """\
 ## Every setting, with the value that it has in this preset. To change one, remove the single # of its line and of the

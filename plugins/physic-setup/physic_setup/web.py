@@ -7,8 +7,6 @@ from pathlib import Path
 
 from physic_core.errors import DownloadError
 
-__all__ = ["ByteProgress", "download_from_web"]
-
 ByteProgress = Callable[[int, int | None], None]
 """Callback with the bytes downloaded so far, and the total if known."""
 

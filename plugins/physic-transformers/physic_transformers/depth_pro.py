@@ -23,8 +23,6 @@ from physic_transformers.models import ModelOptions, PretrainedBackend, to_numpy
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["DepthPro", "DepthProOptions", "memory_gb", "preprocess"]
-
 _LARGE = 1536  # px of the published input; 35 patches of it go through the network at once
 _TELLING = 0.1  # share by which two focal lengths differ before it is worth a note
 

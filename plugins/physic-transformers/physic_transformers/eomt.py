@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import People, UInt8Array
 
-__all__ = ["Eomt", "EomtOptions", "class_names"]
-
 
 class EomtOptions(ModelOptions):
     """Settings of :class:`Eomt`."""

@@ -10,16 +10,6 @@ from pathlib import Path
 from physic_core import weights
 from physic_core.errors import BackendError, WeightsMissingError
 
-__all__ = [
-    "MANIFEST",
-    "WEIGHTS_HELP",
-    "ModelSpec",
-    "check_model_type",
-    "find_folder",
-    "missing_file_messages",
-    "model_fingerprint",
-]
-
 MANIFEST = Path(__file__).parent / "weights"
 """Folder with the manifests of this plugin's weights."""
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt, UInt8Array
 
-__all__ = ["GroundedSam2", "GroundedSam2Options", "TextDetections", "decode_text_boxes", "format_prompt"]
-
 _SHORT, _LONG = 800, 1333  # px that GroundingDINO was trained with
 _BOXES_PER_CALL = 16  # boxes a call of the mask decoder
 

@@ -17,7 +17,6 @@ from physic_core.adapters.threads import limited_threads
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.interfaces import Backend, Options
 from physic_transformers.folders import (
-    WEIGHTS_HELP,
     ModelSpec,
     check_model_type,
     find_folder,
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-__all__ = ["WEIGHTS_HELP", "ModelOptions", "ModelSpec", "Network", "PretrainedBackend", "open_network", "to_numpy"]
 
 _TOLD = 4  # names of weights in a message
 

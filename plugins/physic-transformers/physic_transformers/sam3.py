@@ -17,8 +17,6 @@ from physic_transformers.sam_masks import best_rows, people_from_sam
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
-__all__ = ["Sam3", "Sam3Options"]
-
 _MEAN = _STD = (0.5, 0.5, 0.5)
 _TOKENS = 32  # of each text: shorter ones are padded
 

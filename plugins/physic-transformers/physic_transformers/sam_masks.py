@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, People, PeoplePrompt
 
-__all__ = ["best_rows", "people_from_sam", "people_of_prompt", "union_of_masks"]
-
 _GIVEN = 1e9  # logit of a mask of the user's, which takes pixels of all others
 
 

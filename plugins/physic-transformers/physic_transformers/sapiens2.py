@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from physic_core.adapters.crops import Crop
     from physic_core.types import FloatArray, People, UInt8Array
 
-__all__ = ["KEYPOINT_OF_WHOLEBODY", "Sapiens2", "Sapiens2Options"]
-
 NUM_KEYPOINTS = 308
 _SKELETON, _SKELETON_SIZE = "coco_wholebody133", 133
 _BLUR_SIGMA = 2.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["size_from_edges", "size_from_target"]
-
 
 def size_from_edges(height: int, width: int, short: int, long: int) -> tuple[int, int]:
     """Return height and width with the shorter side ``short`` px, or less if the longer side would exceed ``long`` px.

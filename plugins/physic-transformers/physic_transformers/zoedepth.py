@@ -17,8 +17,6 @@ from physic_transformers.sizes import size_from_target
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hints, UInt8Array
 
-__all__ = ["ZoeDepth", "ZoeDepthOptions", "crop_padding", "preprocess", "reflection_margins"]
-
 _FRAME = (384, 512)  # height and width, one of which the input takes
 _MULTIPLE = 32
 

@@ -12,8 +12,6 @@ import click
 
 from physic_core.cli.output import echo
 
-__all__ = ["view"]
-
 _LOOK_S = 2.0  # seconds between two looks for new results
 _LOCAL = ("127.0.0.1", "localhost", "::1")
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import Reconstruction
 
-__all__ = ["PARTS", "DrawnResult"]
-
 PARTS = {
     "surface": True,
     "points": False,

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request
 
-__all__ = ["local_address", "start_server"]
-
 _ANSWER_S = 10.0  # for the answer of a server in this process
 
 

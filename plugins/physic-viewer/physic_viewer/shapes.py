@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["BodyShape", "ResultShapes", "build_shapes", "nearest_on_ray"]
-
 _SURFACE_VERTICES, _POINTS = 60_000, 60_000
 _BEHIND_M = 0.5  # the scene up to this far behind the people counts for their box
 _NEAR_CAMERA_M = 6.0  # a first view shows a camera up to this far from the box

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from physic_viewer.sources import FoundResult, Source
 
-__all__ = ["Slot"]
-
 _WAITING = "waiting for a result"
 
 

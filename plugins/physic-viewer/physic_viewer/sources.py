@@ -8,8 +8,6 @@ from pathlib import Path
 
 from physic_core.errors import InputError
 
-__all__ = ["FoundResult", "Source"]
-
 _FILES = ("reconstruction.json", "reconstruction.npz")
 
 

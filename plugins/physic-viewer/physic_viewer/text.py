@@ -12,8 +12,6 @@ from physic_core.visual.palette import contact_legend
 if TYPE_CHECKING:
     from physic_core.types import CheckResult, Reconstruction
 
-__all__ = ["escape", "legend_html", "person_text", "result_text"]
-
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+.!|<>~$&-])")
 
 

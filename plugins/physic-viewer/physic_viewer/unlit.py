@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["unlit_glb"]
-
 # The tone curve of three.js (ACESFilmicToneMapping), which viser's page applies to all meshes.
 _EXPOSURE = 1 / 0.6
 _TO_CURVE = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])

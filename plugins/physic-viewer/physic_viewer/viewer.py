@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Viewer"]
-
 _SIDE_BY_SIDE, _ONE_PLACE = "side by side", "in one place"
 _GAP_M = 0.6
 _TURN, _RISE = np.deg2rad(35.0), np.deg2rad(20.0)  # of the first view, from that of the photo

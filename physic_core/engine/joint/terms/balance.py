@@ -15,8 +15,6 @@ from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Ter
 from physic_core.engine.joint.terms.contact import ContactTerm
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["BalanceSettings", "BalanceTerm", "balance_energy", "level_direction"]
-
 _STANDING_POINT = 0.35  # position of the centre of mass between ankles (0) and balls of the feet (1) in quiet standing
 _FEET = [(1 - _STANDING_POINT) / 2] * 2 + [_STANDING_POINT / 2] * 2  # shares of both ankles and both toes
 _FOOT_JOINTS = [*joint_pair("ankle"), *joint_pair("foot")]

@@ -13,8 +13,6 @@ from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["ContactSettings", "ContactTerm"]
-
 
 @dataclass(frozen=True)
 class ContactSettings:

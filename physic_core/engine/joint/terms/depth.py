@@ -16,8 +16,6 @@ from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.errors import PhysicError
 from physic_core.geometry.visibility import inside_image
 
-__all__ = ["MIN_DEPTH_M", "DepthSettings", "DepthTerm", "depth_offset_sigmas"]
-
 MIN_DEPTH_M = 0.01
 """Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""
 

@@ -12,8 +12,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["FloorSettings", "FloorTerm"]
-
 _SIGMA_M = 0.015  # expected error of the plane, metres
 _OUTLIER_SIGMAS = 2.0
 _UNSEEN_SHARE = 0.3  # of the weight, for invisible limbs

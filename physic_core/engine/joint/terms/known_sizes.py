@@ -12,8 +12,6 @@ from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.known_sizes import BodyPoint, vertices_at_ray
 from physic_core.engine.scene.stature import linearise_stature, stature_prior
 
-__all__ = ["KNOWN_SIGMA", "KnownSizeTerm"]
-
 KNOWN_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a wrong limb."""
 

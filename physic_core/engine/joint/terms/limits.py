@@ -10,8 +10,6 @@ from physic_core.engine.bounds import NotNegative
 from physic_core.engine.distances import hinge_angles
 from physic_core.engine.joint.term import PosedBodies, Term
 
-__all__ = ["LimitSettings", "LimitTerm", "limit_energy"]
-
 _MAX_FLEXION = 2.7  # radians, of knees and elbows
 _SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 

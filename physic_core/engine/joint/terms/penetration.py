@@ -12,8 +12,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["PenetrationSettings", "PenetrationTerm"]
-
 
 @dataclass(frozen=True)
 class PenetrationSettings:

@@ -18,8 +18,6 @@ from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactSettings
 from physic_core.engine.joint.terms.penetration import PenetrationSettings
 
-__all__ = ["PairEnergies", "PeopleTerm"]
-
 _TOUCHING_PARTS = ("left_hand", "right_hand")
 _REACH_M = 0.06  # of the search, for vertices that are deep inside
 _MAX_GAP_M = 0.04  # of hands that may touch

@@ -12,8 +12,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot
 
-__all__ = ["RegularisationSettings", "RegularisationTerm", "parameter_energy", "vertex_weights"]
-
 
 @dataclass(frozen=True)
 class RegularisationSettings:

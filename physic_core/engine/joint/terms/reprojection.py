@@ -17,15 +17,6 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
 
-__all__ = [
-    "ReprojectionSettings",
-    "ReprojectionTerm",
-    "finite_keypoints",
-    "reprojection_energy",
-    "weighted_keypoints",
-    "weights_inside_image",
-]
-
 _INVISIBLE_WEIGHT = 0.4  # of keypoints on invisible limbs, which detectors extrapolate from the visible ones
 _BORDER_SHARE = 0.05  # of the stature in px; some detectors move keypoints outside the image to its border
 

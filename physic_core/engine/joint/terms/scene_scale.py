@@ -9,8 +9,6 @@ from torch import Tensor
 from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.term import PosedBodies, Term
 
-__all__ = ["SceneScaleSettings", "SceneScaleTerm"]
-
 
 @dataclass(frozen=True)
 class SceneScaleSettings:

@@ -13,8 +13,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import RobustLoss, Snapshot
 from physic_core.geometry.robust import robust_loss
 
-__all__ = ["SoleSettings", "SoleTerm", "sole_energy"]
-
 _SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
 _MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is left out

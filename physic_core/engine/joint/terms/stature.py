@@ -11,8 +11,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.scene.stature import STATURE_SIGMA, linearise_stature, stature_prior
 
-__all__ = ["StatureSettings", "StatureTerm"]
-
 
 @dataclass(frozen=True)
 class StatureSettings:

@@ -28,8 +28,6 @@ from physic_core.engine.joint.terms.penetration import PenetrationTerm
 from physic_core.engine.joint.terms.regularisation import RegularisationTerm
 from physic_core.engine.joint.terms.soles import SoleTerm
 
-__all__ = ["SURFACE_ENERGIES", "SurfaceInputs", "SurfaceTermGroup", "SurfaceTerms", "surface_energies"]
-
 SURFACE_ENERGIES = ("depth", "contact", "penetration", "floor", "mesh")
 
 

@@ -11,8 +11,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.reprojection import ReprojectionSettings, ReprojectionTerm
 
-__all__ = ["ViewsTerm"]
-
 
 class ViewsTerm(Term):
     """Sum of the reprojection terms of all other cameras, with the weight and the loss of that of the photo."""

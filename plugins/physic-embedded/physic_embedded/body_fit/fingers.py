@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["FingerFit", "RestHand", "fit_fingers"]
-
 FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (17, 18, 19, 20), (13, 14, 15, 16), (1, 2, 3, 4))
 """Landmark indices of index, middle, pinky, ring and thumb from base to tip: the order of SMPL-X's hand joints."""
 FINGER_BASES = [5, 9, 13, 17]

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["BodyFit", "fit_bodies", "fit_outlines"]
-
 
 @dataclass(frozen=True)
 class BodyFit:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["lean_towards_camera"]
-
 
 def lean_towards_camera(joints: FloatArray, turn: FloatArray, up: FloatArray) -> FloatArray:
     """Return the signed angle from the vertical to the line from ankles to neck, in the side view of each person.

@@ -11,8 +11,6 @@ from physic_core.types.skeletons import is_finger
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton
 
-__all__ = ["keypoint_indices", "limb_keypoints"]
-
 _NEEDED = tuple(
     f"{side}_{joint}" for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in ("left", "right")
 )

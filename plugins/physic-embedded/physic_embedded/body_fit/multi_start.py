@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["fit_without_world_landmarks"]
-
 _YAWS = (0.0, 1.57, 3.14, -1.57)  # radians that the starts without landmarks are turned away from facing the camera
 _SIT = {"hip": -1.4, "knee": 1.4}
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from physic_embedded.body_fit.problem import FitProblem
 
-__all__ = ["minimize_newton"]
-
 _STEP_SIZE = 1e-5  # of an unknown, between the two gradients whose difference is a row of the Hessian
 _MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
 _MAX_STEPS = 100

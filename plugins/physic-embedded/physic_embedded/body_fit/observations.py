@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["Observations", "observe_people", "rotation_to_ray"]
-
 _STATURE = 1.72  # metres, of the body that a size in px stands for
 _OUTSIDE = 0.05  # weight left to a keypoint outside the picture, which the network can only guess
 _UNSEEN, _UNSEEN_WEIGHT = 0.3, 0.1  # a keypoint of less confidence keeps this share of its 2D weight

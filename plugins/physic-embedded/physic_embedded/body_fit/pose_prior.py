@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["MAX_HINGE_ANGLE", "Hinge", "PosePrior", "hinge_joints", "pose_prior", "relaxed_finger_pose"]
-
 MAX_HINGE_ANGLE = 2.7
 """Largest bend of knees and elbows, radians."""
 

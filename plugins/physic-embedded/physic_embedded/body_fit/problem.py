@@ -26,16 +26,6 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-__all__ = [
-    "DecodedUnknowns",
-    "FitProblem",
-    "FitSettings",
-    "FloorConstraint",
-    "InitialPose",
-    "fit_problem",
-    "with_outlines",
-]
-
 
 @dataclass(frozen=True)
 class FitSettings:

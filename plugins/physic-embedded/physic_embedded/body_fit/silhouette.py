@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     IntArray = NDArray[np.int64]
 
-__all__ = ["OutlinePairs", "outline_pairs"]
-
 _CROP_SIDE = 192  # px, of the picture in which outlines are compared
 _PAIRS = 64  # points on each outline
 _CLOTHES = 0.015  # sizes of the person by which clothes and hair reach outside the body

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["initial_translation", "pose_from_landmarks", "translation_from_points"]
-
 _STRAIGHT = 0.25  # sine of the bend under which a limb shows no hinge axis
 _SPINE_LIMIT = 1.2  # radians between hips and shoulders
 

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = ["ADULT_STATURE_M", "ADULT_STATURE_SPREAD_M", "adult_shape"]
-
 ADULT_STATURE_M = 1.715 + 0.025
 """Mean height of adults in shoes, metres."""
 

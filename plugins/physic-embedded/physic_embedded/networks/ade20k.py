@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["ADE20K_CLASSES", "label_surfaces", "predict_surfaces"]
-
 INPUT_SIZE = 512
 STRIDE = 4
 """Logit i lies at pixel ``STRIDE * i`` of the input, as the network's own resizing to 512 px has it."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from physic_core.types import SKELETONS, Skeleton
 from physic_core.types.skeletons import SIDES
 
-__all__ = ["BLAZEPOSE_SKELETON"]
-
 _SHARES = (
     ("hip", "same knee", 0.06),
     ("hip", "other hip", 0.08),

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
     Image = NDArray[np.uint8]
 
-__all__ = ["ImagePyramid", "RotatedSquare", "letterbox_square"]
-
 
 @dataclass(frozen=True)
 class RotatedSquare:

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-__all__ = ["network_input_size", "predict_disparity"]
-
 _PATCH = 14  # px, side of the vision transformer's patches
 
 

@@ -22,15 +22,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = [
-    "HandLandmarks",
-    "find_hand",
-    "hand_search_square",
-    "predict_hand_landmarks",
-    "square_from_landmarks",
-    "square_from_palm",
-]
-
 DETECTOR_SIZE, LANDMARK_SIZE = 192, 224
 DETECTOR_LAYERS = ((8, 2), (16, 6))
 PALM = [0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18]

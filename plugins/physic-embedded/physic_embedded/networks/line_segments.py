@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-__all__ = ["detect_line_segments", "segments_outside_mask"]
-
 _SIDE = 512  # px of the network's square input; its answers lie on a grid of half that
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["ImageEmbedding", "MaskProposals", "encode_image", "predict_masks"]
-
 FRAME_SIZE = 1024
 MASK_SIZE = 256
 """Side of the predicted masks: one cell is 4 x 4 px of the 1024 px frame."""

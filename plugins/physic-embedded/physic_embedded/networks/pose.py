@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["MIRROR_PAIRS", "Pose", "average_agreeing", "person_square", "predict_pose"]
-
 LANDMARK_SIZE = 256
 MIRROR_PAIRS = (
     *((1, 4), (2, 5), (3, 6), (7, 8), (9, 10), (11, 12), (13, 14), (15, 16), (17, 18)),

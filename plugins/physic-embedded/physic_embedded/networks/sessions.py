@@ -13,8 +13,6 @@ from physic_core.errors import BackendError
 if TYPE_CHECKING:
     from physic_core.adapters.onnx_sessions import OnnxSession
 
-__all__ = ["WEIGHTS_FOLDER", "PackagedNetworks", "Products", "graph_name", "open_packaged_session", "weights_path"]
-
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 """Folder of the packaged networks; its ``MANIFEST.json`` describes each of them."""
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["Detection", "anchor_centers", "decode_detections"]
-
 
 @dataclass(frozen=True)
 class Detection:

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-__all__ = ["tiles"]
-
 
 def tiles(width: int, height: int, fractions: Sequence[float], smallest: int = 160) -> Iterator[tuple[int, int, int]]:
     """Yield overlapping squares (x, y, side) that cover an image, in px.

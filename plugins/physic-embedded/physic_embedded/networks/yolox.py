@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["detect_boxes"]
-
 INPUT_SIZE = 416
 STRIDES = (8, 16, 32)
 PADDING_VALUE = 114

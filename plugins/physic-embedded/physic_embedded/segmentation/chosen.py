@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
 
-__all__ = ["Scenery", "choose_poses"]
-
 MIN_BOX_IOU = 0.5
 """A detected person whose box has less overlap with the user's box is somebody else, or a part."""
 WHOLE = 1

@@ -10,8 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
-__all__ = ["doubt_cut_heads"]
-
 _HEAD, _SHOULDERS, _HIPS = slice(0, 11), slice(11, 13), slice(23, 25)  # of blazepose33
 
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["add_labelled_floor", "floor_mask", "ground_points", "visible_feet"]
-
 FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
 

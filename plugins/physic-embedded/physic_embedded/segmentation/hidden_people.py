@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from physic_embedded.networks.pose import Pose
 
-__all__ = ["grey_out"]
-
 GREY = 114
 
 

@@ -31,22 +31,6 @@ if TYPE_CHECKING:
 
     Float = NDArray[np.floating[Any]]
 
-__all__ = [
-    "DetectedPose",
-    "SearchSettings",
-    "UnposedBox",
-    "box_fit",
-    "detect_people",
-    "detect_poses",
-    "is_person",
-    "is_same_person",
-    "mask_box",
-    "mask_overlap",
-    "merge_candidates",
-    "square_around",
-    "square_from_upper_half",
-]
-
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
 TORSO = [11, 12, 23, 24]

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]
 
-__all__ = ["PersonMask", "person_mask", "resolve_overlaps"]
-
 PROMPT_JOINTS = [0, 11, 12, 13, 14, 23, 24, 25, 26, 27, 28]
 """Landmark indices of joints well inside the body: nose, shoulders, elbows, hips, knees, ankles."""
 WRISTS = [15, 16]

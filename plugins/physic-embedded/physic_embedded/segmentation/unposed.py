@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.segmentation.people import UnposedBox
 
-__all__ = ["segment_unposed"]
-
 SURE_SCORE = 0.65
 """A box of lower score may be of a chair or a tree, unless its pixels are labelled as a person."""
 MIN_PERSON_SHARE = 0.1

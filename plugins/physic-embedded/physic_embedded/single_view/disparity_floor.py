@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-__all__ = ["DisparityFloor", "fit_disparity_floor"]
-
 _MAX_ROLL_DEG = 25.0
 _MAX_LABELLED_ROLL_DEG = 50.0  # of a floor whose pixels are labelled
 _LABELLED_SHARE = 0.02  # of the picture; a smaller labelled floor is ignored

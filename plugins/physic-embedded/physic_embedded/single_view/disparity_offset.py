@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.floating]
 
-__all__ = ["InfinityEstimate", "disparity_at_infinity", "manhattan_normal_share"]
-
 # Ranges of the map: median, and standard deviation of the logarithm. Outdoors below 0, where the network puts the sky;
 # indoors below the farthest pixel: .17 to 1.9 in 18 pictures of four rooms with measured geometry.
 _OUTDOORS = (0.006, 0.7)

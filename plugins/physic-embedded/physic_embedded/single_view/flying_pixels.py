@@ -9,8 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["flying_pixels"]
-
 
 def flying_pixels(inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02) -> NDArray[np.bool_]:
     """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["ManhattanFrame", "manhattan_frame", "stable_manhattan_frame"]
-
 _BOUNDS = (0.4, 2.5)  # focal lengths searched, in long sides
 _ACCEPTED = (0.45, 1.6)  # 2.5 standard deviations from the default focal length: beyond, vanishing points are too far
 _TOLERANCE_DEG = 2.0  # a segment that misses its vanishing point by more supports nothing

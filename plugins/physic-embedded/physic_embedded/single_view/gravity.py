@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
 
-__all__ = ["Gravity", "gravity_from_manhattan_frame", "gravity_from_segments"]
-
 _MAX_TILT_DEG = 25.0  # from the image's vertical; a pitched camera fans upright edges out
 _MAX_PITCH_DEG = 35.0
 _MAX_ROLL_DEG = 15.0

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
-__all__ = ["axes_cost", "body_planes", "wall_planes", "walls_cost"]
-
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
 _MAX_BEND_DEG = 25.0  # of a straight knee, and between legs and trunk
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical

@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from physic_evaluate.contract import Frame, Prediction
     from physic_evaluate.run import Evaluation
 
-__all__ = [
-    "DataSet",
-    "Description",
-    "FrameSet",
-    "Source",
-    "listed_frames",
-    "missing_file_messages",
-    "option",
-    "read_json",
-]
-
 
 @dataclass(frozen=True)
 class Source:

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["DATA_SET", "Calibrated", "CalibratedOptions"]
-
 MIN_VISIBLE = 8
 """Joints in the picture from which somebody of a multi-view set counts as visible in a view."""
 

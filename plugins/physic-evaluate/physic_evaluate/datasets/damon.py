@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     Bools = NDArray[np.bool_]
 
-__all__ = ["DATA_SET", "Damon", "DamonOptions", "write_submission"]
-
 LABELS = {"smpl": ("contact_label", 6890), "smplx": ("contact_label_smplx", 10475)}
 OBJECTS = {"smpl": "contact_label_objectwise", "smplx": "contact_label_smplx_objectwise"}
 """Arrays of a dictionary per photo: object -> ids of the vertices that touch it."""

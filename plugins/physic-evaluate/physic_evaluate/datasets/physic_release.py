@@ -18,8 +18,6 @@ from physic_evaluate.readers.physic_release import people_of_release
 if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
 
-__all__ = ["DATA_SET", "PhysicReleaseSet", "ReleaseOptions"]
-
 FOLDERS = ("release_data", "release_data_full", ".")
 
 TREE = """\

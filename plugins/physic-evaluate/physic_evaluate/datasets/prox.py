@@ -48,8 +48,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["DATA_SET", "Prox", "ProxOptions"]
-
 SIZE = (1920, 1080)
 NUM_VERTICES = 10475
 MIN_OVERLAP, MIN_LEAD = 0.4, 0.1

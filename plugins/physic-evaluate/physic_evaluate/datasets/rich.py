@@ -46,8 +46,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["DATA_SET", "Rich", "RichOptions"]
-
 MAX_RANGE_M = 100.0
 """From camera 0 to another one."""
 

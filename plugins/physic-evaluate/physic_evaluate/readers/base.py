@@ -24,16 +24,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = [
-    "ResultReader",
-    "archive_arrays",
-    "contact_of",
-    "file_names",
-    "first_file",
-    "person_of_body",
-    "person_of_vertices",
-]
-
 
 @dataclass(frozen=True)
 class ResultReader(ABC):

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["READER", "Physic"]
-
 MIN_CONFIDENCE = 0.3
 """Keypoints from which on triangulation uses them."""
 

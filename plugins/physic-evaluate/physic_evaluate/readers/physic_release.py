@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["READER", "PhysicRelease", "people_of_release", "release_file", "release_parameters", "released_contact"]
-
 JOINTS = {
     "global_orient": 1,
     "body_pose": 21,

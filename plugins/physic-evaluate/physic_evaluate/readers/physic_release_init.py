@@ -6,8 +6,6 @@ from typing import ClassVar
 
 from physic_evaluate.readers.physic_release import PhysicRelease
 
-__all__ = ["READER", "PhysicReleaseInit"]
-
 
 class PhysicReleaseInit(PhysicRelease):
     """Reads the ``init_`` arrays of the release."""

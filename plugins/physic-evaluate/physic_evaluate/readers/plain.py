@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["READER", "Plain"]
-
 _PER_PERSON = (
     "vertices",
     "joints",

@@ -10,8 +10,6 @@ from torch import Tensor
 
 from physic_paper.outliers import nearest_other_points
 
-__all__ = ["published_floor_grid", "published_normal_outliers", "published_normals"]
-
 _LEAST_CROSS = 1e-6  # square metres; below, no normal
 
 

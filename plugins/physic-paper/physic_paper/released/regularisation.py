@@ -16,8 +16,6 @@ from physic_paper.terms.printed_regularisation import (
     mesh_energy,
 )
 
-__all__ = ["ReleasedRegularisationTerm", "unrotated_vertices"]
-
 _ROOT_WEIGHT = 50.0
 
 

@@ -16,14 +16,6 @@ from physic_core.engine.joint.terms.reprojection import finite_keypoints
 from physic_core.geometry.camera import project
 from physic_core.types.skeletons import SIDES, Skeleton, is_finger
 
-__all__ = [
-    "ReleasedReprojectionTerm",
-    "near_mask",
-    "released_keypoint_weights",
-    "released_keypoints",
-    "released_reprojection",
-]
-
 _LEAST_CONFIDENCE = 0.5
 _LEAST_HAND_CONFIDENCE = 0.7
 _BODY_WEIGHT = 10.0

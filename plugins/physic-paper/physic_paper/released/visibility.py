@@ -20,8 +20,6 @@ from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.rays import RayCaster
 
-__all__ = ["is_opposite_optical_axis", "mean_face_normals", "update_released_visibility", "visible_part_shares"]
-
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     """Return the unit normals of vertices (..., V, 3) as means of the unit normals of adjacent faces."""

@@ -16,8 +16,6 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
 from physic_core.types.short_repr import ShortRepr
 
-__all__ = ["ChamferSettings", "ChamferTerm", "HumanPoints", "chamfer_energy", "human_points_of"]
-
 
 @dataclass(frozen=True)
 class ChamferSettings:

@@ -15,8 +15,6 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_paper.terms.reprojection import offset_loss
 
-__all__ = ["PointContactSettings", "PointContactTerm", "squared_offsets"]
-
 
 @dataclass(frozen=True)
 class PointContactSettings:

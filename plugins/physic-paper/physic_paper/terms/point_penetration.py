@@ -15,8 +15,6 @@ from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Ter
 from physic_paper.terms.point_contact import squared_offsets
 from physic_paper.terms.reprojection import offset_loss
 
-__all__ = ["PointPenetrationSettings", "PointPenetrationTerm", "point_penetration_energy"]
-
 
 @dataclass(frozen=True)
 class PointPenetrationSettings:

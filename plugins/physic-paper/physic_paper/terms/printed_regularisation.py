@@ -14,8 +14,6 @@ from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.regularisation import parameter_energy, vertex_weights
 
-__all__ = ["ParameterPriorTerm", "PrintedRegularisationSettings", "PrintedRegularisationTerm", "mesh_energy"]
-
 
 @dataclass(frozen=True)
 class PrintedRegularisationSettings:

@@ -11,8 +11,6 @@ from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints, weights_inside_image
 from physic_core.geometry.camera import project
 
-__all__ = ["ReprojectionByAxisTerm", "confident_keypoints", "offset_loss"]
-
 
 def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> Keypoints:
     """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""

@@ -9,8 +9,6 @@ import click
 from physic_core.cli.output import echo, echo_json
 from physic_core.errors import OutputError
 
-__all__ = ["init", "schema"]
-
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path), default=Path("physic.toml"))

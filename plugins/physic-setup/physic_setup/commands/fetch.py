@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.weights.library import ListedWeights
     from physic_setup.fetch import Progress
 
-__all__ = ["fetch"]
-
 
 @click.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")

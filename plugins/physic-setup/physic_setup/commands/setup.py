@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_setup.steps import Setup, SetupStep
 
-__all__ = ["setup"]
-
 
 @click.command()
 @click.argument("preset")

@@ -9,8 +9,6 @@ from typing import Any
 from physic_core import engine_preset
 from physic_core.engine.settings import EngineSettings, with_overrides
 
-__all__ = ["ABLATION", "Row", "rows"]
-
 Overrides = Mapping[str, Any]
 """Changed settings: stage -> field -> value, or stage -> term -> field -> value."""
 

@@ -22,17 +22,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.floating[Any]]
 
-__all__ = [
-    "PersonConsistency",
-    "Summary",
-    "consistency",
-    "contact_distance",
-    "inside_share",
-    "keypoint_error_px",
-    "lowest_height",
-    "summarise",
-]
-
 VISIBLE = 0.3
 """Least confidence of a visible keypoint."""
 

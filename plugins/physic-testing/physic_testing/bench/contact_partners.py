@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, ContactPartner, FloatArray
     from physic_testing.worlds import World
 
-__all__ = ["BINS", "NO_CONTACT", "PARTNER_METRICS", "ContactMap", "contact_counts_by_partner"]
-
 BINS = 10
 """Number of bins of the reliability diagram, of equal width."""
 

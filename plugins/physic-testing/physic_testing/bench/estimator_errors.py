@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     Record = dict[str, Any]
 
-__all__ = ["LIMB_JOINTS", "LIMB_SETS", "PhotoTruth", "box_of", "estimator_records", "limb_points", "world_truth"]
-
 _SIDES = ("left", "right")
 LIMB_JOINTS = tuple(f"{side}_{n}" for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in _SIDES)
 """The twelve joints that all data sets know; the order of all joints here."""

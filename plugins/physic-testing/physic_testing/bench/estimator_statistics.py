@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["STATISTICS", "Figure", "statistics_of", "text_of"]
-
 Record = Mapping[str, Any]
 Records = Sequence[Record]
 

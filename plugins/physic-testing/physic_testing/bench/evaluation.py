@@ -38,16 +38,6 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-__all__ = [
-    "LIMB_JOINTS",
-    "PERSON_METRICS",
-    "WORLD_METRICS",
-    "Estimate",
-    "Evaluator",
-    "engine_estimate",
-    "initial_estimate",
-]
-
 LIMB_JOINTS = (4, 5, 7, 8, 10, 11, 18, 19, 20, 21)
 """Indices of the limb joints: knees, ankles, feet, elbows and wrists."""
 

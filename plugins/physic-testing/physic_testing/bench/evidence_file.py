@@ -9,8 +9,6 @@ from physic_core import types
 from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
 from physic_core.pipeline.estimate import Estimates
 
-__all__ = ["load_evidence", "save_evidence"]
-
 _CLASSES: tuple[type, ...] = (
     Estimates,
     *(kind for kind in vars(types).values() if isinstance(kind, type) and is_dataclass(kind)),

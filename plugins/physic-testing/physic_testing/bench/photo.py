@@ -28,8 +28,6 @@ from physic_core.errors import PhysicError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["PhotoCost", "format_cost", "measure_photo"]
-
 YARDSTICK = "depth_anything_v2_vits"
 """File name of the yardstick's network, without its ending."""
 YARDSTICK_PASSES = 20

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from physic_testing.bench.results import Results
     from physic_testing.bench.summary import RowStatistics
 
-__all__ = ["draw_plot", "draw_reliability"]
-
 _OURS, _START, _PAPER_COLUMNS = "#1f5a8c", "#8a8a8a", "#c2703d"
 _PANELS = (("pa_mpjpe_mm", "PA-MPJPE, mm"), ("mpjpe_mm", "MPJPE, mm"), ("f1_of_means", "contact F1"))
 _ACTION_PANELS = (

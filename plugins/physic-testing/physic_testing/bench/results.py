@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from physic_testing.bench.tables import Table
     from physic_testing.bench.world_evidence import WorldCase
 
-__all__ = ["Results", "check_results", "summarise_records", "write_results"]
-
 _NAMES = ("table.txt", "table.md", "results.json")
 
 SCHEMA = 2

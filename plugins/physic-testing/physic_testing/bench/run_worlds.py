@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from physic_testing.bench.evaluation import Evaluator
     from physic_testing.bench.table_rows import Row
 
-__all__ = ["BenchmarkJob", "run_cases", "run_world"]
-
 Record = dict[str, Any]
 
 _EVALUATION_CODE = (

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.method import JointMethod
     from physic_core.engine.joint.problem import JointProblem
 
-__all__ = ["SECTIONS", "SpeedReport", "SpeedRow", "format_report", "measure_speed"]
-
 SECTIONS: Mapping[str, str] = {
     "floor": "Stage 3 against 100 forward and backward passes of the body model in float32, one person",
     "nearest": "Nearest scene points of all vertices, 100 steps with their set-up",

@@ -10,8 +10,6 @@ from torch import Tensor
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.geometry.neighbors import Nearest, NearestPointSearch, inside_body_boxes
 
-__all__ = ["PlainSearch", "nearest_errors_mm", "nearest_rows"]
-
 Rounds = Callable[[Mapping[str, Callable[[], None]], int], dict[str, tuple[float, float]]]
 
 _RADIUS_M = 0.15

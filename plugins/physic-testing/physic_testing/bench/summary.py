@@ -19,16 +19,6 @@ from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-__all__ = [
-    "BOOTSTRAP_DRAWS",
-    "RowStatistics",
-    "Statistic",
-    "by_action",
-    "row_difference",
-    "row_statistics",
-    "truth_statistics",
-]
-
 BOOTSTRAP_DRAWS = 2000
 """Number of bootstrap draws."""
 

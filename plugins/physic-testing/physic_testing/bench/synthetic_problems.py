@@ -20,8 +20,6 @@ from physic_core.geometry.raster import rasterise
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_testing.worlds.skeletons import BLAZEPOSE
 
-__all__ = ["SKELETON", "make_joint_problem"]
-
 SKELETON = BLAZEPOSE
 
 _CAMERA_HEIGHT = 1.4  # metres over the floor, looking level

@@ -15,8 +15,6 @@ from physic_core.files.strict_json import to_json
 if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
 
-__all__ = ["FULL", "START", "TRIAL", "Row", "ablation_rows", "select_rows"]
-
 START, FULL, TRIAL = "start", "full", "trial"
 
 

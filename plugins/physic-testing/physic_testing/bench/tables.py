@@ -14,8 +14,6 @@ from physic_testing.bench.summary import row_difference
 if TYPE_CHECKING:
     from physic_testing.bench.summary import RowStatistics, Statistic
 
-__all__ = ["Column", "Table", "accuracy_tables", "as_markdown", "as_text", "main_row", "trial_table"]
-
 
 @dataclass(frozen=True)
 class Column:

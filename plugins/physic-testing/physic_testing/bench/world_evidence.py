@@ -22,16 +22,6 @@ if TYPE_CHECKING:
     from physic_core.pipeline.estimate import Estimates
     from physic_testing.worlds import World
 
-__all__ = [
-    "WorldCase",
-    "benchmark_cases",
-    "cache_folder",
-    "estimate_evidence",
-    "evidence_key",
-    "source_hash",
-    "with_other_bodies",
-]
-
 
 @dataclass(frozen=True)
 class WorldCase:

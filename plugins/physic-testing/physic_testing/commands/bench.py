@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from physic_testing.bench.run_worlds import BenchmarkJob
     from physic_testing.bench.world_evidence import WorldCase
 
-__all__ = ["bench"]
-
 
 class _Size(click.ParamType[Any]):
     name = "WxH"

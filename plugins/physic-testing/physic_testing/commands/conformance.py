@@ -14,8 +14,6 @@ from physic_core.cli.output import echo, echo_json
 if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
 
-__all__ = ["check", "compare"]
-
 _DEVICE = click.option("--device", default="cpu", show_default=True, metavar="NAME", help="cpu, cuda or cuda:N.")
 
 

@@ -28,8 +28,6 @@ from physic_core.discovery.plugin_code import plugin_code
 if TYPE_CHECKING:
     from physic_core.discovery.registry import BackendOffer, Registry
 
-__all__ = ["DoctorResult", "doctor", "try_backend", "try_backend_in_subprocess"]
-
 
 @dataclass(frozen=True)
 class DoctorResult:

@@ -11,8 +11,6 @@ from importlib.metadata import Distribution, distributions  # noqa: TID251 -- th
 from physic_core.discovery.plugins import GROUPS, PLUGINS_GROUP
 from physic_core.discovery.registry import Origin, canonicalize_name
 
-__all__ = ["MisregisteredPlugin", "find_misregistered"]
-
 _CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
 
 

@@ -9,8 +9,6 @@ import click
 from physic_core.cli.arguments import require_interface
 from physic_core.cli.output import echo
 
-__all__ = ["new"]
-
 
 @click.command()
 @click.argument("name")

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["BETTER_DIRECTION", "MAIN_ERROR", "check_is_exact", "main_error", "mean_accuracy", "measure_errors"]
-
 BETTER_DIRECTION: dict[str, str] = {
     "IoU": "higher",
     "found": "higher",

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
-__all__ = ["attribute_values", "replaced_attributes"]
-
 _MAX_DEPTH = 4
 _MAX_VALUES = 5000
 _PLAIN = (type(None), bool, int, float, complex, str, bytes)

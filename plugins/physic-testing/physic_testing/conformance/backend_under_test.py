@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
     from physic_testing.worlds import World
 
-__all__ = ["CAPABILITIES", "FIRST_PHOTO", "BackendUnderTest", "CaseRun", "OptionsFor", "find_backend"]
-
 CAPABILITIES: dict[str, str] = {
     "stochastic": "output differs between calls on purpose: checks that compare two calls are skipped",
     "needs_cuda": "requires a GPU: on other devices all calls are skipped",

@@ -15,8 +15,6 @@ from physic_testing.conformance.network_and_memory import no_network
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MAX_SECONDS = 0.25
 """Maximum CPU time of a call, s: every run calls ``missing`` and ``fingerprint`` of each selected backend."""
 

@@ -16,16 +16,6 @@ from physic_testing.conformance.expect import CheckSkipped, expect
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
-__all__ = [
-    "MIN_UNITS",
-    "expect_follows",
-    "expect_no_better",
-    "expect_no_bias",
-    "expect_order",
-    "mean_and_margin",
-    "pixel_shift",
-]
-
 THREE_ERRORS = 0.99865
 """Probability below three standard errors; few units need more of them for it (Student's t distribution)."""
 

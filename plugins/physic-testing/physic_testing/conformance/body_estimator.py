@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MAX_FACTOR = 3.0
 MIN_INSIDE, MARGIN = 0.6, 0.25
 MAX_ACROSS_M, MAX_DISTANCE, MAX_TURN_DEG = 0.05, 1.2, 6.0

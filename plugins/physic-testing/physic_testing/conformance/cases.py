@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
-__all__ = ["CASES", "EVIDENCE", "EVIDENCE_OF_HANDS", "SIZE", "Case", "build_case", "case_of_world"]
-
 SIZE = (320, 240)
 """Default width and height of the standard photos, px."""
 

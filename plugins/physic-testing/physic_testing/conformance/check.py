@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["BLIND", "Check"]
-
 BLIND = frozenset({"ignores_image"})
 """Capability of backends for which checks of bias are skipped."""
 

@@ -16,8 +16,6 @@ from physic_testing.conformance.requests import infer_arguments
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 _NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
 
 

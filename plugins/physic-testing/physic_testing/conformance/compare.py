@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_testing.conformance.backend_under_test import BackendUnderTest, OptionsFor
 
-__all__ = ["DEFAULT_WORLDS", "BackendComparison", "BackendScores", "compare"]
-
 DEFAULT_WORLDS: tuple[tuple[str, int], ...] = (("stand", 0), ("walk", 0), ("sit_on_chair", 0), ("group", 0))
 """Names and seeds of the default worlds for the comparison of backends."""
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, IntArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 _ROUNDING = 1e-6  # of the mean of one probability over many vertices
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_testing.conformance.cases import Case
 
-__all__ = ["contract_violations", "violations"]
-
 
 def contract_violations(interface: str, answer: Any, case: Case) -> list[str]:
     """List the contract violations of a result: wrong types, shapes, dtypes and value ranges."""

@@ -17,19 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics
     from physic_testing.conformance.cases import Case
 
-__all__ = [
-    "aligned_depth_error",
-    "expect_along_z",
-    "expect_ambiguity",
-    "expect_camera_of_photo",
-    "expect_camera_without_bias",
-    "expect_coverage",
-    "expect_depth_grows_with_distance",
-    "expect_not_flipped",
-    "expect_not_shifted",
-    "rank_correlation",
-]
-
 MAX_SHIFT_PX, MAX_CENTRE_PX, MAX_ASPECT = 0.5, 0.3, 2.0
 """Mean shift of edges, mean error of the principal point, and mean error of fx / fy in %, that are taken for none."""
 

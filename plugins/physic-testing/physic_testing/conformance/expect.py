@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["CheckFailed", "CheckSkipped", "expect"]
-
 
 class CheckFailed(AssertionError):
     """Exception of a failed check: the backend violates the contract of its interface.

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["changed_fields", "describe_difference", "named_values"]
-
 _TOLERANCE = 1e-3  # of the largest value: multi-threaded sums of a network are not bit-identical
 _DIFFERENT_SHARE = 1e-3  # of the pixels of a mask or an image that may differ
 _GREY_TOLERANCE = 2  # grey levels

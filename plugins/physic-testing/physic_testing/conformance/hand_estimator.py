@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MAX_WRIST_ERROR_DEG = 60.0
 _MIRROR = (1, -1, -1)
 _MIRRORING = "A network for right hands receives the mirrored left hand: mirror its rotation vectors to (x, -y, -z)."

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["CHECKS"]
-
 _VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
 _MIN_PIXELS = 20
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["CHECKS"]
-
 MAX_ERROR = 0.25
 """Maximum median error as a share of the larger side of the person's box."""
 

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import OptionsFor
     from physic_testing.conformance.report import Report
 
-__all__ = ["BoundCheck", "accuracy_checks", "check_backend", "checks_for", "parametrize_with_checks", "start_checks"]
-
 _INTERFACE_CHECKS: dict[str, tuple[Check, ...]] = {
     "segmenter": output_checks.PEOPLE_CHECKS + segmenter.CHECKS + colours.CHECKS,
     "inpainter": inpainter.CHECKS,

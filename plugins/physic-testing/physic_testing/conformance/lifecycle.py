@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["CHECKS_AFTER_INFER", "CHECKS_BEFORE_INFER"]
-
 MISSING_DEVICE = "cuda:99"
 """Name of a device that does not exist on any test machine."""
 

@@ -23,8 +23,6 @@ from physic_testing.conformance.expect import CheckSkipped, expect
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MAX_SCALE = 1.2
 """Factor on all depths that is taken for none."""
 

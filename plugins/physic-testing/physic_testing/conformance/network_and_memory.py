@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-__all__ = ["no_network", "resident_megabytes"]
-
 
 @contextmanager
 def no_network() -> Iterator[list[str]]:

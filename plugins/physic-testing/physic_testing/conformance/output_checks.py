@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 _BUFFER = "Does it return the same buffer in every call?"
 
-__all__ = ["CHECKS", "HINT_CHECKS", "PEOPLE_CHECKS", "check_works_without_hints"]
-
 
 def check_returns_valid_output(subject: BackendUnderTest) -> None:
     """For a standard photo of one person, the output has valid types, shapes, dtypes and value ranges."""

@@ -22,8 +22,6 @@ from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 HEAVY_MODULES = frozenset((
     "PIL", "cv2", "diffusers", "jax", "kornia", "matplotlib", "numpy", "onnxruntime", "open3d", "pandas",
     "scipy", "skimage", "sklearn", "tensorflow", "timm", "torch", "torchvision", "transformers", "trimesh",

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Pointmap
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MAX_OFFSET_PX, MAX_STRETCH = 0.25, 0.006
 """Mean offset of the pixel centres, px, and mean relative error of the rays' spread, that are taken for none."""
 

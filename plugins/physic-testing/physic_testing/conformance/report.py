@@ -10,8 +10,6 @@ from typing import Any, Literal
 
 from physic_core.discovery.error_text import traceback_text
 
-__all__ = ["OUTCOMES", "Outcome", "Report", "Result"]
-
 Outcome = Literal["passed", "failed", "xfailed", "xpassed", "skipped"]
 OUTCOMES: dict[Outcome, str] = {
     "passed": "passed",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case
 
-__all__ = ["build_request", "infer_arguments", "read_only_views"]
-
 
 def build_request(interface: str, case: Case) -> Request[Any]:
     """Build the request for a case; its arrays are writable copies."""

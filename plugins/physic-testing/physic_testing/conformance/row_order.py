@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
-__all__ = ["check_rows_follow_the_people"]
-
 MAX_RATIO = 0.5
 """Share of the error that the rows in the right order leave at most."""
 

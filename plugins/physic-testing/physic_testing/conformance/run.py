@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.check import Check
 
-__all__ = ["CheckRun", "require_check_names"]
-
 
 class CheckRun:
     """Run of the checks of one backend; each check runs when its result is first requested.

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
 
-__all__ = ["CHECKS"]
-
 MIN_IOU = 0.3
 """Minimum IoU with the true mask; it detects wrong pixels and does not judge the accuracy."""
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
     from physic_testing.worlds import World
 
-__all__ = ["world_keypoints", "world_mhr_keypoints"]
-
 
 def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray, BoolArray]:
     """Return the keypoints of a world's N people in a skeleton, and their visibility in the photo.

@@ -24,19 +24,6 @@ if TYPE_CHECKING:
     )
     from physic_testing.worlds import World
 
-__all__ = [
-    "comparable_keypoints",
-    "contact_on_embedded",
-    "embedded_body",
-    "mirrored_order",
-    "model_of",
-    "parameters_of_model",
-    "posed_bodies",
-    "rotation_errors_deg",
-    "true_hands",
-    "true_wrists",
-]
-
 
 def comparable_keypoints(answer: Keypoints, world: World) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
     """Return the detected keypoints that are defined on a body, with the true keypoints.

@@ -13,8 +13,6 @@ from physic_core.types import Bodies, BodyParameters
 if TYPE_CHECKING:
     from physic_core.types import Hints, Intrinsics, Keypoints, People, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 _COMPONENTS = 16  # shape components of the body model "embedded"
 
 

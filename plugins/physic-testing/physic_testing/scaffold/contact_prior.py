@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Bodies, People, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 
 class TemplateOptions(Options):
     """Settings of Template."""

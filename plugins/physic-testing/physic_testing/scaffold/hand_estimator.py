@@ -13,8 +13,6 @@ from physic_core.types import Hands
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, People, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 
 class TemplateOptions(Options):
     """Settings of Template."""

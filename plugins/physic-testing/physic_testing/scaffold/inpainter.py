@@ -13,8 +13,6 @@ from physic_core.interfaces import Inpainter, Options
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 
 class TemplateOptions(Options):
     """Settings of Template."""

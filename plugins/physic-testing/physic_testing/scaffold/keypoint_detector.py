@@ -13,8 +13,6 @@ from physic_core.types import Keypoints
 if TYPE_CHECKING:
     from physic_core.types import People, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 _HEIGHTS = {
     "nose": 0.07, "left_eye": 0.06, "right_eye": 0.06, "left_ear": 0.07, "right_ear": 0.07, "left_shoulder": 0.19,
     "right_shoulder": 0.19, "left_elbow": 0.35, "right_elbow": 0.35, "left_wrist": 0.49, "right_wrist": 0.49,

@@ -14,8 +14,6 @@ from physic_core.types import DepthMap
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 
 class TemplateOptions(Options):
     """Settings of Template."""

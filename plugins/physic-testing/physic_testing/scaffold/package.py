@@ -12,8 +12,6 @@ from physic_core.errors import ConfigError, OutputError
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["PluginNames", "plugin_files", "write_plugin"]
-
 _PREFIX = "physic-"
 
 _PYPROJECT = """\

@@ -13,8 +13,6 @@ from physic_core.types import CameraTrust, Intrinsics, Pointmap
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array
 
-__all__ = ["Template", "TemplateOptions"]
-
 
 class TemplateOptions(Options):
     """Settings of Template."""

@@ -15,8 +15,6 @@ from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_sce
 if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Intrinsics, Reconstruction, StageRecord
 
-__all__ = ["page_contents"]
-
 _PHOTO_PX, _BACKGROUND_PX, _FURTHER_PX = 1600, 1280, 1000  # longer sides of the pictures in the page
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import UInt8Array
 
-__all__ = ["pack_flags", "pack_indices", "pack_points", "photo_jpeg"]
-
 _STEPS = 65535
 
 

@@ -22,8 +22,6 @@ from physic_viewer.report.contents import page_contents
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-__all__ = ["failure_html", "report_html", "result_page"]
-
 _SCRIPTS = ("elements.js", "decode.js", "stage.js", "legend.js", "photo.js", "panel.js", "measure.js", "main.js")
 _TOKEN = re.compile(r"@([A-Z]+)@")
 

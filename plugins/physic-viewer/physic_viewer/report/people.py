@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BodyContact, Person, Reconstruction
 
-__all__ = ["PersonRecord", "body_of", "people_records"]
-
 _MAX_COMPARED = 120_000  # vertices of all people between which gaps are measured; of a crowd, every n-th
 _PELVIS = 0
 _SPARSE = 32  # every n-th vertex bounds the distance of two people

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from physic_core.types import Person, Reconstruction
 
-__all__ = ["MAX_FULL_BODIES", "is_posed", "pack_bodies", "pack_scene"]
-
 MAX_FULL_BODIES = 12
 """Most people who are shown with all their vertices; a body has 110 kB in the page, and a coarse one 30 kB."""
 
