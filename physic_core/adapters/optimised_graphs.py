@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.cache.claim import claim_folder
+from physic_core.cache.claim import claim_folder, is_own
 from physic_core.cache.folders import graphs_folder
 from physic_core.cache.lru_folder import GRAPH_SUFFIX, mark_used, trim_folder
 
@@ -102,7 +102,8 @@ class KeptGraph:
             shutil.rmtree(part, ignore_errors=True)
 
     def _files(self) -> list[Path]:
-        return list(self.folder.glob(f"{self.name}-*{GRAPH_SUFFIX}"))
+        # A file of another user is from a time when others could write to the folder.
+        return list(filter(is_own, self.folder.glob(f"{self.name}-*{GRAPH_SUFFIX}")))
 
 
 def _append_graph(weights: Path, graph: bytes) -> None:

@@ -51,6 +51,14 @@ def claim_folder(folder: Path | None) -> Path | None:
     return folder
 
 
+def is_own(path: Path) -> bool:
+    """Return whether a file or folder belongs to the user, which is not checked on Windows; False if it is gone."""
+    try:
+        return sys.platform == "win32" or path.stat().st_uid == os.geteuid()
+    except OSError:
+        return False
+
+
 @cache
 def _warn(message: str) -> None:
     """Log a warning once in a process."""

@@ -99,6 +99,15 @@ def test_a_graph_that_others_could_write_is_not_opened(
     assert_same(outputs(), made)
 
 
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root can give files away")
+def test_a_graph_of_another_user_is_not_opened(folder: Path) -> None:
+    made = outputs()
+    [kept] = folder.iterdir()
+    forge(kept)
+    os.chown(kept, os.geteuid() + 1, -1)
+    assert_same(outputs(), made)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="this system has no modes of files")
 def test_a_graph_is_kept_for_its_user_alone(folder: Path) -> None:
     before = os.umask(0)
