@@ -92,6 +92,7 @@ def save_reconstruction(
     compact: bool = False,
     overwrite: bool = False,
     beside: Mapping[str, bytes] | None = None,
+    photos: str = "",
 ) -> tuple[Path, ...]:
     """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
 
@@ -107,6 +108,7 @@ def save_reconstruction(
         compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
         overwrite: whether to replace another photo's result, or changed files of a result.
         beside: name and content of further files, which are files of the result too.
+        photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
 
     Returns:
         Paths of the written files.
@@ -121,7 +123,8 @@ def save_reconstruction(
     if glb is True:
         names += ["scene.glb", *(f"person_{index}.glb" for index in range(len(reconstruction.people)))]
     names += [*([PREVIEW_FILE] if preview else []), *(beside or ())]
-    check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
+    photos = photos or reconstruction.photo
+    check_overwrite(folder, photos, overwrite=overwrite, names=names)
     folder = check_writable(folder)
     arrays = to_arrays(reconstruction)
     if compact:
@@ -131,7 +134,7 @@ def save_reconstruction(
     specs = array_specs(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
     stored = _StoredArrays(ARRAYS_FILE, arrays, specs, "" if compact else "f")
     further = {name: pictures[name] for name in names if name in pictures} | dict(beside or {})
-    written = _write(reconstruction, folder, stored, further, overwrite=overwrite)
+    written = _write(reconstruction, folder, stored, further, photos, overwrite=overwrite)
     if failure is not None:
         raise failure
     return written
@@ -157,7 +160,8 @@ def save_people(
     shared, of_person = array_specs(arrays, compact=True, views=views)
     specs = tuple(spec for spec in shared if spec.name in arrays), of_person
     stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
-    return _write(reconstruction, check_writable(folder), stored, pictures | dict(beside or {}), overwrite=overwrite)
+    further = pictures | dict(beside or {})
+    return _write(reconstruction, check_writable(folder), stored, further, reconstruction.photo, overwrite=overwrite)
 
 
 @dataclass(frozen=True)
@@ -175,13 +179,14 @@ def _write(
     folder: Path,
     stored: _StoredArrays,
     further: Mapping[str, bytes],
+    photos: str,
     *,
     overwrite: bool,
 ) -> tuple[Path, ...]:
     """Write document, arrays and further files, all or none; delete unchanged files of an earlier result."""
     names = [DOCUMENT_FILE, stored.file, *further]
     with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
-        check_overwrite(folder, reconstruction.photo, overwrite=overwrite, names=names)
+        check_overwrite(folder, photos, overwrite=overwrite, names=names)
         for name in unchanged_result_files(folder).difference(names):
             temporary.remove(name)
         document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)

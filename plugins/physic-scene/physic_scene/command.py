@@ -73,17 +73,18 @@ def scene(
     if missing := [photo for photo in photos if not photo.exists()]:
         raise InputError(f"there is no file {missing[0]}: name two to eight photos of one moment")
     sized, digests = _read(photos, cameras)
+    all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:
         if not quiet:
             echo(f"[{done + 1}/{total}] {name}", err=True)
 
     with (
-        reserve_folder(out, " ".join(digests), overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
+        reserve_folder(out, all_photos, overwrite=overwrite, beside=(MOMENT_FILE, POINTS_FILE)),
         Scene(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
         result = solver(photos, intrinsics=sized, known=known, progress=progress)
-        save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet))
+        save_scene(result, str(out), overwrite=overwrite, page=_page(result, quiet=quiet), photos=all_photos)
     for one in result.left_out:
         echo(f"warning: {one.message}", err=True)
     if quiet:

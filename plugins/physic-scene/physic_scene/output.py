@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MOMENT_FILE, POINTS_FILE, REPORT_FILE = "moment.json", "scene_points.ply", "report.html"
 
 
-def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "") -> None:
+def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = "") -> None:
     """Write the files of ``Reconstruction.save``, ``moment.json`` and ``scene_points.ply``, as one result.
 
     Args:
@@ -25,6 +25,7 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
         folder: created if missing.
         overwrite: whether to replace the result of another photo.
         page: of the result, written as ``report.html``; "" for none.
+        photos: digests of all photos, whose earlier results are replaced; "" for that of the reference alone.
 
     Raises:
         OutputError: the folder cannot be written, or a file of the user's would be lost.
@@ -32,7 +33,7 @@ def save_scene(scene: SceneResult, folder: str, *, overwrite: bool = False, page
     cloud = trimesh.PointCloud(scene.points, scene.colors).export(file_type="ply")
     beside = {MOMENT_FILE: moment_json(scene).encode(), POINTS_FILE: cloud}
     beside |= {REPORT_FILE: page.encode()} if page else {}
-    save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside)
+    save_reconstruction(scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos)
 
 
 def moment_json(scene: SceneResult) -> str:

@@ -17,7 +17,7 @@ from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import Scene, SceneResult
 from physic_scene.command import scene as command
-from physic_scene.output import moment_document
+from physic_scene.output import moment_document, save_scene
 from physic_scene.rigid import angle_deg
 from physic_testing.worlds import build_world, view_names
 
@@ -289,6 +289,15 @@ def test_save_writes_the_result_and_the_moment(solved, tmp_path):
     document = json.loads((tmp_path / "out" / "moment.json").read_text())
     assert [photo["people"] for photo in document["photos"]] == [[0, 1]] * 3
     assert [person["row"] for person in document["people"]] == [0, 1]
+
+
+def test_a_moment_replaces_the_result_of_each_of_its_photos(solved, alone, tmp_path):
+    others = [index for index, one in enumerate(alone) if one.photo != solved.reconstruction.photo]
+    alone[others[0]].save(str(tmp_path / "out"), preview=False)
+    with pytest.raises(OutputError, match="the result of another photo"):
+        save_scene(solved, str(tmp_path / "out"))
+    save_scene(solved, str(tmp_path / "out"), photos=" ".join(one.photo for one in alone))
+    assert load_reconstruction(tmp_path / "out").photo == solved.reconstruction.photo
 
 
 def test_the_command_names_what_is_wrong(tmp_path):
