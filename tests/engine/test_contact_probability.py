@@ -33,8 +33,8 @@ def test_the_log_odds_of_a_vertex_are_the_weighted_sum_of_its_features(outside: 
 
 
 def test_the_probability_of_a_part_follows_from_its_surest_vertices():
-    assert LINEAR.part_probability(0.5) == pytest.approx(1 / (1 + math.exp(0.5)))
-    assert 0.5 < LINEAR.part_probability(1.0) < 1
+    assert LINEAR.part_probability(torch.tensor([0.5])) == pytest.approx(1 / (1 + math.exp(0.5)))
+    assert 0.5 < LINEAR.part_probability(torch.ones(3)) < 1
 
 
 def test_the_gap_of_a_part_is_its_fifth_smallest_distance():

@@ -21,7 +21,6 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
-_TOP_SHARE = 10  # vertices whose mean probability is that of the body part
 
 
 @dataclass(frozen=True)
@@ -117,9 +116,7 @@ def body_contacts(
         partner, part = divmod(value, len(regions.names))
         here, sure = touching & (code == value), None
         if person.probability is not None and model is not None:
-            likely = person.probability[here]
-            surest = float(likely.topk(min(_TOP_SHARE, count)).values.mean())
-            sure = round(model.part_probability(surest), DECIMALS)
+            sure = round(model.part_probability(person.probability[here]), DECIMALS)
         if sure is None or sure >= least:
             found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}

@@ -17,6 +17,9 @@ from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Columns
 
+_SUREST_VERTICES = 10
+"""Vertices whose mean probability says whether their body part touches."""
+
 
 @dataclass(frozen=True)
 class ContactModel:
@@ -49,9 +52,10 @@ class ContactModel:
             found.append(torch.sigmoid(log_odds))
         return torch.stack(found)
 
-    def part_probability(self, surest: float) -> float:
-        """Return the probability that a body part touches its partner, whose ten surest vertices have this mean."""
-        odds = torch.logit(torch.tensor(surest, dtype=torch.float64), 1e-6)
+    def part_probability(self, vertices: Tensor) -> float:
+        """Return the probability that a body part touches, of the probabilities (n,) of its vertices."""
+        surest = vertices.double().topk(min(_SUREST_VERTICES, len(vertices))).values.mean()
+        odds = torch.logit(surest, 1e-6)
         return float(torch.sigmoid(self.part["constant"] + self.part["log odds"] * odds))
 
 
