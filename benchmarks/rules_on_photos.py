@@ -17,7 +17,7 @@ from typing import Any
 
 from .rules import BASE, RULES, Rule
 from .truth.__main__ import compared, samples_of
-from .truth.measures import calibration_error, detection_scores
+from .truth.measures import probability_scores
 from .truth.run import measured_fields
 from .truth.sets import Sample, picture_of
 
@@ -92,12 +92,11 @@ def table_of(samples: Sequence[Sample], rows: Sequence[Rule], out: Path) -> str:
         found = compared(samples, answers)
         poses = [p["pa_mpjpe_mm"] for p in found["people"] if p.get("pa_mpjpe_mm") is not None]
         cells = [f"{sum(poses) / len(poses):.1f}" if poses else "-"]
-        for kind in ("foot", "hand"):
-            limbs = [one for one in found["limbs"] if one["kind"] == kind]
-            scores = detection_scores([one["predicted"] for one in limbs], [one["touches"] for one in limbs])
-            cells.append(f"{scores['balanced_accuracy']:.3f}" if limbs else "-")
-        likely, touches = ([one[key] for one in found["limbs"]] for key in ("probability", "touches"))
-        cells.append(f"{calibration_error(likely, touches):.3f}" if found["limbs"] else "-")
+        limbs = ("feet", "hands")
+        for name, kinds in (("balanced", limbs[:1]), ("balanced", limbs[1:]), ("calibration", limbs)):
+            mine = [one for one in found["parts"] if one["kind"] in kinds]
+            scores = probability_scores([one["probability"] for one in mine], [one["touches"] for one in mine])
+            cells.append(f"{scores[name]:.3f}" if mine else "-")
         changed = sum(a["people"] != b["people"] for a, b in zip(base, answers, strict=True))
         lines.append(f"| {rule.name} | {' | '.join(cells)} | {changed} of {len(samples)} |")
     return "\n".join(lines)

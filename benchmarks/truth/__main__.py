@@ -2,10 +2,10 @@
 
     python -m benchmarks.truth DATA ... --out truth-results [--preset embedded] [--photos N] [--jobs 2]
 
-DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``, ``people2d``, ``parkour`` and
-``rgbd``, or some of them; missing ones are skipped. Every photo is reconstructed by ``physic run`` in a process of its
-own. Its numbers are kept in ``--out``, so that an interrupted run continues: use a new folder for another version of
-the code.
+DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``, ``people2d``, ``parkour``,
+``contact`` and ``rgbd``, or some of them; missing ones are skipped. Every photo is reconstructed by ``physic run`` in a
+process of its own. Its numbers are kept in ``--out``, so that an interrupted run continues: use a new folder for
+another version of the code.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from .arguments import add_arguments_of_photos
+from .contact import contact_rows, film_records, part_tables, score_labelled, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
 from .sets import SETS, Sample, with_stature
@@ -62,10 +63,19 @@ def main() -> int:
             raise
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     records = compared(samples, answers, earlier)
-    rows = rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
-    table = text_table(rows)
+    rows = rows_of(records["people"], records["floors"], records["photos"])
+    rows += contact_rows(records["labelled"], records["films"])
+    parts = part_tables(records["parts"])
+    table = "\n\n".join([text_table(rows), table_of_parts(parts)])
     counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
-    measured = {"preset": given.preset, "settings": given.settings, "photos": counts, "table": as_json(rows), **records}
+    measured = {
+        "preset": given.preset,
+        "settings": given.settings,
+        "photos": counts,
+        "table": as_json(rows),
+        "scores": parts,
+        **records,
+    }
     (given.out / "results.json").write_text(json.dumps(without_nan(measured), indent=1, allow_nan=False))
     (given.out / "triangulated.json").write_text(json.dumps(without_nan(records["triangulated"]), allow_nan=False))
     (given.out / "table.md").write_text(table + "\n")
@@ -103,10 +113,11 @@ def without_nan(value: Any) -> Any:
 def compared(
     samples: Sequence[Sample], answers: Sequence[dict[str, Any]], earlier: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The records of all people, floors, limbs and photos, and the joints that were triangulated."""
+    """The records of all people, floors, body parts, films and photos, and the joints that were triangulated."""
     people: list[Any] = []
     floors: list[Any] = []
-    limbs: list[Any] = []
+    parts: list[Any] = []
+    labelled: list[Any] = []
     triangulated: dict[str, Any] = {}
     moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
     for sample, answer in zip(samples, answers, strict=True):
@@ -119,7 +130,11 @@ def compared(
         elif sample.set == "parkour":
             person, touching = score_parkour(sample, answer)
             people.append(person)
-            limbs += touching
+            parts += touching
+        elif sample.set == "contact":
+            own, touching = score_labelled(sample, answer)
+            labelled += own
+            parts += touching
         elif "camera" in sample.truth:
             moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
     for name, views in moments.items():
@@ -129,7 +144,9 @@ def compared(
         floors += ground
         triangulated[name] = [np.round(j, 5).tolist() for j in joints]
     photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
-    return {"people": people, "floors": floors, "limbs": limbs, "photos": photos, "triangulated": triangulated}
+    films = film_records(samples, answers)
+    contact = {"parts": parts, "labelled": labelled, "films": films}
+    return {"people": people, "floors": floors, **contact, "photos": photos, "triangulated": triangulated}
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import bone_lengths, root
 
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
 
 MIN_IOU = 0.5
 CALIBRATION_BINS = 10
+SCORES = ("auc", "brier", "constant", "recall", "specificity", "balanced", "f1", "calibration")
+"""Names of the scores of probabilities."""
+
 FORCE_SHARE = 0.05
 """A limb touches where its force is above this share of the largest force of its film."""
 
@@ -66,6 +68,17 @@ def box_iou(one: Sequence[float], two: Sequence[float]) -> float:
     return sides[0] * sides[1] / union if union > 0 else 0.0
 
 
+def match_boxes(
+    boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]], least: float
+) -> dict[int, int]:
+    """True box -> found box, one to one, of pairs whose intersection over union is at least ``least``."""
+    from scipy.optimize import linear_sum_assignment
+
+    iou = np.array([[box_iou(true, box) for box in boxes] for true in true_boxes]).reshape(len(true_boxes), len(boxes))
+    iou = np.where(iou >= least, iou, 0.0)
+    return {int(i): int(j) for i, j in zip(*linear_sum_assignment(-iou), strict=True) if iou[i, j]}
+
+
 def share_inside(points: Array, box: Sequence[float]) -> float:
     """Share of the known (J, 2) points that lie in a box; 0 without points."""
     known = points[np.isfinite(points).all(-1)]
@@ -110,17 +123,31 @@ def true_contact(forces: Array) -> NDArray[np.bool_]:
     return touching
 
 
-def detection_scores(predicted: Sequence[bool], truth: Sequence[bool]) -> dict[str, float]:
-    """Precision, recall and balanced accuracy; NaN for what has no case."""
-    found, fact = np.array(predicted, bool), np.array(truth, bool)
-    nan = float("nan")
-    precision, recall, _ = (float(v) for v in precision_recall_f1(contact_counts(found, fact)))
-    specificity = float((~found[~fact]).mean()) if (~fact).any() else nan
-    return {
-        "precision": precision if found.any() else nan,
-        "recall": recall if fact.any() else nan,
-        "balanced_accuracy": (recall + specificity) / 2 if fact.any() else nan,
+def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> dict[str, float]:
+    """Scores of probabilities (n,) of something that is true or not; NaN for what has no case.
+
+    ``brier`` is the mean squared error, ``constant`` that of the base rate of these cases. ``recall``, ``specificity``,
+    ``balanced`` (their mean) and ``f1`` are at one half, ``calibration`` is :func:`calibration_error`.
+    """
+    given, fact = np.array(probability, np.float64), np.array(truth, bool)
+    if not len(fact):
+        return dict.fromkeys(SCORES, float("nan"))
+    found, rate = given >= 0.5, fact.mean()
+    right = found[fact], ~found[~fact]
+    recall, specificity = (float(cases.mean()) if len(cases) else float("nan") for cases in right)
+    above = given[fact][:, None] - given[~fact]
+    hits = int((found & fact).sum())
+    values = {
+        "auc": float(((above > 0) + 0.5 * (above == 0)).mean()) if above.size else float("nan"),
+        "brier": float(np.square(given - fact).mean()),
+        "constant": float(rate * (1 - rate)),
+        "recall": recall,
+        "specificity": specificity,
+        "balanced": (recall + specificity) / 2,
+        "f1": 2 * hits / (found.sum() + fact.sum()) if fact.any() else float("nan"),
+        "calibration": calibration_error(probability, truth),
     }
+    return {name: float(values[name]) for name in SCORES}
 
 
 def calibration_error(probability: Sequence[float], truth: Sequence[bool]) -> float:

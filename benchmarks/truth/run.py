@@ -21,14 +21,7 @@ from .measures import depth_errors
 from .sets import Sample, picture_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from physic_core.types import Person, Reconstruction
-
-TOP_VERTICES = 10
-"""Vertices of a limb whose mean probability is that of the limb."""
+    from physic_core.types import Reconstruction
 
 NO_RESULT = (3, 5)
 """Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on it."""
@@ -99,11 +92,12 @@ def _size(photo: Path) -> tuple[int, int]:
 def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sample) -> dict[str, Any]:
     """What is measured of a result, in px of the photo of ``size`` (width, height)."""
     from physic_core.body import load_body
+    from physic_core.metrics.world_contact import world_contact
     from physic_core.types import skeleton_named
 
     camera = result.intrinsics.resized(*size)
     factor = np.array([size[0] / result.intrinsics.width, size[1] / result.intrinsics.height])
-    sets = load_body(result.body_model).contact_sets if result.body_model == "embedded" else {}
+    model = load_body(result.body_model) if result.body_model == "embedded" else None
     names = list(skeleton_named(result.skeleton).names)
     people = []
     for person in result.people:
@@ -118,7 +112,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
                 "score": float(person.score),
                 "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
                 "keypoints": np.round(keypoints, 4).tolist(),
-                **contact_of_parts(result, person, {name: rows.cpu().numpy() for name, rows in sets.items()}),
+                "parts": {} if model is None else world_contact(result, person, model),
                 "failed_checks": list(person.failed_checks),
                 "grade": person.grade,
             }
@@ -137,30 +131,6 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
     if "depth_file" in sample.truth:
         answer |= _depth(result, sample)
     return answer
-
-
-def contact_of_parts(
-    result: Reconstruction, person: Person, sets: Mapping[str, NDArray[np.int64]]
-) -> dict[str, dict[str, float]]:
-    """Contact of each set of vertices: the share that touches, and the mean of the ten largest probabilities.
-
-    The probability is at least that of a listed contact of the part, such as that of a hand at a hidden support. Forces
-    between two parts of one body are not measured: vertices that touch the own body do not count.
-    """
-    touching = person.contact.astype(bool)
-    if person.contact_partner is not None:
-        own = [i for i, partner in enumerate(result.contact_partners) if partner.kind == "self"]
-        on_self = np.isin(person.contact_partner, own)
-        touching = touching & ~on_self
-    found = {"contact": {name: float(touching[rows].mean()) for name, rows in sets.items()}}
-    if person.contact_probability is not None:
-        likely = np.where(touching | ~person.contact.astype(bool), person.contact_probability, 0.0)
-        largest = {name: np.sort(likely[rows])[-TOP_VERTICES:] for name, rows in sets.items()}
-        listed = {one.part: one.probability or 0.0 for one in reversed(person.contacts) if one.partner.kind != "self"}
-        found["contact_probability"] = {
-            name: max(float(values.mean()), listed.get(name, 0.0)) for name, values in largest.items()
-        }
-    return found
 
 
 def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:

@@ -11,6 +11,7 @@ import numpy as np
 from physic_evaluate.joints import BODY_ROWS, is_upright, limb_joints, root
 from physic_evaluate.triangulation import match_views, visible_joints
 
+from .contact import part_record
 from .measures import floor_errors, match_people, points_error, pose_errors, spread_m
 from .sets import Sample, camera_of
 
@@ -153,23 +154,12 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
         own = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
         record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")} | {"grade": person.get("grade")}
-    limbs = []
-    for limb, part in LIMBS.items():
-        if sample.truth["uncaptured"][limb]:
-            continue
-        contact = person["contact"] if person else {part: 0.0}
-        likely = person.get("contact_probability", {}) if person else {part: 0.0}
-        if part in contact:
-            limbs.append(
-                {
-                    **_of(sample),
-                    "limb": part,
-                    "kind": part.split("_")[1],
-                    "predicted": contact[part] > 0,
-                    "probability": likely.get(part, math.nan),
-                    "touches": bool(sample.truth["touches"][limb]),
-                }
-            )
+    parts = person["parts"] if person else dict.fromkeys(LIMBS.values(), 0.0)
+    limbs = [
+        part_record(sample, "0", part, parts[part], sample.truth["touches"][limb])
+        for limb, part in LIMBS.items()
+        if not sample.truth["uncaptured"][limb] and part in parts
+    ]
     return record, limbs
 
 

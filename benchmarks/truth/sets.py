@@ -24,6 +24,15 @@ ANKLE_HEIGHT = 0.08
 
 FRAME_STEP = 5
 
+FILMS_OF_FITS = (
+    *("kv01_PKFC", "kv02_PKLP", "mu03_PKLP", "mu05_PKFC", "pu02_PKLT", "pu03_PKLT"),
+    *("sv02_PKFC", "sv03_PKLP", "sv04_PKFC"),
+)
+"""Films of parkour on which numbers may be fitted."""
+
+FILMS_APART = ("kv04_PKLP", "kv06_PKLP", "mu11_PKFC", "pu04_PKLT", "sv05_PKLP")
+"""Films of parkour that take no part in any fit."""
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -171,12 +180,20 @@ def rgbd(folder: Path) -> list[Sample]:
     return found
 
 
+def contact(folder: Path) -> list[Sample]:
+    """Photos whose people were labelled by eye: their boxes, postures, and what each body part touches."""
+    labels = json.loads((folder / "labels.json").read_text())
+    photos = {photo.stem: photo for photo in sorted((folder / "photos").iterdir())}
+    return [Sample("contact", name, name, photos[name], truth={"people": people}) for name, people in labels.items()]
+
+
 SETS: dict[str, Callable[[Path], list[Sample]]] = {
     "mpi_inf_3dhp": mpi_inf_3dhp,
     "panoptic": multiview("panoptic", (0.0, -1.0, 0.0)),
     "roundtable": multiview("roundtable", (0.0, 0.0, 1.0)),
     "people2d": people2d,
     "parkour": parkour,
+    "contact": contact,
     "rgbd": rgbd,
 }
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .measures import calibration_error, detection_scores
 from .statistics import Figure, Record, Strata, figure, median_of, of_lists, of_sets, pooled
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
@@ -38,9 +37,7 @@ class Row:
         return f"{self.text(self.figure.low)} .. {self.text(self.figure.high)}" if known else ""
 
 
-def rows_of(
-    people: Sequence[Record], floors: Sequence[Record], limbs: Sequence[Record], photos: Sequence[Record]
-) -> list[Row]:
+def rows_of(people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]) -> list[Row]:
     """All rows, those of a data set that was not run with no number."""
 
     def of(records: Sequence[Record], *sets: str, **fixed: Any) -> list[Record]:
@@ -108,19 +105,13 @@ def rows_of(
             digits=3,
         ),
     ]
-    for kind, words, goal in (("foot", "feet", ">= .90"), ("hand", "hands", ">= .85")):
-        mine = [r for r in limbs if r["kind"] == kind]
-        rows += [
-            row(f"contact of {words}: {score.replace('_', ' ')}", mine, contact(score), reach, digits=2)
-            for score, reach in (("balanced_accuracy", goal), ("precision", ""), ("recall", ""))
-        ]
-    rows.append(row("contact of limbs: calibration error", limbs, limb_calibration_error, "<= .10", digits=2))
     rows.append(row("PA-MPJPE mm, parkour", of(people, "parkour", found=True), pooled("pa_mpjpe_mm"), "<= 80"))
     for name, goal in (("panoptic", "<= .15"), ("roundtable", "")):
         once = {(r["set"], r["group"], r["person"]): r for r in of(everybody, name)}
         words = f"spread of one pelvis over cameras, m, {name}"
         rows.append(row(words, known(list(once.values()), "spread_m"), pooled("spread_m"), goal, digits=2))
-    judged = [{**photo, "wrong": is_wrong(photo, people, floors)} for photo in of(photos) if photo["set"] != "rgbd"]
+    measured = [photo for photo in of(photos) if photo["set"] not in ("rgbd", "contact")]
+    judged = [{**photo, "wrong": is_wrong(photo, people, floors)} for photo in measured]
     bodies = [{**r, "wrong": is_wrong_person(r)} for r in known(of(people, found=True), "pa_mpjpe_mm")]
     for words, graded in (("photos", [r for r in judged if not r["error"]]), ("people with 3D truth", bodies)):
         good = [{**r, "good": r["grade"] == "good"} for r in graded]
@@ -139,22 +130,6 @@ def rows_of(
         row("seconds a photo", of(photos, error=""), pooled("wall_s"), digits=1),
     ]
     return rows
-
-
-def contact(name: str) -> Callable[[Strata], float]:
-    """A score over all limbs."""
-
-    def score(strata: Strata) -> float:
-        limbs = [r for stratum in strata for r in stratum]
-        return detection_scores([r["predicted"] for r in limbs], [r["touches"] for r in limbs])[name]
-
-    return score
-
-
-def limb_calibration_error(strata: Strata) -> float:
-    """Expected calibration error over all limbs."""
-    limbs = [r for stratum in strata for r in stratum]
-    return calibration_error([r["probability"] for r in limbs], [r["touches"] for r in limbs])
 
 
 def is_wrong(photo: Record, people: Sequence[Record], floors: Sequence[Record]) -> bool:

@@ -67,7 +67,7 @@ def person_of(truth, joints: np.ndarray, contact: dict[str, float] | None = None
     pixels = pixels[:, :2] / pixels[:, 2:]
     keypoints = np.column_stack([pixels, np.ones(12)])
     box = [*(pixels.min(0) - 20), *(pixels.max(0) + 20)]
-    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "contact": contact or {}} | {
+    return {"box": box, "joints": body.tolist(), "keypoints": keypoints.tolist(), "parts": contact or {}} | {
         "grade": "good"
     }
 
@@ -180,18 +180,22 @@ def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
     assert truth.measures.true_contact(forces).tolist() == [[True, False, False, False], [False, True, False, False]]
 
 
-def test_known_labels_have_the_known_precision_recall_and_balanced_accuracy(truth):
-    predicted, facts = [True, True, True, False, False], [True, True, False, True, False]
-    found = truth.measures.detection_scores(predicted, facts)
+def test_known_probabilities_have_the_known_scores(truth):
+    found = truth.measures.probability_scores([0.9, 0.5, 0.2, 0.5, 0.1], [True, True, True, False, False])
     assert found == {
-        "precision": pytest.approx(2 / 3),
+        "auc": pytest.approx((2 + 1.5 + 1) / 6),
+        "brier": pytest.approx((0.01 + 0.25 + 0.64 + 0.25 + 0.01) / 5),
+        "constant": pytest.approx(0.24),
         "recall": pytest.approx(2 / 3),
-        "balanced_accuracy": pytest.approx((2 / 3 + 1 / 2) / 2),
+        "specificity": pytest.approx(1 / 2),
+        "balanced": pytest.approx((2 / 3 + 1 / 2) / 2),
+        "f1": pytest.approx(2 / 3),
+        "calibration": pytest.approx((0.1 + 0 + 0.8 + 0.1) / 5),
     }
-    silent = truth.measures.detection_scores([False, False], [True, False])
-    assert math.isnan(silent["precision"])
-    assert silent["balanced_accuracy"] == pytest.approx(0.5)
-    assert math.isnan(truth.measures.detection_scores([False], [False])["balanced_accuracy"])
+    alike = truth.measures.probability_scores([0.9, 0.2], [True, True])
+    assert (alike["recall"], alike["constant"], alike["brier"]) == (0.5, 0, pytest.approx(0.325))
+    assert all(math.isnan(alike[name]) for name in ("auc", "specificity", "balanced"))
+    assert all(math.isnan(value) for value in truth.measures.probability_scores([], []).values())
 
 
 def test_calibration_error_is_the_distance_from_the_frequency(truth):
@@ -200,33 +204,6 @@ def test_calibration_error_is_the_distance_from_the_frequency(truth):
     assert error([0.75] * 4 + [0.15] * 4, [True] * 4 + [False] * 4) == pytest.approx(0.2)
     assert error([1.0, math.nan], [True, False]) == 0
     assert math.isnan(error([math.nan], [True]))
-
-
-def test_contact_with_the_own_body_is_none_with_the_scene(truth):
-    partner = np.array([-1, 0, 1, 1], np.int16)
-    kinds = [SimpleNamespace(kind="floor"), SimpleNamespace(kind="self")]
-    person = SimpleNamespace(
-        contact=partner >= 0,
-        contact_partner=partner,
-        contact_probability=np.array([0.1, 0.8, 0.9, 0.9]),
-        contacts=(SimpleNamespace(part="hand", partner=kinds[1], probability=0.9),),
-    )
-    found = truth.run.contact_of_parts(
-        SimpleNamespace(contact_partners=kinds), person, {"all": np.arange(4), "hand": np.array([2, 3])}
-    )
-    assert found["contact"] == {"all": 0.25, "hand": 0}
-    assert found["contact_probability"] == {"all": pytest.approx(0.9 / 4), "hand": 0}
-
-
-def test_a_limb_has_at_least_the_probability_of_its_listed_contacts(truth):
-    hidden = SimpleNamespace(kind="hidden")
-    listed = [SimpleNamespace(part="hand", partner=hidden, probability=p) for p in (0.8, 0.5)]
-    person = SimpleNamespace(
-        contact=np.ones(2, bool), contact_partner=None, contact_probability=np.full(2, 0.5), contacts=listed
-    )
-    rows = np.arange(2)
-    found = truth.run.contact_of_parts(SimpleNamespace(contact_partners=[]), person, {"hand": rows, "foot": rows})
-    assert found["contact_probability"] == {"hand": 0.8, "foot": 0.5}
 
 
 def test_depth_that_is_a_factor_off_is_right_after_it(truth):
@@ -359,7 +336,7 @@ def alone(truth, joints: np.ndarray) -> object:
 
 
 def rows_by_name(truth, records: dict) -> dict[str, float]:
-    rows = truth.table.rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
+    rows = truth.table.rows_of(records["people"], records["floors"], records["photos"])
     return {row.name.strip(): row.figure.value for row in rows if not row.name.startswith("  ")} | {
         "missing": next(row.figure.value for row in rows if "missing" in row.name),
         "height": next(row.figure.value for row in rows if "camera height" in row.name),
@@ -387,7 +364,7 @@ def test_a_person_a_third_off_is_wrong_whatever_the_grade(truth, joints, scale):
     for grade, wrong in (("good", 1), ("doubtful", math.nan)):
         person = person_of(truth, scale * joints) | {"grade": grade}
         records = truth.main.compared([alone(truth, joints)], [answer_with(person) | {"grade": grade}])
-        rows = truth.table.rows_of(records["people"], records["floors"], records["limbs"], records["photos"])
+        rows = truth.table.rows_of(records["people"], records["floors"], records["photos"])
         found = [row.figure.value for row in rows if row.name == "  measurably wrong of those"]
         assert found == pytest.approx([wrong, wrong], nan_ok=True)
 
@@ -400,17 +377,77 @@ def test_limbs_of_parkour_films_have_contact_labels(truth, joints):
         "uncaptured": {"l_ankle": 0, "r_ankle": 1, "l_fingers": 0, "r_fingers": 0},
     }
     sample = truth.sets.Sample("parkour", "f_000", "f", Path("f.mp4"), frame=0, truth=facts)
-    contact = {"left_foot": 0.2, "right_foot": 0.0, "left_hand": 0.0, "right_hand": 0.1}
+    contact = {"left_foot": 0.8, "right_foot": 0.1, "left_hand": 0.2, "right_hand": 0.6}
     small = person_of(truth, moved(joints, 0, 0, 2))
     records = truth.main.compared([sample], [answer_with(small, person_of(truth, joints, contact))])
-    assert [(r["limb"], r["predicted"], r["touches"]) for r in records["limbs"]] == [
-        ("left_foot", True, True),
-        ("left_hand", False, True),
-        ("right_hand", True, False),
+    assert [(r["part"], r["probability"], r["touches"]) for r in records["parts"]] == [
+        ("left_foot", 0.8, True),
+        ("left_hand", 0.2, True),
+        ("right_hand", 0.6, False),
     ]
     assert rows_by_name(truth, records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
     nobody = truth.main.compared([sample], [answer_with()])
-    assert [r["predicted"] for r in nobody["limbs"]] == [False] * 3
+    assert [r["probability"] for r in nobody["parts"]] == [0.0] * 3
+
+
+def labels(box: list[float], posture: object, in_air: bool = False, **parts: str | None) -> dict:
+    names = [f"{side}_{name}" for name in ("foot", "hand", "knee", "forearm") for side in ("left", "right")]
+    nothing = dict.fromkeys([*names, "seat", "back"], "none")
+    return {"box": box, "posture": posture, "in_air": in_air, "parts": nothing | parts, "disputed": {}}
+
+
+def test_labelled_parts_are_scored_against_the_world(truth, joints, tmp_path):
+    person = person_of(truth, joints) | {"parts": {"left_foot": 0.7, "right_foot": 0.6, "seat": 0.3, "left_hand": 0.9}}
+    other = person_of(truth, moved(joints, 1, 0, 0)) | {"parts": {"left_foot": 0.8, "right_foot": 0.2, "seat": 0.5}}
+    far = [2000, 2000, 2100, 2200]
+    people = [
+        labels(person["box"], "sit", left_foot="floor", right_foot=None, seat="support", left_hand="object"),
+        labels(other["box"], "jump", in_air=True),
+        labels(far, ["sit", "squat"], left_foot="own", right_foot="wall"),
+    ]
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.jpg").touch()
+    (tmp_path / "labels.json").write_text(json.dumps({"a": people}))
+    (sample,) = truth.sets.SETS["contact"](tmp_path)
+    assert sample.source == tmp_path / "photos" / "a.jpg"
+    records = truth.main.compared([sample], [answer_with(other, person)])
+    feet = [(r["person"], r["part"], r["probability"], r["touches"]) for r in records["parts"] if r["kind"] == "feet"]
+    assert feet == [
+        ("0", "left_foot", 0.7, True),
+        ("1", "left_foot", 0.8, False),
+        ("1", "right_foot", 0.2, False),
+        ("2", "left_foot", 0.0, False),  # nobody is found there
+        ("2", "right_foot", 0.0, True),
+    ]
+    left_hands = [(r["probability"], r["touches"]) for r in records["parts"] if r["part"] == "left_hand"]
+    assert left_hands == [(0.9, False), (0.0, False)]
+    rows = {row.name.strip(): row.figure for row in truth.contact.contact_rows(records["labelled"], [])}
+    assert rows["people found, contact"].value == pytest.approx(2 / 3)
+    assert (rows["people who sit and have a seat"].value, rows["graded good of those without"].value) == (0, 1)
+    assert rows["people without a seat who get one"].value == pytest.approx(1 / 2)
+    in_air = rows["feet of people in the air said to touch"]
+    assert (in_air.value, in_air.count) == (0.5, 2)
+    tables = truth.contact.part_tables(records["parts"])
+    assert tables["contact"]["feet"]["auc"]["value"] == pytest.approx(2.5 / 6)
+    assert "| contact: feet | 5 | 2 | 0.417 |" in truth.contact.table_of_parts(tables)
+
+
+def test_films_of_fits_and_films_apart_are_tables_of_their_own(truth):
+    """The camera is half as high where nobody stands on one film; a film where somebody always stands tells nothing."""
+    assert not set(truth.sets.FILMS_OF_FITS) & set(truth.sets.FILMS_APART)
+    samples, answers = [], []
+    for film, stands, height in (
+        *((truth.sets.FILMS_OF_FITS[0], *frame) for frame in ((True, 1.0), (True, 2.0), (False, 0.75))),
+        (truth.sets.FILMS_APART[0], True, 1.0),
+    ):
+        facts = {"touches": {"l_ankle": stands, "r_ankle": False}, "uncaptured": {"l_ankle": 0, "r_ankle": 0}}
+        samples.append(truth.sets.Sample("parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts))
+        answers.append(answer_with(floor=[0, -1, 0, height]))
+    (record,) = truth.contact.film_records(samples, answers)
+    assert (record["group"], record["ratio"], record["frames"]) == (samples[0].group, 0.5, {"stands": 2, "in_air": 1})
+    parts = [truth.contact.part_record(sample, "0", "left_foot", 0.6, True) for sample in samples]
+    tables = truth.contact.part_tables(parts)
+    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in truth.contact.FILMS] == [3, 1]
 
 
 def test_a_run_writes_table_and_json(truth, tmp_path, monkeypatch, capsys, joints):

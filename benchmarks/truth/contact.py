@@ -1,0 +1,157 @@
+"""Which body parts touch the world: probabilities against labels by eye and measured forces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .measures import SCORES, match_boxes, probability_scores
+from .sets import FILMS_APART, FILMS_OF_FITS, Sample
+from .statistics import Figure, Record, Strata, figure, pooled
+from .table import Row
+
+if TYPE_CHECKING:
+    Answer = Mapping[str, Any]
+
+WORLD, OTHER = ("floor", "seat", "wall", "support"), ("none", "own", "object", "person")
+TOUCHES = dict.fromkeys(WORLD, True) | dict.fromkeys(OTHER, False)
+"""Label of a body part -> whether it touches the world."""
+
+KINDS = {"foot": "feet", "hand": "hands", "seat": "seat", "back": "back", "knee": "knees", "forearm": "forearms"}
+
+MIN_IOU = 0.4
+"""Overlap of the boxes of a labelled and a found person from which they are one."""
+
+FILMS = {"films of fits": FILMS_OF_FITS, "films that take no part in any fit": FILMS_APART}
+
+
+def part_record(sample: Sample, person: str, part: str, probability: float, touches: bool) -> dict[str, Any]:
+    """A body part that was judged, such as "left_foot", and its probability of touching the world."""
+    of = {"set": sample.set, "photo": sample.name, "group": sample.group, "person": person}
+    kind = KINDS[part.rpartition("_")[2]]
+    return {**of, "part": part, "kind": kind, "probability": float(probability), "touches": bool(touches)}
+
+
+def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The labelled people of a photo and their judged parts. Nothing touches of a person who is not found."""
+    found = [person for person in answer["people"] if np.isfinite(np.array(person["joints"], np.float64)).all()]
+    truth = sample.truth["people"]
+    matched = match_boxes([p["box"] for p in found], [one["box"] for one in truth], MIN_IOU)
+    people, parts = [], []
+    for i, one in enumerate(truth):
+        person = found[matched[i]] if i in matched else None
+        likely = person["parts"] if person else dict.fromkeys(one["parts"], 0.0)
+        mine = [
+            part_record(sample, str(i), part, likely[part], TOUCHES[label])
+            for part, label in one["parts"].items()
+            if label is not None and part in likely
+        ]
+        parts += mine
+        feet = [part["probability"] >= 0.5 for part in mine if part["kind"] == "feet"]
+        label = one["parts"]["seat"]
+        people.append(
+            {
+                "set": sample.set,
+                "photo": sample.name,
+                "group": sample.group,
+                "person": str(i),
+                "found": person is not None,
+                "grade": person.get("grade") if person else None,
+                "sits": one["posture"] == "sit",
+                "seat": likely.get("seat", math.nan) >= 0.5,
+                "seat_label": None if label is None else TOUCHES[label],
+                "feet_in_air": feet if one["in_air"] else [],
+            }
+        )
+    return people, parts
+
+
+def film_records(samples: Sequence[Sample], answers: Sequence[Answer]) -> list[dict[str, Any]]:
+    """Of each film of parkour, the median camera height of frames where no foot touches over that of the others."""
+    heights: dict[str, dict[bool, list[float]]] = {}
+    for sample, answer in zip(samples, answers, strict=True):
+        if sample.set != "parkour" or answer["floor"] is None:
+            continue
+        touches = [sample.truth["touches"][foot] for foot in ("l_ankle", "r_ankle")]
+        if any(touches) or not any(sample.truth["uncaptured"][foot] for foot in ("l_ankle", "r_ankle")):
+            of_film = heights.setdefault(sample.group, {True: [], False: []})
+            of_film[any(touches)].append(float(answer["floor"][3]))
+    return [
+        {
+            "set": "parkour",
+            "photo": film,
+            "group": film,
+            "frames": {"stands": len(found[True]), "in_air": len(found[False])},
+            "ratio": float(np.median(found[False]) / np.median(found[True])),
+        }
+        for film, found in heights.items()
+        if found[True] and found[False]
+    ]
+
+
+def contact_rows(people: Sequence[Record], films: Sequence[Record]) -> list[Row]:
+    """Rows about people who sit or jump, and about the floor under people who hang."""
+    sits = [{**r, "no_seat": not r["seat"]} for r in people if r["sits"]]
+    without = [{**r, "good": r["grade"] == "good"} for r in sits if r["no_seat"]]
+    no_seat = [r for r in people if r["seat_label"] is False]
+    feet = [{**r, "touches": touches} for r in people for touches in r["feet_in_air"]]
+    rows = [
+        Row("people found, contact", figure(people, pooled("found")), "all", percent=True),
+        Row("people who sit and have a seat", figure(sits, pooled("seat")), ">= 16 of 18", percent=True),
+        Row("  graded good of those without", figure(without, pooled("good")), "none", percent=True),
+        Row("people without a seat who get one", figure(no_seat, pooled("seat")), "<= 4 of 79", percent=True),
+        Row("feet of people in the air said to touch", figure(feet, pooled("touches")), "<= 2 of 10", percent=True),
+    ]
+    for words, names in FILMS.items():
+        mine = [r for r in films if r["group"] in names]
+        name = f"camera height where no foot touches / where one does, {words}"
+        rows.append(Row(name, figure(mine, pooled("ratio")), ".85-1.15", digits=2))
+    return rows
+
+
+def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Figures of each score: group of photos -> kind of part -> score, and "touching", the number that touch."""
+    groups = {"contact": [r for r in parts if r["set"] == "contact"]}
+    films = [r for r in parts if r["set"] == "parkour"]
+    groups |= {f"parkour, {words}": [r for r in films if r["group"] in names] for words, names in FILMS.items()}
+    known = {film for names in FILMS.values() for film in names}
+    groups["parkour, other films"] = [r for r in films if r["group"] not in known]
+    tables: dict[str, dict[str, dict[str, Any]]] = {}
+    for group, records in groups.items():
+        for kind in KINDS.values():
+            if mine := [r for r in records if r["kind"] == kind]:
+                scores = {name: asdict(figure(mine, _score(name))) for name in SCORES}
+                tables.setdefault(group, {})[kind] = {**scores, "touching": sum(r["touches"] for r in mine)}
+    return tables
+
+
+def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """As Markdown: a line for each kind of part, each score with its interval."""
+    heads = ["judged", "touch", "AUC", "Brier", "Brier, constant", "recall", "specificity", "balanced", "F1"]
+    heads.append("calibration error")
+    lines = [f"| {' | '.join(('contact with the world', *heads))} |", "|---|" + "---:|" * len(heads)]
+    for group, kinds in tables.items():
+        for kind, scores in kinds.items():
+            counts = [str(scores["auc"]["count"]), str(scores["touching"])]
+            cells = [_cell(Figure(**scores[name]), name != "constant") for name in SCORES]
+            lines.append(f"| {group}: {kind} | {' | '.join(counts + cells)} |")
+    return "\n".join(lines)
+
+
+def _cell(found: Figure, interval: bool) -> str:
+    if not math.isfinite(found.value):
+        return "-"
+    around = f" ({found.low:.2f} .. {found.high:.2f})" if interval and math.isfinite(found.low) else ""
+    return f"{found.value:.3f}{around}"
+
+
+def _score(name: str) -> Any:
+    def score(strata: Strata) -> float:
+        mine = [r for stratum in strata for r in stratum]
+        return probability_scores([r["probability"] for r in mine], [r["touches"] for r in mine])[name]
+
+    return score
