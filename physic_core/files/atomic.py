@@ -5,7 +5,8 @@ the digests of the others, these belong together: the old index is moved away fi
 A folder without its index has no valid set of files. Until a write has ended, old and new index stay in the folder
 under temporary names, so that the next write knows which files are not of the user (:func:`unfinished_indices`).
 
-A folder is locked while it is written. What a process that was killed has left there is deleted by the next write.
+A folder is locked while it is written, where its file system has locks. What a process that was killed has left there
+is deleted by the next write with a lock.
 """
 
 from __future__ import annotations
@@ -112,8 +113,9 @@ def atomic_write(folder: Path, *, index: str = "", durable: bool = True) -> Iter
     """
     folder = Path(folder)
     try:
-        with lock_folder(folder, _WAIT_S):
-            _clean(folder)
+        with lock_folder(folder, _WAIT_S) as is_locked:
+            if is_locked:  # else the files can be of another process that writes now
+                _clean(folder)
             write = AtomicWrite(folder, index)
             try:
                 yield write

@@ -18,8 +18,8 @@ _POLL_S = 0.01
 
 
 @contextmanager
-def lock_folder(folder: Path, wait_s: float) -> Iterator[None]:
-    """Lock a folder against all others that lock it.
+def lock_folder(folder: Path, wait_s: float) -> Iterator[bool]:
+    """Lock a folder against all others that lock it, and yield whether it is locked: some file systems have no locks.
 
     Args:
         folder: must exist.
@@ -27,11 +27,11 @@ def lock_folder(folder: Path, wait_s: float) -> Iterator[None]:
 
     Raises:
         filelock.Timeout: another process or thread holds the lock.
-        OSError: the folder cannot be opened or locked.
+        OSError: the folder cannot be opened.
     """
     if sys.platform == "win32":
         with FileLock(folder / LOCK_FILE, timeout=wait_s):
-            yield
+            yield True
         return
     file = os.open(folder, os.O_RDONLY)
     try:
@@ -40,12 +40,27 @@ def lock_folder(folder: Path, wait_s: float) -> Iterator[None]:
             if time.monotonic() > end:
                 raise Timeout(str(folder))
             time.sleep(_POLL_S)
-        with nullcontext() if is_locked else FileLock(folder / LOCK_FILE, timeout=wait_s):
-            yield
+        with _lock_file(folder, wait_s) if is_locked is None else nullcontext(True) as is_locked:
+            yield is_locked
     finally:
         with suppress(OSError):
             unlock_descriptor(file)  # at once: a process that was forked meanwhile has the folder open too
         os.close(file)
+
+
+@contextmanager
+def _lock_file(folder: Path, wait_s: float) -> Iterator[bool]:
+    lock = FileLock(folder / LOCK_FILE, timeout=wait_s)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise
+    except OSError:  # the first write says why, if files cannot be made there either
+        pass
+    try:
+        yield lock.is_locked
+    finally:
+        lock.release()
 
 
 def _try_lock(folder: int) -> bool | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import multiprocessing
 import os
+import sys
 import threading
 import time
 from pathlib import Path
@@ -76,6 +77,20 @@ def test_a_lock_ends_with_its_process(tmp_path: Path):
     process.join()
     with lock_folder(tmp_path, 5):
         pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows always has locks")
+def test_where_nothing_can_be_locked_writes_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """As on a network file system whose server has no lock service."""
+
+    def refuse(file: int, kind: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    (tmp_path / ".b.0123abcd.physic-part").write_text("perhaps of another process")
+    with atomic_write(tmp_path) as temporary:
+        temporary("a").write_text("a")
+    assert {path.name for path in tmp_path.iterdir()} == {"a", ".b.0123abcd.physic-part", LOCK_FILE}
 
 
 def test_a_writer_that_never_ends_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
