@@ -145,7 +145,13 @@ def test_show_lists_a_set_that_is_missing(plugin: Any, own_cache: Path):
 
 def test_show_lists_a_set_that_is_present(plugin: Any, own_cache: Path, server: Any):
     there = put(own_cache / "free" / "free.onnx")
-    assert physic("show", "free").stdout.endswith(
+    assert physic("show", "free").stdout == (
+        "weights 'free'\n"
+        "  A free network\n"
+        "  plugin      physic-nets 1.0\n"
+        "  licence     MIT\n"
+        "  commercial  use is allowed\n"
+        "  homepage    https://example.org/free\n"
         "  state       here\n"
         "  file        free.onnx (1.05 MB)\n"
         f"    source    {server.address}/free.onnx\n"
@@ -169,10 +175,18 @@ def test_fetch_where_and_verify(plugin: Any, own_cache: Path):
 def test_fetch_goes_on_with_the_others(plugin: Any, own_cache: Path):
     done = physic("fetch", "own", "gated", "free")
     assert (done.exit_code, done.stdout) == (4, f"free: free.onnx downloaded to {own_cache / 'free' / 'free.onnx'}\n")
-    own, gated, *_, last = done.stderr.splitlines()
-    assert own.startswith("own: own.onnx, own.json of 'own' cannot be downloaded: export it with tools/export_own.py; ")
-    assert gated == "gated: 'gated' is not downloaded without --accept-licence:"
-    assert last == "free: free.onnx (1.05 MB)"
+    assert done.stderr.splitlines() == [
+        f"own: own.onnx, own.json of 'own' cannot be downloaded: export it with tools/export_own.py; "
+        f"then copy it into {own_cache / 'own'}",
+        "gated: 'gated' is not downloaded without --accept-licence:",
+        "  licence     Own licence: research only",
+        "  commercial  use is NOT allowed",
+        "  account     needed: request access at https://huggingface.co/owner/gated, and log in with `hf auth login`, "
+        "or set HF_TOKEN",
+        "  homepage    https://example.org/gated",
+        "to accept the licence: physic weights fetch gated --accept-licence",
+        "free: free.onnx (1.05 MB)",
+    ]
 
 
 def test_fetch_to_a_folder_that_another_machine_reads_offline(plugin: Any, tmp_path: Path, server: Any, monkeypatch):

@@ -140,6 +140,10 @@ def test_every_fault_is_reported_at_once(tmp_path: Path):
     ]
 
 
+def test_a_weight_set_without_licence_is_refused(tmp_path: Path):
+    assert faults(write(tmp_path, SIMPLE.replace('license = "MIT"\n', "") + SOURCE)) == ["[net] license is missing"]
+
+
 def test_a_set_of_no_files(tmp_path: Path):
     assert faults(write(tmp_path, '[net]\nsummary = "A"\nlicense = "MIT"\nfiles = []\n')) == ["[net] has no files"]
 
