@@ -68,6 +68,10 @@ def nan_parameters(answer: Bodies) -> Bodies:
             ["floor must be (120, 160), got (160, 120)"],
         ),
         (
+            *("segmenter", "people", backends.MockSegmenter, lambda a: replace(a, floor="wood")),
+            ["floor must be a numpy array (120, 160), got str"],
+        ),
+        (
             *("body_estimator", "bodies", backends.MockBodyEstimator, nan_parameters),
             ["body_pose must be finite, 63 values are not", "transl must be finite, 3 values are not"],
         ),

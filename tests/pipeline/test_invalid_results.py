@@ -15,6 +15,7 @@ from physic_core.cli.result_summary import summary_text
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord
 from physic_core.engine.joint import solve as joint
+from physic_core.errors import BackendOutputError
 from physic_core.pipeline.invalid_results import discard_invalid_hands, discard_invalid_keypoints
 from physic_core.types import Hands, Keypoints, Person, Reconstruction
 from physic_core.types.per_person import select_people
@@ -169,6 +170,20 @@ def test_whom_the_optimisation_cannot_take_along_is_named_and_the_other_goes_on(
     assert np.isfinite(result.people[LOST].vertices).all()
     assert apart(result.people[LOST], sound.people[LOST]) < 0.2
     check_unspoilt(result.people[KEPT], sound, alone, world)
+
+
+def test_no_valid_body_at_all_is_an_error(world: World) -> None:
+    class LoseBodies(backends.MockBodyEstimator):
+        def infer(self, *arguments):
+            answer = super().infer(*arguments)
+            return replace(answer, parameters=replace(answer.parameters, transl=answer.parameters.transl * np.nan))
+
+    with pytest.raises(BackendOutputError) as error:
+        run(world, LoseBodies, "body_estimator")
+    assert str(error.value) == (
+        "body_estimator 'wrong' (registered by hand), stage 'bodies' returned what the interface does not allow:\n"
+        "  transl must be finite, 6 values are not"
+    )
 
 
 def test_lost_rows_become_what_stands_for_nothing() -> None:

@@ -178,8 +178,9 @@ def test_ctrl_c_ends_an_optional_stage(events: list[str]):
         (None, "expected DepthMap, got NoneType"),
         (np.ones(SHAPE), "expected DepthMap, got ndarray"),
         (DepthMap(np.ones((8, 6), np.float32)), "depth must be (6, 8), got (8, 6)"),
+        (DepthMap(None), "depth must be a numpy array (6, 8), got NoneType"),  # type: ignore[arg-type]
     ],
-    ids=["none", "an array", "transposed"],
+    ids=["none", "an array", "transposed", "empty"],
 )
 def test_an_invalid_result_is_an_error_with_every_violation(answer: object, fault: str):
     backend = Counting()
