@@ -108,8 +108,13 @@ def bring(folder: Path) -> None:
 def test_one_error_lists_all_that_is_missing_before_anything_is_computed(heavy: Path):
     asked: list[str] = []
     photo = np.zeros((72, 96, 3), np.uint8)
-    with pytest.raises(WeightsMissingError, match=r"^2 things are missing, and nothing was computed:"):
+    with pytest.raises(WeightsMissingError) as caught:
         reconstruct(photo, load_config("my.toml"), progress=lambda name, *_: asked.append(name))
+    assert str(caught.value) == (
+        "2 things are missing, and nothing was computed:\n"
+        f"  {BOTH}: {NET}\n"
+        f"  hand_estimator 'heavy-hands' (physic-heavy 1.0): {HANDS}"
+    )
     assert asked == []
 
 

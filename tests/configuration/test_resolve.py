@@ -39,9 +39,9 @@ def registry(**others: Any) -> Registry:
     return own
 
 
-def config(flag: dict[str, Any] | None = None, **tables: Any) -> Config:
+def config(**tables: Any) -> Config:
     choices: dict[str, Any] = {name: {"backend": "own"} for name in INTERFACES}
-    return load_config(flags={"config": choices | tables, "--flag": flag or {}})
+    return load_config(flags={"config": choices | tables})
 
 
 def refusal(chosen: Config, own: Registry, kind: type[PhysicError] = ConfigError) -> str:
