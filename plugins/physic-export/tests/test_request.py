@@ -50,7 +50,10 @@ def test_the_catalog_lists_the_formats():
 
 @pytest.mark.parametrize(
     ("suffix", "name"),
-    [(".npz", "amass"), (".bvh", "bvh"), (".json", "coco"), (".xml", "mjcf"), (".PLY", "ply"), (".usdz", "usd")],
+    [
+        *((".npz", "amass"), (".bvh", "bvh"), (".json", "coco"), (".glb", "glb"), (".xml", "mjcf"), (".PLY", "ply")),
+        (".usdz", "usd"),
+    ],
 )
 def test_a_suffix_selects_a_format(suffix: str, name: str):
     assert find_exporter(None, suffix).record.name == name

@@ -82,10 +82,12 @@ def test_photos_wait_in_order_and_a_full_queue_is_503(serve: Serve):
     ("content", "status", "detail"),
     [
         (b"", 400, "there is no photo: send its bytes as the body, or as the form's field 'photo'"),
+        (b"<!doctype html><p>photo", 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
         (b"PK\x03\x04" + bytes(100), 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
+        (b"GIF89a" + bytes(100), 415, "the file is not a photo: send JPEG, PNG, WebP, TIFF, AVIF or HEIC"),
         (b"\xff\xd8\xff" + bytes(200_000), 413, "the photo is too large"),
     ],
-    ids=["empty", "zip", "large"],
+    ids=["empty", "html", "zip", "gif", "large"],
 )
 @pytest.mark.parametrize("way", ["body", "form", "counted"])
 def test_a_broken_upload_is_refused(serve: Serve, content: bytes, status: int, detail: str, way: str):
