@@ -206,7 +206,7 @@ class Checkout:
             return ""
         wanted = "/".join(self.package.split(".")) + ".py"
         return (
-            f"{root} is no checkout of {self.name}, for it has no {wanted}: "
+            f"{root} is not a checkout of {self.name}, since it has no {wanted}: "
             f"set {self.option} to the root of a checkout of {self.homepage}"
         )
 

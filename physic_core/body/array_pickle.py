@@ -61,7 +61,7 @@ def read_pickled_items(data: bytes) -> list[Any]:
     found = _loaded(data)
     state = found.state if isinstance(found, _Array) else None
     if not isinstance(state, tuple) or len(state) != 5 or not isinstance(state[4], list):
-        raise InvalidArrayError("is no array of objects")
+        raise InvalidArrayError("is not an array of objects")
     if _shape(state[1]) != (len(state[4]),):
         raise InvalidArrayError("is an array of objects whose shape does not fit")
     return state[4]
@@ -110,7 +110,7 @@ class PickledObject:
             InvalidArrayError: it is not an array.
             ValueError, TypeError, ...: its parts are inconsistent.
         """
-        raise InvalidArrayError("is no array of numbers")
+        raise InvalidArrayError("is not an array of numbers")
 
 
 class _DType(PickledObject):

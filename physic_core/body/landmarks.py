@@ -101,7 +101,7 @@ def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
         )
     if name not in BODY_POINTS and abs(sum(shares.values()) - 1) > _SHARES_OFF:
         raise BodyModelError(
-            f"the point {name!r} of the skeleton {skeleton!r} is no point of a body, and its shares of body points "
+            f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its shares of body points "
             f"sum to {sum(shares.values()):g}, not 1: state in Skeleton.on_body where it lies, or {{}} for nowhere"
         )
 

@@ -215,7 +215,7 @@ def _unpack(arrays: dict[str, Any], document: Any) -> Any:
     try:
         return join_arrays(arrays, document, _CLASSES)
     except (KeyError, AttributeError) as error:
-        raise TypeError(f"{error} is no part of a result.") from error
+        raise TypeError(f"{error} cannot be part of a result.") from error
 
 
 def _files(options: Any) -> Iterator[list[Any]]:

@@ -355,7 +355,7 @@ class _InvalidOptions(Exception):
 
 def _check_options(offer: BackendOffer, kind: type[Backend], options: Mapping[str, object]) -> _Choice:
     if not issubclass(kind.Options, BaseModel):
-        raise BackendError(f"{offer}: its Options is no subclass of physic_core.interfaces.Options")
+        raise BackendError(f"{offer}: its Options is not a subclass of physic_core.interfaces.Options")
     try:
         return _Choice(offer, kind, kind.Options.model_validate(dict(options)))
     except ValidationError as error:

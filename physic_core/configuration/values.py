@@ -58,7 +58,7 @@ def check_values(table: Mapping[Any, Any]) -> list[Problem]:
             for key, item in list(value.items())[::-1]:
                 at = f"{path}.{key}" if path else str(key)
                 if not isinstance(key, str) or _text_problem(key):
-                    problems.append(Problem(shorten(ascii(key), 100), "is no valid name of a setting"))
+                    problems.append(Problem(shorten(ascii(key), 100), "is not a valid name of a setting"))
                 else:
                     rest.append((at, item, depth + 1))
         elif isinstance(value, list | tuple):

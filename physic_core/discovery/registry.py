@@ -165,7 +165,7 @@ class Registry:
         """Import the class of a backend.
 
         Raises:
-            BackendError: it cannot be imported, or is no subclass of its interface.
+            BackendError: it cannot be imported, or is not a subclass of its interface.
         """
         from physic_core.interfaces import INTERFACES
 
@@ -174,14 +174,16 @@ class Registry:
         if isinstance(record.target, str):
             found = _import_target(record.target, f"{offer} cannot be imported from {record.target}", offer.origin)
         if not (isinstance(found, type) and issubclass(found, wanted)):
-            raise BackendError(f"{offer}: {record.target} is no subclass of physic_core.interfaces.{wanted.__name__}")
+            raise BackendError(
+                f"{offer}: {record.target} is not a subclass of physic_core.interfaces.{wanted.__name__}"
+            )
         return found
 
     def load_concrete_class(self, offer: BackendOffer) -> type[Backend]:
         """Import the class of a backend, and check that it implements all methods of its interface.
 
         Raises:
-            BackendError: it cannot be imported, is no subclass of its interface, does not implement a method, or its
+            BackendError: it cannot be imported, is not a subclass of its interface, does not implement a method, or its
                 ``infer`` has other arguments.
         """
         kind = self.load_class(offer)

@@ -60,7 +60,7 @@ def intrinsics_from_exif(
         )
     share = max(fx, fy) / max(width, height)
     if not _FOCAL_RANGE[0] <= share <= _FOCAL_RANGE[1]:
-        return None, f"the focal length in the EXIF data was ignored: {share:.2g} times the long side is no camera's"
+        return None, f"the focal length in the EXIF data was ignored: {share:.2g} times the long side is not plausible"
     camera = Intrinsics(fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN)
     return camera, None
 

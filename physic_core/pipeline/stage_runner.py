@@ -95,7 +95,7 @@ class StageRunner:
             The checked result.
 
         Raises:
-            InputError: the image of ``request`` is no photo; the backend is not loaded.
+            InputError: the image of ``request`` is not a valid photo; the backend is not loaded.
             BackendError: the backend raised an error that is not a PhysicError of the core.
             PhysicError: the backend refused the request; the backend chooses the class, the message names the backend.
             BackendOutputError: the backend returned an invalid result.

@@ -108,7 +108,7 @@ def test_a_wrong_folder_is_said_before_anything_is_imported(tmp_path: Path) -> N
         "(git clone https://example.org/thing)",
     )
     assert other.missing() == (
-        f"{tmp_path} is no checkout of Thing, for it has no core/net.py: "
+        f"{tmp_path} is not a checkout of Thing, since it has no core/net.py: "
         "set checkout to the root of a checkout of https://example.org/thing",
     )
     assert none.missing() == (

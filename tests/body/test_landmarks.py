@@ -131,10 +131,10 @@ def test_points_of_ones_own_lie_by_their_shares_between_points_of_the_body(
 @pytest.mark.parametrize(
     ("names", "on_body", "fault"),
     [
-        (("left_kne",), {}, "the point 'left_kne' of the skeleton 'own' is no point of a body"),
+        (("left_kne",), {}, "the point 'left_kne' of the skeleton 'own' is not a point of a body"),
         (("chin",), {"chin": {"jaw": 0.5}}, "sum to 0.5, not 1"),
         (("chin",), {"chin": {"jow": 1.0}}, "the point 'chin' of the skeleton 'own' refers to jow, which no body has"),
-        (("face",), {"face": {}}, "the point 'face' of the skeleton 'own' is no point of a body"),
+        (("face",), {"face": {}}, "the point 'face' of the skeleton 'own' is not a point of a body"),
     ],
 )
 def test_refuses_points_without_a_place(

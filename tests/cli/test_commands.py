@@ -351,7 +351,7 @@ def test_details_show_what_a_backend_is():
 def test_details_of_a_class_that_is_broken_keep_the_rest():
     *rest, options = details(offers(), "physic-b:big").splitlines()
     assert "  needs     a checkpoint, no_package" in rest
-    assert options.startswith("  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is no subclass of ")
+    assert options.startswith("  options   unknown: segmenter 'big' (physic-b 2.0): json:dumps is not a subclass of ")
 
 
 def test_a_plugin_that_is_broken_never_breaks_a_command(site, monkeypatch):

@@ -364,7 +364,7 @@ def test_hostile_tables_of_python_are_one_short_error():
         ConfigError, match=r"\Aconfig: 1 error\n(photo\.)+ph \.\.\. oto(\.photo)+   is nested more than 16 deep\Z"
     ):
         as_config(table)
-    with pytest.raises(ConfigError, match=r"\Aconfig: 1 error\n3   is no valid name of a setting\Z"):
+    with pytest.raises(ConfigError, match=r"\Aconfig: 1 error\n3   is not a valid name of a setting\Z"):
         as_config({3: {}})
     with pytest.raises(ConfigError, match=r"\Aa config should be a preset, .* a mapping or a Config \(got 3\)\Z"):
         as_config(3)  # type: ignore[arg-type]

@@ -138,7 +138,7 @@ class OmniEraser(Inpainter):
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
-            InputError: the image is no photo.
+            InputError: the image is not a valid photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
         from physic_core.adapters.inpainting import inpaint_masked
@@ -176,7 +176,7 @@ class OmniEraser(Inpainter):
         """Describe a missing FLUX.1-dev."""
         base = Path(os.path.expanduser(self.options.base))
         if base.is_dir():
-            return () if (base / "model_index.json").is_file() else (f"{base} is no pipeline of diffusers",)
+            return () if (base / "model_index.json").is_file() else (f"{base} is not a diffusers pipeline",)
         try:
             from huggingface_hub import try_to_load_from_cache
 

@@ -186,5 +186,5 @@ def test_everything_that_is_missing_is_listed(monkeypatch, tmp_path):
 
 
 def test_another_checkout_is_refused(stand_in_files, tmp_path):
-    with pytest.raises(WeightsMissingError, match="is no checkout of OmniEraser"):
+    with pytest.raises(WeightsMissingError, match="is not a checkout of OmniEraser"):
         loaded(stand_in_files, checkout=str(tmp_path))

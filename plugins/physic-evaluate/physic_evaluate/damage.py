@@ -115,13 +115,13 @@ def require_rotation(matrix: Array, what: str) -> Array:
     """Return a matrix (3, 3).
 
     Raises:
-        DamagedFileError: it is no rotation: scaled, a mirror image, or not finite.
+        DamagedFileError: it is not a rotation: scaled, a mirror image, or not finite.
     """
     import numpy as np
 
     require_finite(matrix, what)
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-2 or np.linalg.det(matrix) < 0:
-        raise DamagedFileError(f"{what} is no rotation: it is scaled or a mirror image")
+        raise DamagedFileError(f"{what} is not a rotation: it is scaled or a mirror image")
     return matrix
 
 

@@ -68,7 +68,7 @@ def read_amass(path: str | os.PathLike[str]) -> BodyParameters:
         with Path(path).open("rb") as stream:
             arrays = read_arrays(stream)
     except Exception as error:  # zipfile, zlib and numpy raise a dozen classes for damaged files
-        raise InputError(f"cannot read {path}: it is no npz file of arrays ({error})") from error
+        raise InputError(f"cannot read {path}: it is not an npz file of arrays ({error})") from error
     missing = [name for name in ("poses", "betas", "trans") if name not in arrays]
     if missing or arrays["poses"].ndim != 2 or arrays["poses"].shape[1] != 165:
         raise InputError(f"cannot read {path}: an AMASS file of SMPL-X has poses (N, 165), betas and trans")

@@ -136,7 +136,7 @@ def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted: Reconstruction
 def test_a_file_that_is_not_amass_is_refused(tmp_path: Path):
     path = tmp_path / "a.npz"
     path.write_text("no")
-    with pytest.raises(InputError, match=r"^cannot read .*a\.npz: it is no npz file of arrays"):
+    with pytest.raises(InputError, match=r"^cannot read .*a\.npz: it is not an npz file of arrays"):
         read_amass(path)
     np.savez(path, poses=np.zeros((1, 156)), betas=np.zeros(10), trans=np.zeros((1, 3)))
     with pytest.raises(InputError) as refused:

@@ -197,7 +197,7 @@ def read_checkpoint(path: Path, *, trusted: bool) -> Any:
 def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendError:
     """Return the error for a file that torch could not unpickle."""
     if trusted:
-        return BackendError(f"{path} is no checkpoint of torch: {error}")
+        return BackendError(f"{path} is not a PyTorch checkpoint: {error}")
     return BackendError(
         f"{path} holds Python objects beside its tensors, and reading those can run code: if you trust its origin, "
         "set the option trust_checkpoint = true"

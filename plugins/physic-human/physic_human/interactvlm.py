@@ -246,7 +246,7 @@ def _read(path: Path, wanted: str) -> tuple[str, FloatArray]:
     name = wanted if wanted in known else next(iter(known))
     values = np.asarray(known[name], np.float32)
     if not np.isfinite(values).all():
-        raise BackendError(f"{path} holds values that are no numbers: run InteractVLM on its photo again")
+        raise BackendError(f"{path} holds values that are not finite: run InteractVLM on its photo again")
     return name, values.reshape(-1, values.shape[-1])
 
 

@@ -122,7 +122,7 @@ class Nlf(BodyEstimator):
             ) from error
         if not any(hasattr(network, name) for name in _METHODS):
             raise BackendError(
-                f"{path} is no multi-person NLF, for it has none of the methods {', '.join(_METHODS)}: "
+                f"{path} is not a multi-person NLF, since it has none of the methods {', '.join(_METHODS)}: "
                 "take nlf_l_multi or nlf_s_multi"
             )
         self._network, self._device, self._checked = network.eval(), device, False

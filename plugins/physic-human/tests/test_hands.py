@@ -215,7 +215,7 @@ def test_photos_are_not_wilors_to_change_and_hands_come_in_batches(wilor: Wilor)
 
 def test_a_backend_without_its_checkout_is_not_loaded(tmp_path: Path) -> None:
     backend = Wilor(WilorOptions(checkout=str(tmp_path), weights=str(tmp_path / "no")))
-    assert "is no checkout of WiLoR-mini, for it has no wilor_mini/models/wilor.py" in "\n".join(backend.missing())
+    assert "is not a checkout of WiLoR-mini, since it has no wilor_mini/models/wilor.py" in "\n".join(backend.missing())
     with pytest.raises(WeightsMissingError):
         backend.load()
     with pytest.raises(BackendError, match=r"WiLoR-mini is not loaded: call load\(\) before infer\(\)"):

@@ -213,7 +213,7 @@ def test_other_files_are_refused(tmp_path: Path, torchvision: ModuleType) -> Non
     with pytest.raises(BackendError, match="cannot be read as TorchScript"):
         Nlf(NlfOptions(weights=str(tmp_path / "junk.torchscript"))).load()
     save(torch.nn.Linear(1, 1), tmp_path / "other.torchscript")
-    with pytest.raises(BackendError, match="is no multi-person NLF"):
+    with pytest.raises(BackendError, match="is not a multi-person NLF"):
         Nlf(NlfOptions(weights=str(tmp_path / "other.torchscript"))).load()
     wrong = Nlf(NlfOptions(weights=script(tmp_path, joints=24), body="smplx"))
     wrong.load()

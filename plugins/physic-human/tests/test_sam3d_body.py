@@ -227,7 +227,7 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(
     assert str(caught.value) == words
     assert (torch.hub.load, torch.load) == before
     other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
-    assert any("is no checkout of DINOv3, for it has no dinov3/hub/backbones.py" in line for line in other.missing())
+    assert "is not a checkout of DINOv3, since it has no dinov3/hub/backbones.py" in "\n".join(other.missing())
 
 
 def test_missing_names_the_dinov3_checkout_for_the_weights_that_need_it(

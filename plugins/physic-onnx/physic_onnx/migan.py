@@ -59,7 +59,7 @@ class MiGan(OnnxBackend, Inpainter):
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay identical.
 
         Raises:
-            InputError: the image is no photo.
+            InputError: the image is not a valid photo.
             BackendError: the mask has another size or leaves nothing to go by, or load() was not called.
         """
         from physic_core.adapters.inpainting import inpaint_masked

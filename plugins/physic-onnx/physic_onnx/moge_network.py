@@ -179,7 +179,7 @@ def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> 
     if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
         raise BackendError(
             f"{network.name} returned points {points.shape} and a mask {confidence.shape} for {seen.shape[1]} x "
-            f"{seen.shape[0]} px: it was exported for other sizes, or is no MoGe-2"
+            f"{seen.shape[0]} px: it was exported for other sizes, or is not MoGe-2"
         )
     metres = float(np.reshape(scale, -1)[0])
     if not 0 < metres < np.inf:

@@ -119,7 +119,7 @@ class Sam2(Segmenter):
         """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: load() was not called, or a network fails.
         """
         from dataclasses import replace

@@ -41,7 +41,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
         kind = found[0].info["metadata"]
         if kind.get("representation_type") != _UNIFORM_DISPARITY or not {"d_min", "d_max"} <= kind.keys():
             raise InputError(
-                f"the depth map in {path} is no disparity with its range (it says {kind or 'nothing'}), so its metres "
+                f"the depth map in {path} is not disparity with its range (it says {kind or 'nothing'}), so its metres "
                 "are not known; convert it to .npy"
             )
         with wrap_decoding_errors(source):

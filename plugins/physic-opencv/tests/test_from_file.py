@@ -170,7 +170,7 @@ def test_a_photo_without_depth_is_refused(tmp_path: Path) -> None:
 def test_depth_without_its_range_is_refused(tmp_path: Path) -> None:
     path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")  # another kind of message than depth representation
     with pytest.raises(
-        InputError, match=r"is no disparity with its range \(it says nothing\), so its metres are not known"
+        InputError, match=r"is not disparity with its range \(it says nothing\), so its metres are not known"
     ):
         depth(path)
 

@@ -80,7 +80,7 @@ class DepthPro(PretrainedBackend, MetricDepth):
         """Return z-depth in metres of an image (H, W, 3), and its camera.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: ``load`` was not called, or no focal length is known.
         """
 

@@ -52,7 +52,7 @@ class Eomt(PretrainedBackend, Segmenter):
         """Segment the people of an image (H, W, 3), best score first, the floor, and portable objects.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: ``load`` was not called.
         """
         network, size = self.network(), (image.shape[0], image.shape[1])

@@ -57,8 +57,8 @@ def find_folder(value: str) -> Path:
         same = [name for name, group in known.items() if any(f"://{value}/" in file.source for file in group.files)]
         advice = f"physic weights fetch {same[0]}" if same else f"hf download {value}"
         raise WeightsMissingError(
-            f"'{value}' is no folder here, and Hugging Face's cache does not hold it; nothing is fetched while a photo "
-            f"is reconstructed: run `{advice}` first, or give a folder"
+            f"'{value}' is not a folder here, and Hugging Face's cache does not hold it; nothing is fetched while a "
+            f"photo is reconstructed: run `{advice}` first, or give a folder"
         )
     folder = weights.locate(MANIFEST, value)
     return folder if folder.is_dir() else folder.parent

@@ -87,7 +87,7 @@ class GroundedSam2(PretrainedBackend, Segmenter):
         With a prompt, exactly the chosen people are segmented, in the order of the prompts.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             NoPersonError: no pixel of a person is found for a prompt.
             BackendError: ``load`` was not called.
         """

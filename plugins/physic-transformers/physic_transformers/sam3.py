@@ -59,7 +59,7 @@ class Sam3(PretrainedBackend, Segmenter):
         """Segment the people of an image (H, W, 3), best score first, and the floor.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: ``load`` was not called.
         """
 

@@ -70,7 +70,7 @@ class Sapiens2(PretrainedBackend, KeypointDetector):
         """Return (N, 133) keypoints of N people, px.
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: ``load`` was not called, or the network has other keypoints.
         """
         config = self.network().config

@@ -41,7 +41,7 @@ class ZoeDepth(PretrainedBackend, MetricDepth):
         """Return z-depth in metres of an image (H, W, 3).
 
         Raises:
-            InputError: it is no photo.
+            InputError: it is not a valid photo.
             BackendError: ``load`` was not called.
         """
 

@@ -82,8 +82,8 @@ def test_a_model_is_found_by_its_repository_in_the_cache_of_the_hub(saved: Calla
 def test_a_repository_that_is_not_cached_is_not_fetched() -> None:
     backend = ZoeDepth(ZoeDepthOptions(weights="somebody/finetuned"))
     problem = (
-        "'somebody/finetuned' is no folder here, and Hugging Face's cache does not hold it; nothing is fetched while a "
-        "photo is reconstructed: run `hf download somebody/finetuned` first, or give a folder"
+        "'somebody/finetuned' is not a folder here, and Hugging Face's cache does not hold it; nothing is fetched "
+        "while a photo is reconstructed: run `hf download somebody/finetuned` first, or give a folder"
     )
     assert backend.missing() == (problem,)
     assert backend.fingerprint() == ""

@@ -28,7 +28,7 @@ class _Size(click.ParamType[Any]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
         width, _, height = str(value).lower().partition("x")
         if not (width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64):
-            self.fail(f"'{value}' is no size in px of at least 64x64, such as 320x240", param, ctx)
+            self.fail(f"'{value}' is not a size in px of at least 64x64, such as 320x240", param, ctx)
         return int(width), int(height)
 
 

@@ -215,7 +215,7 @@ def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
         (["--set", "engine.preset=paper"], "say it with --preset NAME"),
         (["--preset", "best"], "no engine preset named 'best'"),
         (["--rows", "fll"], "no row named 'fll'"),
-        (["--size", "big"], "'big' is no size in px"),
+        (["--size", "big"], "'big' is not a size in px"),
         (["--cache", "x", "--no-cache"], "exclude each other"),
         (["--set", "metric_depth.options.fog=1"], "fog"),
     ],
