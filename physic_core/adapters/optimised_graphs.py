@@ -1,7 +1,7 @@
 """Graphs that onnxruntime has optimised for this machine, kept in the cache: opening them takes a third of the time.
 
 A file has the weights, which onnxruntime maps into memory, then the graph, its size and a checksum of both. The
-checksum finds damage, not forgery: files are kept only in a folder that nobody else can write.
+checksum finds damage, not forgery: files are kept only in a folder that no one else can write to.
 """
 
 from __future__ import annotations

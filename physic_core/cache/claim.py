@@ -1,4 +1,4 @@
-"""Claim a cache folder for its user, so that what is read from it was written by nobody else."""
+"""Claim a cache folder for its user, so that no one else can have written what is read from it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ADVICE = f"name a folder of your own in {CACHE_VARIABLE}"
 
 
 def claim_folder(folder: Path | None) -> Path | None:
-    """Create a cache folder that only its user can open, or check that nobody else can write to an existing one.
+    """Create a cache folder that only its user can open, or check that no one else can write to an existing one.
 
     A folder of the user that others can write is closed to them, and its cache files are deleted, since they can be
     theirs. A folder of another user is not used. One warning in a process says so. On Windows nothing is checked.

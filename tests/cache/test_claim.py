@@ -1,4 +1,4 @@
-"""The cache is its user's own: nobody else writes there, and what others could have written is not read."""
+"""Only its user can write to the cache, and what others could have written is not read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Kept answers: found again to the last bit, by whoever asks the same of the same backend, and by nobody else."""
+"""Cached results: the same request to the same backend finds them again to the last bit, and no other request does."""
 
 from __future__ import annotations
 

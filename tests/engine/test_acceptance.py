@@ -1,4 +1,4 @@
-"""Whoever ends worse than they began goes back to their own start, and nobody else goes with them."""
+"""A person who ends worse than they began goes back to their own start; no one else does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run that swaps one backend asks that one and those that depend on it, and nobody else is even loaded.
+"""A run that swaps one backend asks that one and those that depend on it, and loads no others.
 
 The backends are those of the installed plugins; what happens to them is counted.
 """

@@ -37,7 +37,7 @@ def sound(world: World) -> Reconstruction:
 
 @pytest.fixture(scope="module")
 def alone(world: World) -> Person:
-    """The one who is kept, as they come out where nobody else was found."""
+    """The person who is kept, in a run that finds no one else."""
     result = run(world, SeeOne, "segmenter")
     assert len(result.people) == 1
     return result.people[0]

@@ -106,7 +106,7 @@ def read_until(client: socket.socket, words: bytes) -> bytes:
     return found
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere 127.0.0.2 is no address of the machine")
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere 127.0.0.2 is not an address of this machine")
 def test_readers_of_events_do_not_stop_another_user(listen: Listen):
     found = listen(connections=4)
     events = request(f"/reconstructions/{found.served.post().json()['id']}/events")

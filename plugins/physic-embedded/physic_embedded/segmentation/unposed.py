@@ -43,7 +43,7 @@ def segment_unposed(
         surfaces: semantic labels, or None to trust the scores of the boxes alone.
 
     Returns:
-        The people of boxes whose mask is mostly on nobody else, each with the box of these pixels, and all these pixels
+        The people of boxes whose mask is mostly on no one else, each with the box of these pixels, and all these pixels
         (H, W).
     """
     found, taken = [], np.zeros_like(people)
