@@ -86,7 +86,6 @@ def save_photo(
         OutputError: the disk is full, the folder cannot be written, or data of the user would be lost.
     """
     from physic_core.io.results import save_people, save_reconstruction
-    from physic_core.visual.preview import preview_png
 
     if saving.can_be_loaded:
         pictures = saving.level != "numbers"
@@ -102,6 +101,8 @@ def save_photo(
     elif saving.level == "people":
         save_people(result, folder, preview=saving.preview, overwrite=overwrite, beside=beside)
     elif saving.preview:
+        from physic_core.visual.preview import preview_png
+
         _write_file(folder / "preview.png", preview_png(result))
     if saving.report:
         from physic_core.io.report_file import add_report, save_report

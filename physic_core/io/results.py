@@ -152,9 +152,11 @@ def save_people(
 
     Arguments, return value and errors are those of :func:`save_reconstruction`.
     """
-    from physic_core.visual.preview import preview_png
+    pictures = dict[str, bytes]()
+    if preview:
+        from physic_core.visual.preview import preview_png
 
-    pictures = {PREVIEW_FILE: preview_png(reconstruction)} if preview else {}
+        pictures[PREVIEW_FILE] = preview_png(reconstruction)
     arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_kept_without_scene(n)}
     views = [camera.people for camera in reconstruction.cameras]
     shared, of_person = array_specs(arrays, compact=True, views=views)
@@ -274,14 +276,18 @@ def _pictures(
     reconstruction: Reconstruction, *, preview: bool, glb: bool | str
 ) -> tuple[dict[str, bytes], Exception | None]:
     """Return GLB files and preview by name, and the error if they cannot be made."""
+    if not (glb or preview):
+        return {}, None
     from threadpoolctl import threadpool_limits
-
-    from physic_core.visual.glb import glb_files
 
     try:
         # Matrices of three columns: other threads of BLAS would take as much processor time again, waiting.
         with threadpool_limits(limits=1, user_api="blas"):
-            made = dict(glb_files(reconstruction, parts=glb is True)) if glb else {}
+            made = dict[str, bytes]()
+            if glb:
+                from physic_core.visual.glb import glb_files
+
+                made |= glb_files(reconstruction, parts=glb is True)
             if preview:
                 from physic_core.visual.preview import preview_png
 

@@ -14,10 +14,10 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
+from physic_core.visual.textures.bodies import encode_jpeg, encode_png
 from physic_export.bone_names import bone_names
 from physic_export.skins import Skins, skins_of
 from physic_export.t_pose import t_pose
-from physic_export.textures import encode_jpeg, encode_png
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.errors import PhysicError
 from physic_core.visual.palette import BODY_RGB, contact_colors
-from physic_export.textures import TexturedBodies, encode_jpeg, encode_png, textured_bodies
+from physic_core.visual.textures.bodies import TexturedBodies, encode_jpeg, encode_png, textured_bodies
 
 if TYPE_CHECKING:
     from physic_core import ExportRequest

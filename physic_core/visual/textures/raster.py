@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_export.texture_coordinates import TextureCoordinates
+    from physic_core.visual.textures.coordinates import TextureCoordinates
 
 
 @dataclass(frozen=True)

@@ -18,37 +18,24 @@ import numpy as np
 from physic_core.body import load_body
 from physic_core.errors import InputError
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.rays import RayCaster
-from physic_core.types import CameraView
 from physic_core.visual.palette import BODY_RGB, contact_colors
 from physic_core.visual.rig import body_of_result
-from physic_export.texture_coordinates import TextureCoordinates, load_texture_coordinates
-from physic_export.texture_raster import TextureRaster, pad_texture, rasterize
+from physic_core.visual.textures.coordinates import TextureCoordinates, load_texture_coordinates
+from physic_core.visual.textures.photo import NEAREST_WEIGHT, caster_of_bodies, photo_colors
+from physic_core.visual.textures.raster import TextureRaster, rasterize
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core import ExportRequest
     from physic_core.body.model import BodyModel
+    from physic_core.geometry.rays import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.visual.export.request import ExportRequest
 
     Array = NDArray[np.float64]
 
-FULL_FACING, NO_FACING = 0.45, 0.15
-"""Cosines between surface normal and the ray to the camera, from which the photo counts fully, and below which not."""
-
-RIM_SHARE = 0.006
-"""Width of a mask's rim, whose colours mix with the background, as a share of the person's height in px."""
-
-REACH_SHARE = 0.04
-"""Distance to the mask, as a share of the person's height, up to which a body that is not quite under it is filled with
-the nearest colour of the mask."""
-
-HIDDEN_M = 0.015
-"""A texel is hidden by a body that is nearer than it by more than this, metres."""
-
-MIRROR_WEIGHT, NEAREST_WEIGHT, PART_WEIGHT = 0.3, 0.3, 0.002
-"""Weights of the other side, of the nearest colour of the mask and of the part's mean against what the photo shows."""
+MIRROR_WEIGHT, PART_WEIGHT = 0.3, 0.002
+"""Weights of the other side and of the part's mean against what the photo shows."""
 
 
 @dataclass(frozen=True)
@@ -107,10 +94,7 @@ def textured_bodies(request: ExportRequest, size: int) -> TexturedBodies:
         raise InputError(f"the bodies of the result do not have the {model.num_vertices} vertices of its body model")
     source = "embedded" if model.name == "embedded" else str(request.body_file or result.config["body_model"]["path"])
     mesh, raster = _mesh(source, size)
-    bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
-    faces = np.asarray(result.faces, np.int64)
-    every = np.concatenate([faces + number * len(bodies[0]) for number in range(len(bodies))]) if bodies else faces
-    caster = RayCaster(np.concatenate(bodies), every) if bodies else None
+    caster = caster_of_bodies(result)
     textures = {index: _texture(result, index, model, raster, caster) for index, _ in request.chosen() if caster}
     return TexturedBodies(mesh, raster, textures)
 
@@ -129,13 +113,8 @@ def _texture(
     faces, vertices = np.asarray(result.faces, np.int64), person.vertices.astype(np.float64)
     points = raster.interpolate(faces, vertices)
     normals = raster.interpolate(faces, vertex_normals(vertices, faces))
-    photo = np.zeros((len(points), 3))
-    seen, weight = np.zeros((2, len(points)))
-    for view in result.cameras or (CameraView.of_reference(result, ""),):
-        if index in view.people:
-            colors, own, near = _seen_colors(view, view.people[index].mask, points, normals, caster)
-            better = near > weight
-            photo[better], seen[better], weight[better] = colors[better], own[better], near[better]
+    photo, seen, near = photo_colors(result, index, points, normals, caster)
+    weight = np.maximum(seen, NEAREST_WEIGHT * near)
     colors = _fill(photo, weight, raster, faces, model)
     share = raster.interpolate(faces, colors)
     blend = np.minimum(weight, 1)[:, None]
@@ -149,71 +128,6 @@ def _texture(
         (1 - vertex_seen).astype(np.float32),
         float((area * (seen > 0.5)).sum() / max(area.sum(), 1e-12)),
     )
-
-
-def _smooth(share: Array) -> Array:
-    t = np.clip(share, 0.0, 1.0)
-    return t * t * (3 - 2 * t)
-
-
-def _seen_colors(
-    camera: CameraView, mask: NDArray[np.bool_], points: Array, normals: Array, caster: RayCaster
-) -> tuple[Array, Array, Array]:
-    """Return the colours (n, 3) of a photo at points of a body, and their weights (n,) in the mask and near it."""
-    rays, local = points - camera.centre, np.asarray(camera.to_camera(points), np.float64)
-    reach = np.linalg.norm(rays, axis=1)
-    facing = -(normals * rays).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
-    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
-    candidate = np.flatnonzero((weight > 0) & (local[:, 2] > 0))
-    distance = caster.first(camera.centre, rays[candidate]).distance
-    visible = np.zeros(len(points), bool)
-    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
-    photo, shown, near = _sample(camera, np.asarray(mask, bool), local)
-    seen = weight * (visible & shown)
-    return photo, seen, np.maximum(seen, NEAREST_WEIGHT * weight * (visible & near))
-
-
-def _sample(
-    camera: CameraView, mask: NDArray[np.bool_], points: Array
-) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask, and near to it.
-
-    Outside the mask (H, W) the colour is that of the nearest pixel in it.
-    """
-    import cv2
-
-    if not mask.any():
-        none = np.zeros(len(points), bool)
-        return np.zeros((len(points), 3)), none, none
-    height = float(np.ptp(np.flatnonzero(mask.any(1)))) + 1
-    inner = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
-    outer = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
-    image = pad_texture(camera.image, core)
-    pixels = points @ camera.intrinsics.matrix.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
-    place = (np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9), np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9))
-    limit = 32_000  # cv2.remap takes no more rows than this
-    parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
-
-    def at(picture: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
-        rows = [
-            cv2.remap(
-                picture,
-                place[0][part][:, None],
-                place[1][part][:, None],
-                cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(outside,) * 3,
-            ).reshape(len(place[0][part]), -1)
-            for part in parts
-        ]
-        return np.concatenate(rows)
-
-    far = at(outer.astype(np.float32), 1e6)[:, 0]
-    colors = at(image.astype(np.float32), 0.0)
-    return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * height
 
 
 def _vertex_means(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +15,9 @@ from physic_core.body import load_body
 from physic_core.errors import BodyModelError, InputError
 from physic_core.types import CameraView, Detection
 from physic_core.visual.export.request import export_frame
-from physic_export.texture_coordinates import load_texture_coordinates, split_at_seams
-from physic_export.texture_raster import rasterize
-from physic_export.textures import textured_bodies
+from physic_core.visual.textures.bodies import textured_bodies
+from physic_core.visual.textures.coordinates import load_texture_coordinates, split_at_seams
+from physic_core.visual.textures.raster import rasterize
 
 
 def request_of(result: Reconstruction) -> ExportRequest:
@@ -129,3 +132,15 @@ def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="do not have the 13348 vertices of its body model"):
         textured_bodies(request_of(replace(result, people=(person,))), 128)
+
+
+def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair: Path, tmp_path: Path):
+    code = (
+        "import sys\n"
+        "from physic_core import Reconstruction, save_reconstruction\n"
+        f"result = Reconstruction.load({str(saved_pair)!r})\n"
+        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, preview=False, glb=False)\n"
+        "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,136 @@
+"""The colours that photos show at points of a body."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.geometry.rays import RayCaster
+from physic_core.types import CameraView
+from physic_core.visual.textures.raster import pad_texture
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Reconstruction
+
+    Array = NDArray[np.float64]
+
+FULL_FACING, NO_FACING = 0.45, 0.15
+"""Cosines between surface normal and the ray to the camera, from which the photo counts fully, and below which not."""
+
+RIM_SHARE = 0.006
+"""Width of a mask's rim, whose colours mix with the background, as a share of the person's height in px."""
+
+REACH_SHARE = 0.04
+"""Distance to the mask, as a share of the person's height, up to which a body that is not quite under it is filled with
+the nearest colour of the mask."""
+
+HIDDEN_M = 0.015
+"""A point is hidden by a body that is nearer than it by more than this, metres."""
+
+NEAREST_WEIGHT = 0.3
+"""Weight of the nearest colour of the mask against what the photo shows."""
+
+
+def caster_of_bodies(result: Reconstruction) -> RayCaster | None:
+    """Return the ray caster of all bodies of a result, whose mesh they share; None if nobody has a body."""
+    bodies = [person.vertices for person in result.people if np.isfinite(person.vertices).all()]
+    if not bodies:
+        return None
+    faces = np.asarray(result.faces, np.int64)
+    every = np.concatenate([faces + number * len(bodies[0]) for number in range(len(bodies))])
+    return RayCaster(np.concatenate(bodies), every)
+
+
+def photo_colors(
+    result: Reconstruction, index: int, points: Array, normals: Array, caster: RayCaster
+) -> tuple[Array, Array, Array]:
+    """Return the colours of the photos at points of a person, each from the photo with the largest weight there.
+
+    Args:
+        result: of one photo or several.
+        index: of the person.
+        points: (n, 3) metres, on the body.
+        normals: (n, 3) of any length.
+        caster: of all bodies.
+
+    Returns:
+        Colours (n, 3) sRGB 0-255, and their weights (n,) in 0-1: in the person's mask, and in the mask or near it.
+    """
+    photo = np.zeros((len(points), 3))
+    seen, beside, weight = np.zeros((3, len(points)))
+    for view in result.cameras or (CameraView.of_reference(result, ""),):
+        if index in view.people:
+            colors, own, near = _of_view(view, view.people[index].mask, points, normals, caster)
+            total = np.maximum(own, NEAREST_WEIGHT * near)
+            better = total > weight
+            photo[better], seen[better], beside[better] = colors[better], own[better], near[better]
+            weight[better] = total[better]
+    return photo, seen, beside
+
+
+def _smooth(share: Array) -> Array:
+    t = np.clip(share, 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _of_view(
+    camera: CameraView, mask: NDArray[np.bool_], points: Array, normals: Array, caster: RayCaster
+) -> tuple[Array, Array, Array]:
+    """Return what :func:`photo_colors` does of one photo."""
+    rays, local = points - camera.centre, np.asarray(camera.to_camera(points), np.float64)
+    reach = np.linalg.norm(rays, axis=1)
+    facing = -(normals * rays).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
+    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
+    candidate = np.flatnonzero((weight > 0) & (local[:, 2] > 0))
+    distance = caster.first(camera.centre, rays[candidate]).distance
+    visible = np.zeros(len(points), bool)
+    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
+    photo, shown, near = _sample(camera, np.asarray(mask, bool), local)
+    seen = weight * (visible & shown)
+    return photo, seen, weight * (visible & near)
+
+
+def _sample(
+    camera: CameraView, mask: NDArray[np.bool_], points: Array
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the photo's colours (n, 3) at points of its frame, and whether each is in the mask, and near to it.
+
+    Outside the mask (H, W) the colour is that of the nearest pixel in it.
+    """
+    import cv2
+
+    if not mask.any():
+        none = np.zeros(len(points), bool)
+        return np.zeros((len(points), 3)), none, none
+    height = float(np.ptp(np.flatnonzero(mask.any(1)))) + 1
+    inner = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
+    outer = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
+    image = pad_texture(camera.image, core)
+    pixels = points @ camera.intrinsics.matrix.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
+    place = (np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9), np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9))
+    limit = 32_000  # cv2.remap takes no more rows than this
+    parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
+
+    def at(picture: NDArray[np.float32], outside: float) -> NDArray[np.float32]:
+        rows = [
+            cv2.remap(
+                picture,
+                place[0][part][:, None],
+                place[1][part][:, None],
+                cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(outside,) * 3,
+            ).reshape(len(place[0][part]), -1)
+            for part in parts
+        ]
+        return np.concatenate(rows)
+
+    far = at(outer.astype(np.float32), 1e6)[:, 0]
+    colors = at(image.astype(np.float32), 0.0)
+    return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * height
