@@ -19,7 +19,7 @@ from physic_embedded.networks.sessions import Products, graph_name, open_package
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.focal import stable_manhattan_frame
+from physic_embedded.single_view.focal import manhattan_frame
 from physic_embedded.single_view.gravity import gravity_from_manhattan_frame, gravity_from_segments
 from physic_embedded.single_view.upright import body_planes, wall_planes
 from physic_embedded.standing import StandingPerson, standing_people
@@ -38,8 +38,7 @@ _MIN_GAP = 0.002  # ranges of the disparity between infinity and the farthest po
 _SKY_DISPARITY = 0.004  # ranges: the network answers 0 for the sky
 _MIN_RELIABLE_GAP = 0.01  # ranges: farther than this the network's own noise is larger than what it says
 
-
-_EDGE_FOCAL_SIGMA = 0.08  # of log focal length from vanishing points: searches that differ by more are refused
+_SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points give a camera and a Manhattan frame
 _DEFAULT_FOCAL_SIGMA = 0.25  # of log focal length of cameras: a phone's wide lens .7, a portrait lens 1.4 long sides
 
 
@@ -158,23 +157,38 @@ class EmbeddedPointmap(RelativePointmap):
             if hints.hole is not None:
                 segments = segments_outside_mask(segments, hints.hole)
         if given is None:
-            frame = None if segments is None else stable_manhattan_frame(segments, width, height)
+            camera, frame, note = self._estimated_camera(segments, width, height)
+            notes = [note]
             if frame is not None:
-                camera = Intrinsics.from_focal(frame.focal_px, width, height, "vanishing points")
-                camera = replace(camera, focal_sigma=_EDGE_FOCAL_SIGMA)
-                note = f"focal length {frame.focal_px:.0f} px from the vanishing points of straight edges"
-                return camera, _EdgeCues(frame, gravity_from_manhattan_frame(frame)), [note]
-            focal = self.options.default_focal * max(width, height)
-            source = f"default ({self.options.default_focal:g} x the long side)"
-            camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
-            camera = replace(camera, focal_sigma=_DEFAULT_FOCAL_SIGMA)
-            notes = [f"the focal length is a {source}: it may be off by {_DEFAULT_FOCAL_SIGMA:.0%}"]
+                return camera, _EdgeCues(frame, gravity_from_manhattan_frame(frame)), notes
         else:
             camera, notes = given, []
         if segments is None:
             return camera, _EdgeCues(None, None), notes
-        gravity = gravity_from_segments(segments, width, height, camera.fx, focal_known=given is not None)
+        gravity = gravity_from_segments(segments, width, height, camera.fx, focal_sigma=camera.focal_sigma or 0.0)
         return camera, _EdgeCues(None, gravity), notes
+
+    def _estimated_camera(
+        self, segments: NDArray[np.float64] | None, width: int, height: int
+    ) -> tuple[Intrinsics, ManhattanFrame | None, str]:
+        """Return the camera by the default and the segments, the Manhattan frame if it is sure, and a note."""
+        default = self.options.default_focal
+        focal, sigma, frame = default * max(width, height), _DEFAULT_FOCAL_SIGMA, None
+        source = f"default ({default:g} x the long side)"
+        if segments is not None:
+            frame = manhattan_frame(segments, width, height, focal, sigma)
+        if frame is not None:
+            focal, sigma = frame.focal_px, frame.focal_sigma
+            if sigma <= _SURE_FOCAL_SIGMA:
+                camera = replace(Intrinsics.from_focal(focal, width, height, "vanishing points"), focal_sigma=sigma)
+                return (
+                    camera,
+                    frame,
+                    f"focal length {focal:.0f} px ± {sigma:.0%} from the vanishing points of straight edges",
+                )
+            source += " and vanishing points"
+        camera = Intrinsics.from_focal(focal, width, height, source, CameraTrust.GUESSED)
+        return replace(camera, focal_sigma=sigma), None, f"the focal length is a {source}: it may be off by {sigma:.0%}"
 
     def _disparity_at_infinity(
         self, raw: FloatArray, camera: Intrinsics, edges: _EdgeCues, hints: Hints

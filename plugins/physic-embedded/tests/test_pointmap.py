@@ -53,7 +53,7 @@ def inverse_depth_of_a_room(turn: NDArray[np.float64], ahead: float = 5.0) -> ND
 
 
 def frame_of(turn: NDArray[np.float64]) -> ManhattanFrame:
-    return ManhattanFrame(FOCAL, turn.T, np.full(3, 1 / 3), 0.8)
+    return ManhattanFrame(FOCAL, 0.05, turn.T)
 
 
 def test_the_floor_comes_back_under_furniture_noise_and_a_hole() -> None:
@@ -204,9 +204,10 @@ def scene(backend: EmbeddedPointmap, image: NDArray[np.uint8]) -> Pointmap:
 
 def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointmap) -> None:
     camera = scene.intrinsics
-    assert (camera.fx, camera.source) == (pytest.approx(0.85 * 320), "default (0.85 x the long side)")
+    assert camera.source == "default (0.85 x the long side) and vanishing points"
     assert camera.guessed
-    assert camera.focal_sigma == 0.25
+    assert 0.1 < camera.focal_sigma < 0.26
+    assert abs(np.log(camera.fx / (0.85 * 320))) < camera.focal_sigma
     assert scene.unknown == "inverse_scale_shift"
     assert scene.valid.mean() > 0.8
     points = scene.points[scene.valid]
@@ -216,7 +217,7 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene: Pointma
     rows, columns = np.nonzero(scene.valid)
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
-    assert scene.notes[0] == "the focal length is a default (0.85 x the long side): it may be off by 25%"
+    assert scene.notes[0] == f"the focal length is a {camera.source}: it may be off by {camera.focal_sigma:.0%}"
     factor, rule = re.fullmatch(r"(.*?): (.*)", scene.notes[1]).groups()  # type: ignore[union-attr]
     assert re.fullmatch(r"the depth of the background may be off by a factor of [1-9][.\d]*", factor)
     assert rule.startswith("the farthest pixels are taken as a wall")

@@ -19,7 +19,6 @@ _MAX_PITCH_DEG = 35.0
 _MAX_ROLL_DEG = 15.0
 _TOLERANCE_DEG = 1.5
 _MIN_SEGMENTS = 20  # fewer agree by chance
-_FOCAL_LOG_SIGMA = 0.3  # of a default focal length
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def gravity_from_segments(
     height: int,
     focal_px: float,
     *,
-    focal_known: bool = False,
+    focal_sigma: float = 0.0,
     searches: int = 5,
     draws: int = 600,
     kept: float = 0.6,
@@ -76,7 +75,7 @@ def gravity_from_segments(
         width: of the picture, px.
         height: of the picture, px.
         focal_px: focal length, px.
-        focal_known: False where it is only a default.
+        focal_sigma: standard deviation of the logarithm of the focal length.
         searches: random parts.
         draws: pairs of segments a search.
         kept: share of the segments in a part.
@@ -107,8 +106,7 @@ def gravity_from_segments(
     pitch = float(np.median(pitches))
     if spread > 6.0:
         return None
-    from_focal = 0.0 if focal_known else _FOCAL_LOG_SIGMA * pitch
-    return Gravity(down, pitch, float(np.hypot(np.hypot(1.5, spread), from_focal)), "upright edges")
+    return Gravity(down, pitch, float(np.hypot(np.hypot(1.5, spread), focal_sigma * pitch)), "upright edges")
 
 
 def _vertical_direction(rays: FloatArray, size: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray | None:
