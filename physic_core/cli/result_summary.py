@@ -18,6 +18,7 @@ from physic_core.files.strict_json import from_json
 from physic_core.io.records import from_record_or_none, from_records
 from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
+from physic_core.types.result_summary import metres_text
 
 _HEAD = ("person", "grade", "distance", "contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
@@ -71,6 +72,7 @@ def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
                 "person": person["index"],
                 "grade": person.get("grade"),
                 "distance_m": _distance(person),
+                "distance_sigma_m": _distance_sigma(person, document),
                 "contact_vertices": person["contact_vertices"],
                 "vertices": person["vertices"],
                 "contacts": person.get("contacts") or [],
@@ -118,7 +120,7 @@ def summary_text(
         count = f"{cached} of {len(backends)}"
         lines.append(f"{count} outputs of backends come from the cache; --set run.cache=false runs them all")
     if people:
-        lines.append(_table([_row(person, checks) for person in people], width))
+        lines.append(_table([_row(person, checks, document) for person in people], width))
     lines += [_no_body(one) for one in document.get("unposed", ())]
     lines += [f"note: {text}" for text in document["notes"]]
     lines += [f"warning: {text}" for text in document["warnings"]]
@@ -132,9 +134,9 @@ def summary_text(
     return "\n".join(lines)
 
 
-def _row(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> tuple[str, ...]:
+def _row(person: Mapping[str, Any], checks: Sequence[CheckResult], document: Mapping[str, Any]) -> tuple[str, ...]:
     distance = _distance(person)
-    place = "-" if distance is None else f"{distance:.1f} m"
+    place = "-" if distance is None else metres_text(distance, _log_sigma(document), 1)
     return str(person["index"]), person.get("grade") or "-", place, _contact(person), _reason(person, checks)
 
 
@@ -164,6 +166,17 @@ def _distance(person: Mapping[str, Any]) -> float | None:
     """Return the distance of a person's pelvis from the camera, metres; None without a body."""
     pelvis = from_json(person["pelvis"])
     return math.hypot(*pelvis) if pelvis is not None and all(map(math.isfinite, pelvis)) else None
+
+
+def _log_sigma(document: Mapping[str, Any]) -> float | None:
+    sigma: float | None = from_json(document["scene"].get("distance_sigma"))
+    return sigma
+
+
+def _distance_sigma(person: Mapping[str, Any], document: Mapping[str, Any]) -> float | None:
+    """Return the standard deviation of the distance of a person, metres; None if it or the distance is not known."""
+    distance, sigma = _distance(person), _log_sigma(document)
+    return None if distance is None or sigma is None else distance * sigma
 
 
 def _no_body(one: Mapping[str, Any]) -> str:

@@ -172,8 +172,19 @@ def run(
         print_messages(messages, verbose)
     if as_json or not quiet:
         print_summary(folder, verbose=verbose, as_json=as_json)
+    if not quiet and not result.intrinsics.known:
+        echo(_focal_advice(result.intrinsics.focal_sigma), err=True)
     if open_page:
         _open(folder / "report.html")
+
+
+def _focal_advice(log_sigma: float | None) -> str:
+    """Return how to give a focal length that neither the user nor the photo file knows, with its error."""
+    spread = "" if log_sigma is None else f" (± {log_sigma:.0%})"
+    return (
+        f"the focal length is an estimate{spread}, and so are all distances: if you know it, give --focal-px PX, in "
+        "px of the photo file, or --intrinsics fx,fy,cx,cy"
+    )
 
 
 def _writes_report(wanted: bool | None, *, required: bool, quiet: bool) -> bool:

@@ -71,6 +71,7 @@ def to_document(
             "floor": None if floor is None else {"normal": np.asarray(floor.normal), "offset": floor.offset},
             "scale": scene.scale,
             "scale_sigma": scene.scale_sigma,
+            "distance_sigma": reconstruction.distance_sigma,
             "valid_share": float(np.mean(scene.valid)),
         },
         "stages": to_record(reconstruction.stages),

@@ -41,6 +41,7 @@ _NUMBERS: dict[str, Callable[[Reconstruction], _Number]] = {
     "scene_valid_share": lambda result: float(result.scene.valid.mean()),
     "scene_scale": lambda result: result.scene.scale,
     "scale_sigma": lambda result: result.scene.scale_sigma,
+    "distance_sigma": lambda result: result.distance_sigma,
     "nearest_person_m": lambda result: min(_depths_m(result), default=None),
     "farthest_person_m": lambda result: max(_depths_m(result), default=None),
     "contact_vertices": lambda result: sum(int(person.contact.sum()) for person in result.people),
@@ -64,6 +65,18 @@ def summarize(result: Reconstruction) -> dict[str, _Number]:
     for check in result.checks:
         by_name[check.name].append(check)
     return numbers | {f"check_{name}": _worst(group) for name, group in by_name.items()}
+
+
+def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
+    """Return a length with its standard deviation: "4.20 ± 0.71 m"; without one: "4.20 m".
+
+    Args:
+        metres: the length.
+        log_sigma: standard deviation of its logarithm, or None.
+        digits: after the point.
+    """
+    spread = "" if log_sigma is None else f" ± {log_sigma * abs(metres):.{digits}f}"
+    return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"
 
 
 def _worst(checks: list[CheckResult]) -> float | None:

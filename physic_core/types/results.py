@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -179,6 +180,13 @@ class Reconstruction(ShortRepr):
         people = tuple(replace(p, faces=self.faces) if p.faces is None else p for p in self.people)
         object.__setattr__(self, "people", people)
 
+    @property
+    def distance_sigma(self) -> float | None:
+        """Standard deviation of the logarithm of all distances from the camera, by the stated errors of scale and focal
+        length; None if the scale has none."""
+        sigma, camera = self.scene.scale_sigma, self.intrinsics
+        return None if sigma is None else math.hypot(sigma, 0.0 if camera.known else camera.focal_sigma or 0.0)
+
     def __repr__(self) -> str:
         people, warnings, sigma = len(self.people), len(self.warnings), self.scene.scale_sigma
         rejected = any(check.name == "floor" and check.failed for check in self.checks)
@@ -211,9 +219,9 @@ class Reconstruction(ShortRepr):
         """Return a flat dictionary of numbers, as one row of a table; a number that was not measured is None.
 
         Keys: people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
-        scene_valid_share, scene_scale, scale_sigma, nearest_person_m and farthest_person_m (depth of the pelvis),
-        contact_vertices, contact_parts (pairs of a body part and what it touches), ``contact_KIND`` (of these pairs,
-        those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,
+        scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (depth of
+        the pelvis), contact_vertices, contact_parts (pairs of a body part and what it touches), ``contact_KIND`` (of
+        these pairs, those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,
         load_seconds, and ``check_NAME`` for each self-check, the worst value of all people.
         """
         from physic_core.types.result_summary import summarize

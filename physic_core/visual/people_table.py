@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from physic_core.types import Grade
+from physic_core.types.result_summary import metres_text
 from physic_core.visual.orthographic_views import PAGE_RGB
 from physic_core.visual.palette import person_color
 from physic_core.visual.panels import CONTACT_VIEWS, render_contact_views
@@ -22,7 +23,7 @@ MAX_PEOPLE = 16
 """Maximum number of people with a row."""
 
 _TEXT, _LINE, _HEAD, _PAD = 15, 21, 26, 10  # px: size of the text, height of a line, of the head, space in a row
-_NUMBER, _GRADE, _DISTANCE = 40, 96, 96  # widths of columns, px
+_NUMBER, _GRADE, _DISTANCE = 40, 96, 128  # widths of columns, px
 _GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BAD: ALERT_RGB}
 _RULE_RGB = (206, 206, 202)
 
@@ -75,7 +76,7 @@ def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int)
 def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: float) -> list[list[Line]]:
     """Return the lines of grade, distance, contact and reasons, each with its colour."""
     person = reconstruction.people[index]
-    distance = float(np.linalg.norm(person.joints[0]))
+    distance, sigma = float(np.linalg.norm(person.joints[0])), reconstruction.distance_sigma
     likely = "; ".join(str(contact) for contact in person.contacts if contact.likely)
     possible = "; ".join(str(contact) for contact in person.contacts if not contact.likely)
     touches: list[Line] = []
@@ -92,7 +93,7 @@ def _cells(reconstruction: Reconstruction, index: int, touch_px: float, why_px: 
         why.append((f"not measured: {unknown}", SOFT_RGB))
     return [
         [(person.grade or "none", INK_RGB if person.grade is None else _GRADE_RGB[person.grade])],
-        [(f"{distance:.2f} m" if np.isfinite(distance) else "unknown", INK_RGB)],
+        _wrapped([(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)], _DISTANCE - 16),
         _wrapped(touches, touch_px),
         _wrapped(why or [("all checks are ok" if checks else "no checks were run", SOFT_RGB)], why_px),
     ]

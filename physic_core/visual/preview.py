@@ -16,6 +16,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.files.own import MARK
 from physic_core.geometry.upright import up_in_camera
 from physic_core.types import CameraView, summarize_checks
+from physic_core.types.result_summary import metres_text
 from physic_core.visual.orthographic_views import (
     PAGE_RGB,
     LabeledView,
@@ -130,7 +131,8 @@ def summary_line(reconstruction: Reconstruction) -> str:
     else:
         pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.floor)[2], -1.0, 1.0))))
         way = "down" if pitch >= 0 else "up"
-        facts.append(f"camera {scene.floor.offset:.2f} m above the floor, looking {abs(pitch):.0f}° {way}")
+        height = metres_text(scene.floor.offset, scene.scale_sigma)
+        facts.append(f"camera {height} above the floor, looking {abs(pitch):.0f}° {way}")
     seconds = sum(stage.seconds for stage in reconstruction.stages)
     if seconds:
         facts.append(f"{seconds:.1f} s")

@@ -65,11 +65,11 @@ def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, A
 
 def test_a_person_is_a_row(document: dict[str, Any]):
     assert summary_text(document, Path("out")).splitlines()[1:6] == [
-        "person  grade     distance  contact      why",
-        "0       good      3.0 m     25 %: floor  balanced: left foot on floor, right foot on floor",
-        "1       doubtful  12.5 m    0 %          Limbs off their keypoints: 4.5 % (limit 3.5 %); "
+        "person  grade     distance      contact      why",
+        "0       good      3.0 ± 0.2 m   25 %: floor  balanced: left foot on floor, right foot on floor",
+        "1       doubtful  12.5 ± 0.9 m  0 %          Limbs off their keypoints: 4.5 % (limit 3.5 %); "
         "Lean angle: 50 % (limit 3.5 %)",
-        "2       bad       -         -            not measured: Supported",
+        "2       bad       -             -            not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
 
@@ -77,6 +77,7 @@ def test_a_person_is_a_row(document: dict[str, Any]):
 def test_the_summary_for_programs_has_names_and_numbers(document: dict[str, Any]):
     summary = summary_record(document, Path("out"))
     assert [one["distance_m"] for one in summary["people"]] == [pytest.approx(3.0), pytest.approx(12.5), None]
+    assert [one["distance_sigma_m"] for one in summary["people"]] == [pytest.approx(0.21), pytest.approx(0.875), None]
     assert summary["people"][1]["failed_checks"] == ["limb_keypoints", "lean"]
     assert summary["people"][0]["contacts"][0]["part"] == "left_foot"
     assert [check["name"] for check in summary["checks"]] == ["limb_keypoints", "lean", "support"]

@@ -194,6 +194,14 @@ def test_a_run_that_is_broken_off_leaves_nothing(world: World, at_start: str, se
     assert {path.name for path in Path().iterdir()} - {"__pycache__"} == {"a.png", "asleep", "sleeper.py"}
 
 
+def test_a_run_says_how_to_give_a_focal_length_that_is_not_known(world: World):
+    Image.fromarray(world.image).save("a.png")
+    for arguments, lines in (((), 1), (("-q",), 0), (("--focal-px", "178"), 0)):
+        done = run("a.png", "--save", "numbers", "--no-report", *arguments)
+        assert done.exit_code == 0, done.output
+        assert done.stderr.count("--focal-px PX") == lines
+
+
 def test_one_line_says_what_runs_the_networks(world: World, monkeypatch: pytest.MonkeyPatch):
     plain, root = MockInpainter.infer, logging.getLogger()
     before = root.level, list(root.handlers)
@@ -210,7 +218,7 @@ def test_one_line_says_what_runs_the_networks(world: World, monkeypatch: pytest.
     Image.fromarray(world.image).save("a.png")
     lines = ["one.onnx runs on CPU", "two.onnx runs on CPU", "a network was tuned"]
     for arguments, expected in (((), ["networks: CPU, onnxruntime 1.20"]), (("-v",), lines), (("-q",), [])):
-        done = run("a.png", "--no-cache", "--save", "numbers", "--no-report", *arguments)
+        done = run("a.png", "--no-cache", "--save", "numbers", "--no-report", "--focal-px", "147", *arguments)
         assert done.exit_code == 0
         assert [line for line in done.stderr.splitlines() if line[0] != "["] == expected
         assert "onnx" not in done.stdout

@@ -200,7 +200,7 @@ def test_the_headline_states_the_facts(reconstruction):
     judged = replace(reconstruction, checks=checks("failed", "unknown", "ok"))
     assert summary_line(replace(judged, grade=Grade.BAD)) == (
         "grade: bad  ·  160 x 120 px  ·  focal length 128 px, given  ·  scale ±7 %  ·  "
-        "changed by +6.2 % in the joint fit  ·  camera 1.40 m above the floor, looking 12° down  ·  0.6 s  ·  "
+        "changed by +6.2 % in the joint fit  ·  camera 1.40 ± 0.10 m above the floor, looking 12° down  ·  0.6 s  ·  "
         "checks: 1 failed, 1 not measured, 1 ok  ·  2 warnings"
     )
 

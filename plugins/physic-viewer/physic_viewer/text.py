@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types import summarize_checks
+from physic_core.types.result_summary import metres_text
 from physic_core.visual.palette import contact_legend
 
 if TYPE_CHECKING:
-    from physic_core.types import CheckResult, Reconstruction
+    from physic_core.types import Reconstruction
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+.!|<>~$&-])")
 
@@ -28,22 +29,28 @@ def result_text(result: Reconstruction) -> str:
     return "\n\n".join(lines[:2]) + "\n\n" + "\n".join(lines[2:])
 
 
-def person_text(index: int, record: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:
+def person_text(index: int, record: Mapping[str, Any], result: Reconstruction) -> str:
     """Return the numbers of a person.
 
     Args:
         index: of the person.
         record: of :func:`physic_viewer.report.people.people_records`.
-        checks: of the result.
+        result: of the person.
     """
     lines = [f"**Person {index}**: {record['grade'] or 'no grade'}", ""]
-    facts = {"stature": record["stature"], "to the camera": record["camera"], "pelvis over the floor": None}
-    facts |= {"pelvis over the floor": record["pelvis_height"], "lowest point over the floor": record["lowest"]}
-    lines += [f"- {name}: {_metres(value)}" for name, value in facts.items()]
-    lines += [f"- to person {o['person']}: {_metres(o['pelvis'])}, gap {_metres(o['gap'])}" for o in record["others"]]
+    size, distance = result.scene.scale_sigma, result.distance_sigma
+    lines += [
+        f"- stature: {_metres(record['stature'], size)}",
+        f"- to the camera: {_metres(record['camera'], distance)}",
+        f"- pelvis over the floor: {_metres(record['pelvis_height'], size)}",
+        f"- lowest point over the floor: {_metres(record['lowest'], size)}",
+    ]
+    for other in record["others"]:
+        apart, gap = (_metres(other[name], distance) for name in ("pelvis", "gap"))
+        lines.append(f"- to person {other['person']}: {apart}, gap {gap}")
     touching = [f"{row['part']} {row['cm2']:.0f} cm²" for row in record["contact"] or ()]
     lines.append(f"- contact: {', '.join(touching) or record['contact_vertices'] or 'none'}")
-    failed = [str(check) for check in checks if check.person == index and check.failed]
+    failed = [str(check) for check in result.checks if check.person == index and check.failed]
     lines.append(f"- failed checks: {escape('; '.join(failed)) or 'none'}")
     return "\n".join(lines)
 
@@ -58,5 +65,5 @@ def legend_html(results: Sequence[Reconstruction]) -> str:
     return f'<div style="padding:0 0.75em;font-size:0.85em">Contact with{"".join(rows)}</div>' if rows else ""
 
 
-def _metres(value: float | None) -> str:
-    return "unknown" if value is None else f"{round(value, 2) + 0.0:.2f} m"  # no "-0.00"
+def _metres(value: float | None, log_sigma: float | None) -> str:
+    return "unknown" if value is None else metres_text(value, log_sigma)

@@ -169,4 +169,4 @@ class Viewer:
 
 
 def _numbers(drawn: DrawnResult, person: int) -> str:
-    return person_text(person, people_records(drawn.result)[person], drawn.result.checks)
+    return person_text(person, people_records(drawn.result)[person], drawn.result)

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from physic_core.types import CheckResult, UnposedPerson
+from physic_core.types.result_summary import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer.report.page import report_html
 
@@ -166,9 +167,9 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     click(page, "[data-view=angle]")
     assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
     assert "doubtful" in card
-    assert f"{np.linalg.norm(result.people[1].joints[0]):.2f} m" in card
+    assert metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigma) in card
     apart = np.linalg.norm(result.people[0].joints[0] - result.people[1].joints[0])
-    assert f"{apart:.2f} m" in card
+    assert metres_text(float(apart), result.distance_sigma) in card
     assert "1 not measured" in card
     assert "No body: no pose fits the box" in card
 
@@ -188,7 +189,7 @@ def test_two_clicks_measure_the_distance_of_their_points(page, result):
     click(page, "#measure")
     for column, row in spots:
         page.click(*place_on_canvas(page, result, column, row))
-    apart, upwards = (float(number) for number in re.findall(r"([\d.]+) m", text(page, "#hint")))
+    apart, upwards = (float(number) for number in re.findall(r"([\d.]+) ± [\d.]+ m", text(page, "#hint")))
     assert apart == pytest.approx(np.linalg.norm(first - second), abs=0.04)
     assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
     click(page, "#measure")

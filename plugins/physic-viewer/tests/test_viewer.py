@@ -19,6 +19,7 @@ from websockets.typing import Subprotocol
 from physic_core import save_reconstruction
 from physic_core.cli import main
 from physic_core.errors import BackendError, InputError
+from physic_core.types.result_summary import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command, own_page
 from physic_viewer.shapes import build_shapes, nearest_on_ray
@@ -145,7 +146,7 @@ def test_a_click_selects_a_person_and_two_clicks_measure(saved, result, viewer_o
     joints = result.people[1].joints
     viewer.click(*ray_to(viewer, 0, joints[9]))
     assert viewer.text.content.startswith("**Person 1**: doubtful")
-    assert f"- to the camera: {np.linalg.norm(joints[0]):.2f} m" in viewer.text.content
+    assert metres_text(float(np.linalg.norm(joints[0])), result.distance_sigma) in viewer.text.content
     spots = [result.scene.points[100, 30].astype(float), result.scene.points[60, 125].astype(float)]
     viewer.measuring.value = True
     viewer._start_measuring()

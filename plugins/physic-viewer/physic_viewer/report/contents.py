@@ -38,6 +38,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "floor": scene.floor is not None,
         "scale": scene.scale,
         "scale_sigma": scene.scale_sigma,
+        "distance_sigma": reconstruction.distance_sigma,
         "body_model": reconstruction.body_model,
         "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB},
         "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],

@@ -12,7 +12,9 @@ function element(tag, properties = {}, ...children) {
   return made;
 }
 
-const metres = value => value === null ? "unknown" : `${value.toFixed(2).replace(/^-(0\.00)$/, "$1")} m`;
+// A length and, where the deviation of its logarithm is known, its own.
+const metres = (value, sigma = null) => value === null ? "unknown"
+  : `${value.toFixed(2).replace(/^-(0\.00)$/, "$1")}${sigma === null ? "" : ` ± ${(sigma * Math.abs(value)).toFixed(2)}`} m`;
 const percent = value => `${(100 * value).toFixed(value < 0.1 ? 1 : 0)} %`;
 const words = name => name.replaceAll("_", " ");
 const cssColor = ([red, green, blue]) => `rgb(${red} ${green} ${blue})`;

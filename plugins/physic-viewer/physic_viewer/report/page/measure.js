@@ -83,8 +83,9 @@ class Pointer {
       this.line.scale.set(thick, apart, thick);
       this.line.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), second.clone().sub(first).normalize());
       this.line.visible = true;
-      this.length.textContent = metres(apart);
-      this.hint.textContent = `${metres(apart)} apart, of which ${metres(Math.abs(first.y - second.y))} upwards. `
+      const sigma = this.stage.data.distance_sigma;
+      this.length.textContent = metres(apart, sigma);
+      this.hint.textContent = `${metres(apart, sigma)} apart, of which ${metres(Math.abs(first.y - second.y), sigma)} upwards. `
         + "Click again for other points.";
     }
     this.stage.draw();

@@ -33,16 +33,16 @@ function personCard(data, index) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {
     card.append(facts([
-      ["Stature", metres(person.stature)],
-      ["To the camera (pelvis)", metres(person.camera)],
-      ["Pelvis over the floor", data.floor ? metres(person.pelvis_height) : "no floor"],
-      ["Lowest point over the floor", data.floor ? metres(person.lowest) : "no floor"],
+      ["Stature", metres(person.stature, data.scale_sigma)],
+      ["To the camera (pelvis)", metres(person.camera, data.distance_sigma)],
+      ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
+      ["Lowest point over the floor", data.floor ? metres(person.lowest, data.scale_sigma) : "no floor"],
       ["Detection score", person.score === null ? "unknown" : person.score.toFixed(2)],
     ]));
     if (person.others.length) {
       card.append(element("h3", { textContent: "Distances to other people" }), table(
         ["", "of pelvises", "of surfaces"],
-        person.others.map(other => [`person ${other.person}`, metres(other.pelvis), metres(other.gap)]),
+        person.others.map(other => [`person ${other.person}`, metres(other.pelvis, data.distance_sigma), metres(other.gap, data.distance_sigma)]),
         ["of pelvises", "of surfaces"]));
     }
     if (person.support) card.append(element("h3", { textContent: "Support" }), element("p", { textContent: person.support }));

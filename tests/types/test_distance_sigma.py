@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from physic_core.types import CameraTrust, Reconstruction
+from physic_core.types.result_summary import metres_text
+
+
+@pytest.mark.parametrize(
+    ("trust", "focal_sigma", "expected"),
+    [
+        (CameraTrust.GUESSED, 0.24, math.hypot(0.07, 0.24)),
+        (CameraTrust.ESTIMATED, None, 0.07),
+        (CameraTrust.KNOWN, 0.24, 0.07),
+    ],
+)
+def test_distances_err_by_scale_and_focal_length(
+    reconstruction: Reconstruction, trust: CameraTrust, focal_sigma: float | None, expected: float
+) -> None:
+    camera = replace(reconstruction.intrinsics, trust=trust, focal_sigma=focal_sigma)
+    result = replace(reconstruction, intrinsics=camera)
+    assert result.distance_sigma == pytest.approx(expected)
+    assert result.summary()["distance_sigma"] == result.distance_sigma
+
+
+def test_distances_have_no_interval_without_an_error_of_the_scale(reconstruction: Reconstruction) -> None:
+    assert replace(reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)).distance_sigma is None
+
+
+def test_a_length_is_written_with_its_standard_deviation() -> None:
+    assert metres_text(4.2, 0.25) == "4.20 ± 1.05 m"
+    assert metres_text(12.5, 0.07, 1) == "12.5 ± 0.9 m"
+    assert metres_text(-0.001, None) == "0.00 m"
