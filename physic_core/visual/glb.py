@@ -1,7 +1,8 @@
 """GLB files: bodies with skeleton and pose, contact, scene, floor and camera; metres, y up.
 
-The scene is textured with the photo without people, and unlit, since a photo contains its own light. People are matte
-and of one colour; contact is an attribute of their vertices.
+The scene is textured with the photo without people, and unlit, since a photo contains its own light. So are people;
+what no photo shows of them is grey. Variants of their material (KHR_materials_variants) are plain, and show contact,
+which is an attribute of their vertices too.
 """
 
 from __future__ import annotations
@@ -21,18 +22,35 @@ from physic_core.types.exports import ExportedFiles
 from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import ExportedCamera, ExportRequest, export_frame, exported_cameras
 from physic_core.visual.glb_builder import ARRAY, INDICES, GlbBuilder
-from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
+from physic_core.visual.palette import (
+    BODY_RGB,
+    FAINT,
+    FLOOR_RGB,
+    contact_legend,
+    has_faint_contact,
+    linear_from_srgb,
+    painted_contact,
+)
 from physic_core.visual.rig import Rig, rigs
 from physic_core.visual.surface import SceneMesh, depth_limit, mesh_scene, unit_normals
+from physic_core.visual.textures.dressed import dressed_bodies
+from physic_core.visual.textures.pictures import encode_jpeg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, UInt8Array
     from physic_core.visual.export.request import Frame
+    from physic_core.visual.textures.coordinates import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
 """Maximum sum of the weights beyond four influences of a vertex; with more, eight are written."""
+
+SKINS = ("photo", "neutral", "contact")
+"""Variants of the material of a person."""
+
+_CONTACT_TEXELS = 256
+"""Texels along a side of the picture of contact; one is 7 mm of skin, and vertices are 1 to 2 cm apart."""
 
 _FLOOR: dict[str, Any] = {
     "name": "floor",
@@ -56,6 +74,7 @@ class Look:
         vertex: (U,) index of the body's vertex; None for the body's own vertices.
         faces: (F, 3) indices of these vertices; None for the body's own faces.
         attributes: name -> (U, ...) further values of the vertices.
+        accessors: name -> index of an accessor of the file, with further values of the vertices.
     """
 
     material: dict[str, Any]
@@ -63,6 +82,7 @@ class Look:
     vertex: NDArray[np.int64] | None = None
     faces: NDArray[np.int64] | None = None
     attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    accessors: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -94,10 +114,13 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "y"), "combined", ".glb")
     background = textured_scene(result, request.frame)
     if parts:
-        yield "scene.glb", build_glb(replace(request, people=()), background, {}).content()
+        yield "scene.glb", build_glb(replace(request, people=()), background, {}, add_dressed).content()
         for index in range(len(result.people)):
             people = (index,) if index in posed else ()
-            yield f"person_{index}.glb", build_glb(replace(request, people=people, scene=False), None, {}).content()
+            yield (
+                f"person_{index}.glb",
+                build_glb(replace(request, people=people, scene=False), None, {}, add_dressed).content(),
+            )
     skins, reason = dict[int, Rig](), ""
     if result.body_model == "embedded":
         try:
@@ -106,7 +129,7 @@ def glb_files(result: Reconstruction, *, parts: bool = True) -> Iterator[tuple[s
             reason = str(error)
     else:
         reason = "it is in a file of yours; `physic export --to glb` writes it"
-    yield "combined.glb", build_glb(request, background, skins, reason).content()
+    yield "combined.glb", build_glb(request, background, skins, add_dressed, reason).content()
 
 
 def export_glb(request: ExportRequest) -> ExportedFiles:
@@ -117,7 +140,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     """
     skins = dict(rigs(request))
     background = textured_scene(request.result, request.frame) if request.scene else None
-    content = build_glb(request, background, skins).content()
+    content = build_glb(request, background, skins, add_dressed).content()
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
 
 
@@ -148,17 +171,62 @@ def body_material(name: str, rgb: tuple[int, int, int] | None = None, texture: i
     return {"name": name, "pbrMetallicRoughness": surface}
 
 
-def _mannequin(*_: object) -> Look:
-    """Return a body of one colour."""
-    return Look(body_material("mannequin", BODY_RGB))
+def photo_look(
+    glb: GlbBuilder,
+    name: str,
+    photo: bytes,
+    contact: tuple[bytes, str],
+    mesh: TextureCoordinates,
+    shown: float,
+    skin: str = SKINS[0],
+) -> Look:
+    """Add the textures of a person, and return its materials as variants, and the texture coordinates.
+
+    Args:
+        glb: the file.
+        name: of the person.
+        photo: texture with the photo's colours, JPEG.
+        contact: texture of contact, and its MIME type.
+        mesh: texture coordinates.
+        shown: share of the body that the photo shows.
+        skin: the variant of :data:`SKINS` that is shown by programs that do not know variants.
+    """
+    own = body_material(name, texture=glb.texture(photo, "image/jpeg", name))
+    own |= {"extensions": {"KHR_materials_unlit": {}}, "extras": {"share_from_photo": round(shown, 4)}}
+    picture = glb.texture(*contact, f"{name}_contact")
+    materials = (own, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
+    mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
+    uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
+    return Look(
+        materials[SKINS.index(skin)],
+        {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
+        mesh.vertex,
+        mesh.faces,
+        {"TEXCOORD_0": uv},
+    )
+
+
+def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Look:
+    """Return a body in the photo's colours, grey where no photo shows it; without a texture, vertices have colours."""
+    dressed, name, person = dressed_bodies(request.result), f"person_{index}", request.result.people[index]
+    if dressed.mesh is not None:
+        touched = painted_contact(person, request.result.contact_partners)
+        contact = encode_jpeg(dressed.image_of(touched, _CONTACT_TEXELS))
+        photo = encode_jpeg(dressed.images[index])
+        return photo_look(glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index])
+    linear = np.ones((len(person.vertices), 4))
+    linear[:, :3] = linear_from_srgb(dressed.colors[index])
+    colors = glb.accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
+    white = body_material("photo_colors") | {"extensions": {"KHR_materials_unlit": {}}}
+    return Look(white, accessors={"COLOR_0": colors})
 
 
 def build_glb(
     request: ExportRequest,
     background: _Background | None,
     skins: Mapping[int, Rig],
+    look: Callable[[GlbBuilder, int, ExportRequest], Look],
     reason: str = "",
-    look: Callable[[GlbBuilder, int, ExportRequest], Look] = _mannequin,
     camera: bool = True,
 ) -> GlbBuilder:
     """Return a GLB file of the people of a request.
@@ -167,8 +235,8 @@ def build_glb(
         request: of any up axis.
         background: the scene, or None to leave it and the floor out.
         skins: person -> rig, of those that get a skeleton.
-        reason: why others get none.
         look: called with the file, to which it can add textures, and the person.
+        reason: why others get no skeleton.
         camera: whether to write the cameras of the photos.
     """
     glb, result, frame = GlbBuilder(generator="PhySIC"), request.result, request.frame
@@ -188,13 +256,26 @@ def build_glb(
         "contact": "vertex attribute _CONTACT: 1 in contact, 0 not",
         "contact_colors": contact_legend(result),
     }
+    if look is add_dressed and request.people:
+        extras["colors_of_people"] = "those of the photo, and grey where it does not show the body"
+        if has_faint_contact(result):
+            extras["contact_variant"] = FAINT
     if skins:
         extras["rest_pose"] = "T-pose at zero rotations of the joints"
     if reason:
         extras["no_skeleton"] = reason
     glb.tree["scenes"] = [{"name": "physic", "nodes": nodes, "extras": extras}]
     glb.tree["scene"] = 0
+    if any("KHR_materials_unlit" in material.get("extensions", ()) for material in glb.tree.get("materials", ())):
+        _use(glb, "KHR_materials_unlit")
+    if any("extensions" in mesh["primitives"][0] for mesh in glb.tree.get("meshes", ())):
+        _use(glb, "KHR_materials_variants")
+        glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": skin} for skin in SKINS]}}
     return glb
+
+
+def _use(glb: GlbBuilder, extension: str) -> None:
+    glb.tree["extensionsUsed"] = sorted({*glb.tree.get("extensionsUsed", ()), extension})
 
 
 def skin_influences(weights: NDArray[np.floating[Any]]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -221,6 +302,7 @@ def _add_person(glb: GlbBuilder, index: int, request: ExportRequest, rig: Rig | 
         "NORMAL": glb.accessor(unit_normals(vertices, faces)[own], ARRAY),
         "_CONTACT": glb.accessor(person.contact.astype(np.float32)[own], ARRAY),
         **{key: glb.accessor(values, ARRAY) for key, values in look.attributes.items()},
+        **look.accessors,
     }
     tops, skin = list[int](), dict[str, int]()
     if rig is not None:
@@ -283,7 +365,7 @@ def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest)
     """Add the textured scene mesh, and return the index of its node; nothing if no pixels form a surface."""
     if not len(background.surface.faces):
         return []
-    glb.tree["extensionsUsed"] = ["KHR_materials_unlit"]
+    _use(glb, "KHR_materials_unlit")
     photo = body_material("photo", texture=glb.texture(background.jpeg, "image/jpeg", "photo"))
     photo |= {"doubleSided": True, "extensions": {"KHR_materials_unlit": {}}}
     vertices = transform_points(request.frame.from_camera, background.surface.vertices)

@@ -59,7 +59,9 @@ class GlbBuilder:
             self.add("samplers", {"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071})
         return self.add("textures", {"source": source, "sampler": 0})
 
-    def accessor(self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False) -> int:
+    def accessor(
+        self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
+    ) -> int:
         """Append an array (N, ...) of float32 or unsigned integers, and return the index of its accessor.
 
         Equal arrays, such as the faces of several people, are written once.
@@ -68,6 +70,7 @@ class GlbBuilder:
             values: matrices are (N, 4, 4), by rows.
             target: ARRAY, INDICES or None.
             bounds: whether to state minimum and maximum, which positions must have.
+            normalized: whether the largest integer stands for 1.
         """
         values = np.ascontiguousarray(np.swapaxes(values, -1, -2) if values.ndim == 3 else values)
         entry: dict[str, Any] = {
@@ -75,6 +78,8 @@ class GlbBuilder:
             "count": len(values),
             "type": _TYPES[values.shape[1:]],
         }
+        if normalized:
+            entry["normalized"] = True
         if bounds:
             entry |= {"min": np.atleast_1d(values.min(0)).tolist(), "max": np.atleast_1d(values.max(0)).tolist()}
         key = f"{entry}{target}", values.tobytes()

@@ -37,6 +37,9 @@ CONTACT_PALETTE: dict[str, _Rgb] = {
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
 
+FAINT = "faint: less likely than not"
+"""What a legend says of contact with a probability below one half."""
+
 FLOOR_RGB: _Rgb = CONTACT_PALETTE["floor"]
 """sRGB colour of the floor, which is that of contact with it."""
 
@@ -95,6 +98,28 @@ def contact_colors(person: Person, partners: Sequence[ContactPartner], body: _Rg
     table = np.array([*map(contact_color, partners), body], np.uint8)
     colors: UInt8Array = table[np.asarray(person.contact_partner, np.int64)]  # -1, no partner, is the last row
     return colors
+
+
+def contact_strength(person: Person) -> NDArray[np.float64]:
+    """Return how strongly contact is painted (V,): 1 where it is likely or has no probability, at most 0.25 below."""
+    touching = np.asarray(person.contact, np.float64)
+    if person.contact_probability is None:
+        return touching
+    probability = np.nan_to_num(np.asarray(person.contact_probability, np.float64))
+    return touching * np.where(probability >= 0.5, 1.0, 0.5 * probability)
+
+
+def painted_contact(person: Person, partners: Sequence[ContactPartner], body: _Rgb = BODY_RGB) -> UInt8Array:
+    """Return the colours (V, 3) of :func:`contact_colors`, faint where contact is less likely than not."""
+    colors, strength = contact_colors(person, partners, body), contact_strength(person)[:, None]
+    painted: UInt8Array = np.round(strength * colors + (1 - strength) * np.array(body)).astype(np.uint8)
+    return painted
+
+
+def has_faint_contact(*results: Reconstruction) -> bool:
+    """Whether a body of results has contact that is painted faint, which a legend says by :data:`FAINT`."""
+    strengths = (contact_strength(person) for result in results for person in result.people)
+    return any(bool(((strength > 0) & (strength < 1)).any()) for strength in strengths)
 
 
 def contact_legend(*results: Reconstruction) -> dict[str, _Rgb]:

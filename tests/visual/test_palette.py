@@ -16,7 +16,9 @@ from physic_core.visual.palette import (
     contact_color,
     contact_colors,
     contact_legend,
+    has_faint_contact,
     linear_from_srgb,
+    painted_contact,
 )
 
 # Machado, Oliveira and Fernandes 2009, severity 1, on linear sRGB.
@@ -72,6 +74,28 @@ def test_vertices_and_legend_have_the_colours_of_what_is_touched(reconstruction)
     wanted = [CONTACT_PALETTE["seat"], CONTACT_PALETTE["floor"], CONTACT_PALETTE["seat"], BODY_RGB]
     np.testing.assert_array_equal(colors[:4], wanted)
     assert list(contact_legend(result).items()) == [(name, CONTACT_PALETTE[name]) for name in ("floor", "seat")]
+
+
+def test_contact_is_painted_by_its_probability(reconstruction):
+    person = reconstruction.people[0]
+    touching = np.zeros(len(person.vertices), bool)
+    touching[:4] = True
+    probability = np.zeros(len(touching), np.float16)
+    probability[:4] = 0.9, 0.5, 0.4, 0.0
+    partner = np.where(touching, 0, -1).astype(np.int16)
+    person = replace(person, contact=touching, contact_probability=probability, contact_partner=partner)
+    result = replace(reconstruction, people=(person,))
+    away = painted_contact(person, result.contact_partners).astype(int) - BODY_RGB
+    full = np.array(CONTACT_PALETTE["floor"]) - BODY_RGB
+    np.testing.assert_array_equal(away[:2], [full, full])
+    np.testing.assert_allclose(away[2], 0.2 * full, atol=1)
+    assert not away[3:].any()
+    assert has_faint_contact(result)
+    sure = replace(person, contact_probability=None)
+    np.testing.assert_array_equal(
+        painted_contact(sure, result.contact_partners), contact_colors(sure, result.contact_partners)
+    )
+    assert not has_faint_contact(replace(result, people=(sure,)))
 
 
 def test_without_partners_all_contact_has_one_colour(reconstruction):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -132,15 +129,3 @@ def test_bodies_of_another_mesh_have_no_texture(result: Reconstruction):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="do not have the 13348 vertices of its body model"):
         textured_bodies(request_of(replace(result, people=(person,))), 128)
-
-
-def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair: Path, tmp_path: Path):
-    code = (
-        "import sys\n"
-        "from physic_core import Reconstruction, save_reconstruction\n"
-        f"result = Reconstruction.load({str(saved_pair)!r})\n"
-        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, preview=False, glb=False)\n"
-        "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
-    assert done.stdout.strip() == "[]"

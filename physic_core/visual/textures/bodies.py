@@ -7,7 +7,6 @@ mean of the body part. Of several photos, each texel has the colour of the photo
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -182,21 +181,3 @@ def _texel_areas(raster: TextureRaster, faces: NDArray[np.int64], vertices: Arra
     texels = np.bincount(raster.faces, minlength=len(faces))
     areas: Array = (area / np.maximum(texels, 1))[raster.faces]
     return areas
-
-
-def encode_jpeg(image: UInt8Array) -> bytes:
-    """Return an image as JPEG."""
-    return _encode(image, "JPEG", quality=90)
-
-
-def encode_png(image: UInt8Array) -> bytes:
-    """Return an image as PNG."""
-    return _encode(image, "PNG", optimize=True)
-
-
-def _encode(image: UInt8Array, form: str, **settings: int | bool) -> bytes:
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, form, **settings)
-    return buffer.getvalue()

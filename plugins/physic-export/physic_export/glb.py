@@ -11,10 +11,10 @@ import roma
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, textured_scene
+from physic_core.visual.glb import Look, body_material, build_glb, glb_notes, photo_look, textured_scene
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
-from physic_core.visual.textures.bodies import encode_jpeg, encode_png
+from physic_core.visual.textures.pictures import encode_jpeg, encode_png
 from physic_export.bone_names import bone_names
 from physic_export.skins import Skins, skins_of
 from physic_export.t_pose import t_pose
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from physic_core.visual.glb_builder import GlbBuilder
     from physic_core.visual.rig import Rig
-
-_VARIANTS = ("photo", "neutral", "contact")
 
 _FRAME_S = 1 / 24
 """Time of frame 1, the pose; Blender's frames are 1/24 s."""
@@ -55,8 +53,6 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
 
     background = textured_scene(result, request.frame) if request.scene else None
     glb = build_glb(request, background, skins, look=look)
-    if textured is not None:
-        add_variants(glb)
     if skins:
         up, joints = request.frame.up_vector, [skin["joints"] for skin in glb.tree["skins"]]
         keys = [(nodes, (t_pose(rig, up), rig)) for nodes, rig in zip(joints, skins.values(), strict=True)]
@@ -73,28 +69,11 @@ def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Look:
     textured, request = colors.textured, colors.request
     if textured is None:
         return Look(body_material("body", BODY_RGB))
-    texture, mesh, name = textured.textures[index], textured.mesh, f"person_{index}"
-    photo = body_material(name, texture=glb.texture(encode_jpeg(texture.image), "image/jpeg", name))
-    photo["extensions"] = {"KHR_materials_unlit": {}}
-    photo["extras"] = {"share_from_photo": round(texture.shown, 4)}
-    picture = glb.texture(encode_png(textured.contact_image(request.result, index)), "image/png", f"{name}_contact")
-    materials = (photo, body_material("body", BODY_RGB), body_material(f"{name}_contact", texture=picture))
-    mappings = [{"material": glb.material(one), "variants": [number]} for number, one in enumerate(materials)]
-    uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
-    return Look(
-        materials[_VARIANTS.index(str(request.options["skin"]))],
-        {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
-        mesh.vertex,
-        mesh.faces,
-        {"TEXCOORD_0": uv, "_FILLED": texture.vertex_filled[mesh.vertex]},
-    )
-
-
-def add_variants(glb: GlbBuilder) -> None:
-    """Name the variants of the materials of :func:`body_look`."""
-    used = {*glb.tree.get("extensionsUsed", ()), "KHR_materials_unlit", "KHR_materials_variants"}
-    glb.tree["extensionsUsed"] = sorted(used)
-    glb.tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": name} for name in _VARIANTS]}}
+    texture, mesh = textured.textures[index], textured.mesh
+    contact = encode_png(textured.contact_image(request.result, index)), "image/png"
+    photo, skin = encode_jpeg(texture.image), str(request.options["skin"])
+    look = photo_look(glb, f"person_{index}", photo, contact, mesh, texture.shown, skin)
+    return replace(look, attributes={**look.attributes, "_FILLED": texture.vertex_filled[mesh.vertex]})
 
 
 def add_animation(

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.visual.palette import BODY_RGB
-from physic_core.visual.textures.bodies import encode_jpeg
+from physic_core.visual.textures.pictures import encode_jpeg
 from physic_export.meshes import ColoredMesh, contact_lines, person_meshes, scene_mesh
 from physic_export.skins import Skins, skins_of
 

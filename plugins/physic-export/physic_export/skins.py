@@ -9,7 +9,8 @@ import numpy as np
 
 from physic_core.errors import PhysicError
 from physic_core.visual.palette import BODY_RGB, contact_colors
-from physic_core.visual.textures.bodies import TexturedBodies, encode_jpeg, encode_png, textured_bodies
+from physic_core.visual.textures.bodies import TexturedBodies, textured_bodies
+from physic_core.visual.textures.pictures import encode_jpeg, encode_png
 
 if TYPE_CHECKING:
     from physic_core import ExportRequest

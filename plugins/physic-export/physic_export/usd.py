@@ -16,7 +16,7 @@ from physic_core.visual.export.request import exported_cameras
 from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
 from physic_core.visual.rig import rigs
 from physic_core.visual.surface import depth_limit, mesh_scene, unit_normals
-from physic_core.visual.textures.bodies import encode_jpeg
+from physic_core.visual.textures.pictures import encode_jpeg
 from physic_export.bone_names import bone_names
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skins import Skins, skins_of

@@ -10,7 +10,7 @@ from physic_core.visual.glb import Look, add_joints, build_glb, glb_notes
 from physic_core.visual.glb_builder import GlbBuilder
 from physic_core.visual.rig import rigs
 from physic_export.bone_names import bone_names
-from physic_export.glb import add_animation, add_variants, body_look
+from physic_export.glb import add_animation, body_look
 from physic_export.skins import Skins, skins_of
 from physic_export.t_pose import skinned, t_pose
 
@@ -70,8 +70,6 @@ def _avatar(colors: Skins, index: int, standing: Rig) -> bytes:
         return body_look(glb, person, colors)
 
     glb = build_glb(request, None, {index: standing}, look=look, camera=False)
-    if colors.textured is not None:
-        add_variants(glb)
     (scene,), (skin,) = glb.tree["scenes"], glb.tree["skins"]
     scene["extras"] = {"contact": scene["extras"]["contact"], "contact_colors": scene["extras"]["contact_colors"]}
     meta = {"name": f"person {index}", "authors": ["unknown"], "licenseUrl": LICENSE_URL}

@@ -1,0 +1,90 @@
+"""People in the photo's colours where it shows them, and grey elsewhere."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physic_core import Reconstruction
+from physic_core.visual.textures.dressed import FADE_M, dressed_bodies
+
+PINK = np.array([230, 20, 200])
+
+
+@pytest.fixture(scope="module")
+def pink(result: Reconstruction) -> Reconstruction:
+    """A photo whose people are pink."""
+    image = result.image.copy()
+    for person in result.people:
+        image[person.mask] = PINK
+    return replace(result, image=image)
+
+
+def saturation(colors: np.ndarray) -> np.ndarray:
+    return np.ptp(colors.astype(int), axis=-1)
+
+
+def test_vertices_and_textures_have_the_photo_s_colour_where_it_shows_them_and_grey_elsewhere(pink: Reconstruction):
+    dressed = dressed_bodies(pink)
+    assert set(dressed.colors) == set(dressed.images) == {0, 1}
+    for index, person in enumerate(pink.people):
+        mesh = person.mesh()
+        away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
+        near = saturation(dressed.colors[index])
+        assert 0.1 < dressed.shown[index] < 0.5
+        assert (np.abs(dressed.colors[index].astype(int) - PINK).max(1) < 3).mean() > 0.1
+        far = np.linalg.norm(mesh.vertices - mesh.vertices[near > 100][:, None], axis=-1).min(0) > FADE_M
+        assert (far & (away > 0)).sum() > 100
+        assert near[far].max() < 15
+        assert saturation(dressed.images[index]).max() > 200
+
+
+def test_the_colour_fades_over_the_skin(pink: Reconstruction):
+    between = saturation(dressed_bodies(pink).colors[0])
+    assert ((between > 40) & (between < 170)).sum() > 100
+
+
+def test_a_texture_is_as_fine_as_the_photo(result: Reconstruction):
+    assert [len(image) for image in dressed_bodies(result).images.values()] == [128, 128]
+    person = replace(result.people[0], mask=np.ones((300, 4), bool))
+    large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
+    assert len(dressed_bodies(large).images[0]) == 512
+
+
+def test_a_person_whom_no_photo_shows_is_grey(result: Reconstruction):
+    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
+    dressed = dressed_bodies(replace(result, people=(person,)))
+    assert dressed.shown[0] == 0
+    assert saturation(dressed.colors[0]).max() < 15
+    assert np.ptp(dressed.colors[0][:, 0]) > 30  # with a light
+
+
+def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink: Reconstruction):
+    dressed = dressed_bodies(replace(pink, body_model="smplx"))
+    assert dressed.mesh is None
+    assert not dressed.images
+    np.testing.assert_array_equal(dressed.colors[0], dressed_bodies(pink).colors[0])
+
+
+def test_who_has_no_body_has_no_colours(result: Reconstruction):
+    person = result.people[0]
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
+    assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).colors) == {1}
+    assert not dressed_bodies(replace(result, people=())).colors
+
+
+def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair: Path, tmp_path: Path):
+    code = (
+        "import sys\n"
+        "from physic_core import Reconstruction, save_reconstruction\n"
+        f"result = Reconstruction.load({str(saved_pair)!r})\n"
+        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, preview=False, glb=False)\n"
+        "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.strip() == "[]"
