@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,10 +20,9 @@ from physic_core.visual.render import (
     render_points,
 )
 from physic_core.visual.surface import depth_limit
+from physic_core.visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction, Scene, UInt8Array
@@ -39,7 +38,9 @@ class PreviewGeometry:
 
     Attributes:
         people: bodies; None if there are none.
-        people_colors: (N * V, 3) sRGB in 0-1.
+        people_colors: (N * V, 3) sRGB in 0-1, those of the people's numbers.
+        dress: (N * V, 3) sRGB in 0-1, those of the photo, see :mod:`physic_core.visual.textures.dressed`.
+        crowns: person -> (3,) vertex that is the highest.
         points: (M, 3) float32 points of the scene.
         point_colors: (M, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
@@ -51,6 +52,8 @@ class PreviewGeometry:
 
     people: RayCastMesh | None
     people_colors: Array
+    dress: Array
+    crowns: Mapping[int, Array]
     points: NDArray[np.float32]
     point_colors: NDArray[np.float32]
     spacing: float
@@ -73,11 +76,14 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     colors = [np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1)) for index, vertices in finite]
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
+    dress = dressed_bodies(reconstruction).colors
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     low, high = _bounds(bodies, points, matrix)
     return PreviewGeometry(
         people=prepare_meshes(bodies, reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M),
         people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
+        dress=np.concatenate([dress[index] for index, _ in finite]) / 255.0 if finite else np.zeros((0, 3)),
+        crowns={index: vertices[(vertices @ matrix[1, :3]).argmax()] for index, vertices in finite},
         points=points,
         point_colors=point_colors,
         spacing=stride * depth / reconstruction.intrinsics.fx,
@@ -128,12 +134,14 @@ class LabeledView:
         pixels_per_metre: scale.
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera: column and row of the camera; None if it is outside.
+        crowns: person -> column and row of their highest vertex.
     """
 
     picture: UInt8Array
     pixels_per_metre: float
     floor_row: float | None
     camera: tuple[float, float] | None
+    crowns: Mapping[int, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -195,13 +203,14 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
     center = turn.T @ (axes[:2].T @ middle - eye)
     view = View.orthographic(axes @ turn, center, scale, size, start=float(near))
     picture = _draw(geometry, view, float(near - far))
-    spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3)]))
+    spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3), *geometry.crowns.values()]))
     column, row = (float(value) for value in spots[1, :2])
     return LabeledView(
         picture,
         scale,
         float(spots[0, 1]) if is_level and geometry.has_floor else None,
         (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None,
+        {index: (float(spot[0]), float(spot[1])) for index, spot in zip(geometry.crowns, spots[2:], strict=True)},
     )
 
 
@@ -221,7 +230,7 @@ def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float) -> UInt8A
     veil = np.where(scene.distance > full_colour_m, _FAINT * scene.alpha, scene.alpha)[..., None]
     picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
-        people = render_mesh(geometry.people, view, geometry.people_colors)
+        people = render_mesh(geometry.people, view, geometry.dress, is_lit=False)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(np.float32)[..., None]
         picture[...] = people.color * veil + picture * (1.0 - people.alpha[..., None] * veil)
     return (np.clip(picture, 0.0, 1.0) * 255 + 0.5).astype(np.uint8)

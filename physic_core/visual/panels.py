@@ -9,7 +9,7 @@ import numpy as np
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.visual.orthographic_views import PAGE_RGB
-from physic_core.visual.palette import contact_colors
+from physic_core.visual.palette import painted_contact
 from physic_core.visual.render import (
     LONGEST_BODY_EDGE_M,
     View,
@@ -115,7 +115,7 @@ def render_contact_views(reconstruction: Reconstruction, index: int, width: int,
     shapes = prepare_meshes([vertices], reconstruction.faces, longest_edge=LONGEST_BODY_EDGE_M)
     if shapes is None or not np.isfinite(vertices).all():
         return _bytes(picture)
-    colors = contact_colors(person, reconstruction.contact_partners) / 255.0
+    colors = painted_contact(person, reconstruction.contact_partners) / 255.0
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
     corners, fits = [], []
     for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):

@@ -25,7 +25,7 @@ from physic_core.visual.orthographic_views import (
     side_view,
     top_view,
 )
-from physic_core.visual.palette import FLOOR_RGB, contact_legend
+from physic_core.visual.palette import FAINT, FLOOR_RGB, contact_legend, has_faint_contact
 from physic_core.visual.panels import (
     colored_depth,
     depth_panel,
@@ -50,6 +50,7 @@ _CELL = 300  # room that a panel of the first row has at least, for its title an
 _SHOWN_MESSAGES = 6
 _HEAD, _NECK = JOINT_INDEX["head"], JOINT_INDEX["neck"]
 _DEPTH_TITLE = "Depth without people"
+_GREY = "grey: what the photo does not show of people"
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"
     _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
     _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
+    if geometry.crowns:
+        pen.text((above.x + above.width, above.y - 8), _GREY, font=font(14), fill=SOFT_RGB, anchor="rs")
     for frame, camera in rows:
         _draw_photo(page, frame, camera, reconstruction, geometry)
     if table is not None:
@@ -251,6 +254,11 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
         x, y = frame.x + plan.camera[0], frame.y + plan.camera[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
+    for index, (column, row) in plan.crowns.items():
+        x, y = (
+            float(np.clip(value, 12, size - 12)) for value, size in ((column, frame.width), (row - 16, frame.height))
+        )
+        draw_person_number(pen, frame.x + x, frame.y + y, index)
     length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
     x, y = frame.x + 16, frame.y + 28
     end = x + length * plan.pixels_per_metre
@@ -268,6 +276,8 @@ def _contact_legend(pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconst
         pen.rectangle((x, y, x + 11, y + 11), fill=color)
         pen.text((x + 16, y + 6), name, font=font(14), fill=SOFT_RGB, anchor="lm")
         x += 30 + font(14).getlength(name)
+    if has_faint_contact(reconstruction):
+        pen.text((x, y + 6), FAINT, font=font(14), fill=SOFT_RGB, anchor="lm")
 
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:

@@ -156,13 +156,14 @@ def prepare_meshes(
     return RayCastMesh(vertices, triangles, vertex_normals(vertices, triangles), RayCaster(vertices, triangles))
 
 
-def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> Layer:
-    """Render meshes by ray casting, with light from the upper left: one ray a pixel, and four where there is an edge.
+def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array, *, is_lit: bool = True) -> Layer:
+    """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
 
     Args:
         shapes: meshes in the frame of ``viewer``.
         viewer: the camera.
         colors: (N * V, 3) sRGB of each vertex.
+        is_lit: whether there is light from the upper left; without it, the mesh has the colours as they are.
     """
     import cv2
 
@@ -175,12 +176,12 @@ def render_mesh(shapes: RayCastMesh, viewer: View, colors: Array) -> Layer:
     x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
     if x0 < x1 and y0 < y1:
         columns, rows = np.meshgrid(np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64))
-        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows)
+        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows, is_lit)
         near = np.ones((3, 3), np.uint8)
         edge = (cv2.dilate(coarse, near) - cv2.erode(coarse, near) > _EDGE).any(-1)
         steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
         beside, below = np.tile(steps, _RAYS), np.repeat(steps, _RAYS)
-        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below)
+        fine, deep = _cast_rays(shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below, is_lit)
         coarse[edge], depth[edge] = fine.mean(1), deep.min(1)
         color[y0:y1, x0:x1], distance[y0:y1, x0:x1] = coarse, depth
     return Layer(color[..., :3], color[..., 3], distance)
@@ -218,7 +219,7 @@ def render_points(viewer: View, points: AnyFloat, colors: AnyFloat, radius: int 
 
 
 def _cast_rays(
-    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array
+    shapes: RayCastMesh, viewer: View, colors: Array, columns: Array, rows: Array, is_lit: bool
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Cast rays (...); return colour and coverage (..., 4), 0 where nothing is hit, and distance (...), inf there."""
     origins, directions = viewer.rays(columns.ravel(), rows.ravel())
@@ -226,9 +227,11 @@ def _cast_rays(
     hit = np.flatnonzero(hits.face >= 0)
     corners, weights = shapes.faces[hits.face[hit]], hits.corners[hit]
     base, normals = (np.einsum("nkc,nk->nc", values[corners], weights) for values in (colors, shapes.normals))
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+    if is_lit:
+        normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+        base = _shade(normals, directions[hit], viewer.axes, base)
     color, distance = np.zeros((columns.size, 4), np.float32), np.full(columns.size, np.inf, np.float32)
-    color[hit, :3], color[hit, 3] = _shade(normals, directions[hit], viewer.axes, base), 1.0
+    color[hit, :3], color[hit, 3] = base, 1.0
     ahead = viewer.axes[2]
     distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (directions[hit] @ ahead)
     return color.reshape(*columns.shape, 4), distance.reshape(columns.shape)

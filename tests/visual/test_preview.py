@@ -30,6 +30,11 @@ CAMERA = Intrinsics.from_focal(100.0, 101, 81)
 PINHOLE = View.perspective(CAMERA, 101, 81)
 
 
+def in_colors_of_numbers(reconstruction):
+    geometry = build_preview_geometry(reconstruction)
+    return replace(geometry, dress=geometry.people_colors)
+
+
 def sphere_at(*centers):
     return prepare_meshes([SPHERE.vertices + center for center in centers], SPHERE.faces)
 
@@ -125,7 +130,7 @@ def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
 
 
 def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
-    plan = side_view(build_preview_geometry(reconstruction), 600, 440)
+    plan = side_view(in_colors_of_numbers(reconstruction), 600, 440)
     assert plan.floor_row is not None
     metre = plan.pixels_per_metre
     middles = []
@@ -133,13 +138,15 @@ def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
         rows, columns = np.nonzero(is_hue(plan.picture, index))
         assert plan.floor_row - rows.min() == pytest.approx(1.69 * metre, abs=4)
         middles.append((columns.min() + columns.max()) / 2)
+        assert columns.min() < plan.crowns[index][0] < columns.max()
+        assert plan.crowns[index][1] == pytest.approx(rows.min(), abs=3)
         if index == 1:  # the other's legs are veiled by the box
             assert rows.max() == pytest.approx(plan.floor_row, abs=0.03 * metre)
     assert middles[1] - middles[0] == pytest.approx((3.8 - 3.0) * metre, abs=0.1 * metre)
 
 
 def test_from_above_people_stand_beside_each_other(reconstruction):
-    plan = top_view(build_preview_geometry(reconstruction), 400, 900)
+    plan = top_view(in_colors_of_numbers(reconstruction), 400, 900)
     spots = []
     for index in (0, 1):
         rows, columns = np.nonzero(is_hue(plan.picture, index))
@@ -148,6 +155,18 @@ def test_from_above_people_stand_beside_each_other(reconstruction):
     np.testing.assert_allclose(offset, [0.9, -0.8], atol=0.1)  # farther is higher
     assert plan.floor_row is None
     assert (spots[0][0] - plan.camera[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
+
+
+def test_from_the_side_people_have_the_colours_of_the_photo_and_are_grey_where_it_does_not_show_them(reconstruction):
+    image = reconstruction.image.copy()
+    for person in reconstruction.people:
+        image[person.mask] = [220, 30, 200]
+    picture = side_view(build_preview_geometry(replace(reconstruction, image=image)), 600, 440).picture.astype(int)
+    pink = (picture[..., 0] - picture[..., 1] > 150).any(0).nonzero()[0]
+    grey = (np.ptp(picture, axis=-1) < 12) & (picture.max(-1) < 200)
+    assert len(pink) > 20
+    # The photo is on the left, and shows the left sides of the people.
+    assert pink.mean() < np.nonzero(grey & (picture.max(-1) > 60))[1].mean()
 
 
 def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
@@ -162,6 +181,17 @@ def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
     green = (shown[..., 1].astype(int) - shown[..., 0]) > 40
     counts = [int(view.sum()) for view in np.split(green, len(CONTACT_VIEWS), axis=1)]
     assert counts[2] > 5 * max(counts[0], counts[1], 1)
+
+
+def test_contact_less_likely_than_not_is_faint(reconstruction):
+    def strongest(probability):
+        person = reconstruction.people[0]
+        unsure = replace(person, contact_probability=np.full(len(person.vertices), probability, np.float16))
+        shown = render_contact_views(replace(reconstruction, people=(unsure,)), 0, 600, 300).astype(int)
+        return np.quantile((shown[..., 1] - shown[..., 0])[(shown != PAGE_RGB).any(-1)], 0.995)
+
+    assert strongest(0.9) > 60
+    assert 0 < strongest(0.45) < 0.4 * strongest(0.9)
 
 
 def test_contact_views_hold_the_person_and_enlarge_the_view_from_below(reconstruction):
