@@ -23,9 +23,10 @@ from physic_core.types.short_repr import ShortRepr
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
-_FACTOR_SPREAD = 0.05  # log standard deviation of one size in the photo by another
 _CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
-CONTRADICTION = 3 * _FACTOR_SPREAD
+FACTOR_SPREAD = 0.05
+"""Standard deviation of the logarithm of one size in the photo by another."""
+CONTRADICTION = 3 * FACTOR_SPREAD
 """Difference of logarithms beyond which the photo contradicts a given size: three standard errors."""
 STATURES_M = (0.5, 2.2)
 """Limits of the stature of people whose size follows from the scene."""
@@ -204,7 +205,7 @@ def stature_factor(measured: Tensor, stature: Tensor) -> Tensor:
         stature: (B,) metres, estimated.
     """
     log = torch.nan_to_num(measured, nan=1.0).log()
-    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + _FACTOR_SPREAD**2)
+    trust = STATURE_SIGMA**2 / (STATURE_SIGMA**2 + FACTOR_SPREAD**2)
     share = 1 - (1 - trust) * torch.exp(-(log / _CERTAIN).square())
     least, most = (limit / stature for limit in STATURES_M)
     return (log * share).exp().clamp(least.clamp(max=1.0), most.clamp(min=1.0))

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from physic_core.body.ages import ADULT_YEARS, load_ages
 from physic_core.body.parameters import rotations_from_parameters
-from physic_core.engine.known_sizes import CONTRADICTION, STATURES_M, vertices_at_ray
-from physic_core.engine.scene.stature import resize_bodies
+from physic_core.engine.known_sizes import CONTRADICTION, FACTOR_SPREAD, STATURES_M, vertices_at_ray
+from physic_core.engine.scene.stature import STATURE_SIGMA, resize_bodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.tensors import tensor
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from physic_core.engine.known_sizes import KnownGeometry
     from physic_core.engine.scene.solve import SceneState
     from physic_core.types import Bodies, FloatArray, KnownSizes, People
+    from physic_core.types.known_sizes import KnownPeople
 
 _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
@@ -222,6 +224,52 @@ def contradictions(
         {"name": name, "given": given, "result": value} for name, given, value in sizes
     ]
     return warnings, {"known_sizes": measured}
+
+
+def compare_statures(
+    given: KnownPeople, problem: JointProblem, result: JointResult, off_floor: FloatArray, *, is_sized: bool
+) -> list[dict[str, float | None]]:
+    """Compare each person's stature of the given age or size with what the photo shows.
+
+    The joint fit divides a contradiction between all people, or leaves people above the floor. So the photo shows a
+    person as large as the result that stands on the floor, less the growth of the others, weighed by their errors. A
+    scene that the user's sizes have scaled cannot grow.
+
+    Args:
+        given: ages and statures of N people.
+        problem: of stage 3, whose bodies have the given statures, or the usual ones of the given ages.
+        result: of stage 3.
+        off_floor: (N,) log factor by which each body must grow to stand on the floor.
+        is_sized: whether the camera's height or a length gave the scale.
+
+    Returns:
+        Per person ``given_stature_m``, ``shown_stature_m``, and ``stature_sigmas``, the difference of their logarithms
+        in standard deviations; empty for people of whom nothing is known.
+    """
+    before, after = (problem.model.stature(betas).double().log().numpy() for betas in (problem.betas0, result.betas))
+    after = after + off_floor
+    unknown = np.full(len(before), np.nan)
+    years, stature = (unknown if known is None else known for known in (given.years, given.stature))
+    table = load_ages()
+    sigma = np.array([table.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
+    sigma[np.isfinite(stature)] = 0.0
+    weight = np.where(np.isfinite(after), 1 / (sigma**2 + FACTOR_SPREAD**2), 0.0)
+    growth = np.nan_to_num(after - before)
+    found: list[dict[str, float | None]] = [{} for _ in before]
+    for i in np.flatnonzero((np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)).tolist():
+        others = np.delete(weight, i)
+        # In a scene of unknown size, a person alone is as large as the fit says.
+        common, variance = 0.0, 0.0
+        if others.sum() and not is_sized:
+            common, variance = float(np.average(np.delete(growth, i), weights=others)), 1 / float(others.sum())
+        shown = after[i] - common
+        spread = math.sqrt(sigma[i] ** 2 + FACTOR_SPREAD**2 + variance)
+        found[i] = {
+            "given_stature_m": math.exp(before[i]),
+            "shown_stature_m": math.exp(shown),
+            "stature_sigmas": abs(shown - before[i]) / spread,
+        }
+    return found
 
 
 def _pixels(at: Sequence[float]) -> str:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from physic_core.body.posture import is_body_straight
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.final_scene import finalize_scene
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.geometry.tensors import tensor
+from physic_core.pipeline.checks.specs import CHECKS
 from physic_core.pipeline.engine_input import (
     contact_input,
     joint_problem,
@@ -18,8 +23,14 @@ from physic_core.pipeline.engine_input import (
     scene_stage_input,
     sized_scene,
 )
-from physic_core.pipeline.known_sizes import check_people_in_scene, contradictions, floor_contradiction
+from physic_core.pipeline.known_sizes import (
+    check_people_in_scene,
+    compare_statures,
+    contradictions,
+    floor_contradiction,
+)
 from physic_core.pipeline.solution import Solution, assemble_solution, scene_alone
+from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -28,6 +39,7 @@ if TYPE_CHECKING:
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.estimate import Estimates
     from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.types import FloatArray
 
 _EXACT_SCALE_SIGMA = 0.01  # of the log scale of a scene that the user's sizes have scaled
 
@@ -66,7 +78,24 @@ def run_engine(estimates: Estimates, settings: EngineSettings, model: BodyModel,
         stages.warn(*warnings)
         touch = solve_contact(contact_input(estimates, scene, problem, result, settings.contact), settings.contact)
         solution = assemble_solution(estimates, scene, problem, placed, result, touch)
-        return replace(solution, diagnostics={**solution.diagnostics, **measured})
+        people = solution.people
+        if estimates.known:
+            said = KnownPeople(estimates.ages, estimates.statures)
+            sizes = compare_statures(said, problem, result, _off_floor(solution), is_sized=is_sized)
+            people = tuple({**own, **size} for own, size in zip(people, sizes, strict=True))
+        return replace(solution, people=people, diagnostics={**solution.diagnostics, **measured})
+
+
+def _off_floor(solution: Solution) -> FloatArray:
+    """Return the log factor (N,) by which people who stand off the floor must grow to stand on it; 0 for others."""
+    found, floor = np.zeros(len(solution.people)), solution.scene.floor
+    for i, report in enumerate(solution.people):
+        height = report.get("sole_height_m")
+        if floor is None or height is None or abs(height) <= CHECKS["sole_height"].threshold:
+            continue
+        if is_body_straight(solution.joints[i]):
+            found[i] = -math.log1p(-min(height / floor.offset, 0.9))
+    return found
 
 
 def _size_warnings(estimates: Estimates, known: KnownScene, given: PlacementInput, placed: PlacedPeople) -> list[str]:

@@ -67,6 +67,25 @@ def test_adults_and_people_without_a_body_keep_what_they_have():
     assert not notes
 
 
+@pytest.mark.parametrize("who", ["child", "adult"])
+def test_the_age_of_a_child_is_contradicted_by_the_adult_beside_it(who):
+    world = build_world("child_by_the_hand", 2, (160, 120))
+    order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])
+    child = int(np.isfinite(world.ages[order]).argmax())
+    chosen = child if who == "child" else 1 - child
+    given = [0.0, 0.0]
+    given[chosen] = float(world.ages[order][child])
+    config = load_config(preset="mock", overrides=("run.cache=false",))
+    result = reconstruct(world.image, config, known=KnownSizes(age=tuple(given)))
+    (check,) = (check for check in result.checks if check.name == "given_size")
+    assert result.people[check.person].age == given[chosen]
+    assert check.failed == (who == "adult")
+    if check.failed:
+        assert f"is usual at {given[chosen]:g} years" in check.message
+        assert result.people[check.person].grade in ("doubtful", "bad")
+        assert any(warning.endswith(check.message) for warning in result.warnings)
+
+
 def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     world = build_world("child_by_the_hand", 1, (160, 120))
     order = np.argsort(world.boxes[:, 0] + world.boxes[:, 2])

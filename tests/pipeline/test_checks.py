@@ -125,7 +125,8 @@ def failing(**changes: Any) -> list[tuple[str, int | None]]:
 
 def test_nothing_fails_where_all_is_well() -> None:
     found = run_checks(*case())
-    assert [d.name for d in found] == [name for name, check in CHECKS.items() if check.of != "view"]
+    always = [name for name, check in CHECKS.items() if check.of != "view" and name != "given_size"]
+    assert [d.name for d in found] == always
     assert not any(d.failed for d in found)
     assert [d.person for d in found] == [None if CHECKS[d.name].of == "photo" else 0 for d in found]
     assert failed_checks(found, 0) == ()
@@ -353,6 +354,27 @@ def test_the_grade_of_a_photo(
     failed: tuple[str, ...], unknown: tuple[str, ...], people: list[Grade], grade: Grade
 ) -> None:
     assert grade_photo(results(*failed, unknown=unknown), people) is grade
+
+
+@pytest.mark.parametrize(
+    ("known", "sigmas", "message"),
+    [
+        ({"ages": [6.0], "statures": None}, 3.1, "the photo shows 1.70 m, and 1.15 m is usual at 6 years: "),
+        ({"ages": [6.0], "statures": [1.15]}, 3.1, "the photo shows 1.70 m, and 1.15 m was given: "),
+        ({"ages": [6.0], "statures": [1.15]}, 2.9, "Size against the given one: 2.90 sigma (limit 3 sigma)"),
+    ],
+)
+def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(
+    known: dict[str, Any], sigmas: float, message: str
+) -> None:
+    report = {"given_stature_m": 1.15, "shown_stature_m": 1.7, "stature_sigmas": sigmas}
+    estimates, solution, settings = case(report=report)
+    vars(estimates).update(known)
+    found = next(d for d in run_checks(estimates, solution, settings) if d.name == "given_size")
+    assert found.message.startswith(message)
+    others = tuple(d for d in run_checks(*case()) if d.person == 0 and not d.failed and d.ok)
+    grade = grade_person((*others, found), 0)
+    assert grade is (Grade.DOUBTFUL if sigmas > 3 else Grade.GOOD)
 
 
 def test_the_floor_assumed_at_the_feet_measures_no_height() -> None:

@@ -32,6 +32,7 @@ def check_person(estimates: Estimates, solution: Solution, person: int) -> Itera
     yield from _check_picture(estimates, solution, person)
     yield from _check_support(estimates, solution, person)
     yield from _check_depth(solution, person)
+    yield from _check_size(estimates, solution, person)
 
 
 def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
@@ -175,6 +176,22 @@ def _check_depth(solution: Solution, person: int) -> Iterator[CheckResult]:
         measured(report, "depth_order_share"),
         "the body lies in front of a person who hides it in the photo: who is nearer is doubtful",
         unmeasured=_NO_BODY,
+    )
+
+
+def _check_size(estimates: Estimates, solution: Solution, person: int) -> Iterator[CheckResult]:
+    """Compare a given age or stature with the size that the photo shows; nothing if none is given."""
+    report = solution.people[person]
+    given, shown = (measured(report, f"{name}_stature_m") for name in ("given", "shown"))
+    if given is None or shown is None:
+        return
+    stature = None if estimates.statures is None else estimates.statures[person]
+    age = None if estimates.ages is None else estimates.ages[person]
+    origin = "was given" if stature is not None and math.isfinite(stature) else f"is usual at {age:g} years"
+    yield check_value(
+        "given_size",
+        measured(report, "stature_sigmas"),
+        f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures that you gave",
     )
 
 

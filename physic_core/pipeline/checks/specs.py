@@ -112,6 +112,8 @@ _ALL = (
     _person("depth_map_order", "In another order by the depth map", "at most", 0.1, "log", failure="ignored"),
     # Photos 0; a hidden person 0.04.
     _person("depth_order", "In front of a person who hides it", "at most", 0.1, _SHARE, "the vertices"),
+    # Of people whose age or stature is given. The errors of their sizes and of the others' are in the unit.
+    _person("given_size", "Size against the given one", "at most", 3, "sigma", failure="doubtful", warns=True),
 )
 
 CHECKS: Mapping[str, CheckSpec] = {check.name: check for check in _ALL}
