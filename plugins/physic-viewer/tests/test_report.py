@@ -115,9 +115,46 @@ def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
     packed = pack_bodies(crowd)
     count = packed["people"][0]["points"]["count"]
     assert count < 0.4 * len(standing.people[0].vertices)
-    assert flags_of(packed["people"][0]["contact"], count).any()
+    contact, colors = (base64.b64decode(packed["people"][0][name]) for name in ("contact", "colors"))
+    assert max(contact) == 255
+    assert (len(contact), len(colors)) == (count, 3 * count)
+    assert packed["people"][0]["texture"] is packed["uv"] is None
     faces = np.frombuffer(base64.b64decode(packed["faces"]["data"]), "<u2")
     assert faces.max() < count
+
+
+def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_seams(standing):
+    packed, count = pack_bodies(standing), len(standing.people[0].vertices)
+    faces, split, uv = (
+        np.frombuffer(base64.b64decode(packed[name]["data"]), "<u2").astype(int) for name in ("faces", "split", "uv")
+    )
+    vertex = np.r_[np.arange(count), split]
+    np.testing.assert_array_equal(vertex[faces].reshape(-1, 3), standing.faces)
+    assert len(uv) == 2 * len(vertex)
+    for one in packed["people"]:
+        assert one["texture"].startswith("data:image/jpeg;base64,")
+        assert one["colors"] is None
+        assert one["points"]["count"] == count
+
+
+def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(standing):
+    person = standing.people[0]
+    unsure = replace(person, contact_probability=np.full(len(person.vertices), 0.4, np.float16))
+    data = data_of(report_html(replace(standing, people=(unsure,))))
+    strength = np.frombuffer(base64.b64decode(data["bodies"]["people"][0]["contact"]), np.uint8)
+    assert set(strength[person.contact]) == {51}
+    assert not strength[~person.contact].any()
+    assert data["faint"] == "faint: less likely than not"
+    assert data_of(report_html(standing))["faint"] == ""
+
+
+def test_main_people_are_at_least_half_as_high_as_the_highest(standing):
+    first, second = standing.people
+    box = first.box.copy()
+    box[3] = box[1] + 0.4 * (box[3] - box[1])
+    assert data_of(report_html(standing))["main"] == [0, 1]
+    small = replace(standing, people=(replace(first, box=box), replace(second, box=first.box)))
+    assert data_of(report_html(small))["main"] == [1]
 
 
 def test_stature_and_distances_are_those_of_the_bodies(standing):

@@ -12,12 +12,12 @@ from PIL import Image
 
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.types.result_summary import metres_text
-from physic_core.visual.palette import CONTACT_PALETTE
+from physic_core.visual.palette import CONTACT_PALETTE, FAINT
 from physic_viewer.report.page import report_html
 
 READY = "document.documentElement.dataset.ready"
 ODD = "a\"b'c</script><script>window.broken = 1</script><img src=x onerror='window.broken = 1'> \u2028 \U0001f3c0.jpg"
-SWITCHES = ["mesh", "points", "people", "contact", "floor", "camera"]
+SWITCHES = ["mesh", "points", "people", "floor"]
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,11 @@ def result(rooms):
     unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
     made = rooms.make_reconstruction(320, 240)
     low = made.scene.floor.normal, made.scene.floor.offset
-    people = tuple(replace(p, contact=p.vertices @ low[0] + low[1] < 0.6, contact_partner=None) for p in made.people)
+    touching = [p.vertices @ low[0] + low[1] < 0.6 for p in made.people]
+    people = tuple(
+        replace(p, contact=own, contact_partner=None, contact_probability=None)
+        for p, own in zip(made.people, touching, strict=True)
+    )
     return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
 
 
@@ -91,38 +95,63 @@ def test_each_switch_shows_and_hides_its_part(page, overview, name):
     assert difference(overview, page.picture("#view")) == 0
 
 
-def test_contact_is_red_on_the_bodies_only_while_it_is_switched_on(page):
+def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
     def red(picture: np.ndarray) -> int:
         picture = picture.astype(int)
         return int(((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum())
 
-    shown = red(page.picture("#canvas"))
-    click(page, "[data-show=contact]")
+    click(page, "[value=neutral]")
     hidden = red(page.picture("#canvas"))
-    click(page, "[data-show=contact]")
+    click(page, "[value=contact]")
+    shown = red(page.picture("#canvas"))
+    click(page, "[value=photo]")
     # The box in the room is red too, on both pictures.
     assert shown > hidden + 300
 
 
 def test_the_legend_names_the_colours_that_the_bodies_show(chromium, tmp_path, page, make):
-    assert text(page, "#legend").split("\n") == ["Contact with", "anything"]
     made = make()
     path = tmp_path / "report.html"
-    path.write_text(report_html(made), encoding="utf-8")
+    unsure = [replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16)) for p in made.people]
+    path.write_text(report_html(replace(made, people=tuple(unsure))), encoding="utf-8")
     other = chromium.open(path.as_uri(), 900, 600)
     other.wait(READY)
-    assert text(other, "#legend").split("\n") == ["Contact with", "floor"]
+    for opened, labels in ((page, ["Contact with", "anything"]), (other, ["Contact with", "floor", FAINT])):
+        assert text(opened, "#legend") == "what the photo does not show"
+        click(opened, "[value=neutral]")
+        assert opened.evaluate("document.querySelector('#legend').hidden") is True
+        click(opened, "[value=contact]")
+        assert text(opened, "#legend").split("\n") == labels
     red, green, blue = CONTACT_PALETTE["floor"]
     dot = "getComputedStyle(document.querySelector('#legend .dot')).backgroundColor"
     assert other.evaluate(dot) == f"rgb({red}, {green}, {blue})"
-    click(other, "[data-show=partners]")
-    assert text(other, "#legend").split("\n") == ["Contact with", "anything"]
-    for switch in ("contact", "people"):
-        click(other, f"[data-show={switch}]")
-        assert other.evaluate("document.querySelector('#legend').hidden") is True
-        click(other, f"[data-show={switch}]")
-        assert other.evaluate("document.querySelector('#legend').hidden") is False
+    click(other, "[data-show=people]")
+    hidden = other.evaluate("document.querySelector('#legend').hidden")
     other.close()
+    assert hidden is True
+    click(page, "[value=photo]")
+
+
+def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(chromium, tmp_path, make):
+    """As the photo's camera sees them, larger than in the photo."""
+    made = make(320, 240)
+    image, pink = made.image.copy(), np.array([230, 20, 200])
+    for person in made.people:
+        image[person.mask] = pink
+    path = tmp_path / "report.html"
+    path.write_text(report_html(replace(made, image=image)), encoding="utf-8")
+    page = chromium.open(path.as_uri(), 960, 600)
+    page.wait(READY)
+    opened = page.picture("#canvas").astype(int)
+    shown = np.abs(opened - pink).max(-1) < 30
+    rows, columns = np.nonzero(shown)
+    height, width = shown.shape
+    assert np.ptp(rows) > 0.55 * height
+    assert abs((rows.min() + rows.max()) / 2 - height / 2) < 0.15 * height
+    assert abs((columns.min() + columns.max()) / 2 - width / 2) < 0.15 * width
+    click(page, "[value=neutral]")
+    assert (np.abs(page.picture("#canvas").astype(int) - pink).max(-1) < 30).sum() < 0.02 * shown.sum()
+    page.close()
 
 
 def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
@@ -143,7 +172,7 @@ def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns
     assert difference(seen, page.picture("#canvas")) > 0.05
     for switch in ("people", "floor"):
         click(page, f"[data-show={switch}]")
-    click(page, "[data-view=angle]")
+    click(page, "[data-view=people]")
     page.picture("#view")
 
 
@@ -164,7 +193,7 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     spot = result.people[1].joints[9] @ result.intrinsics.matrix.T
     page.click(*place_on_canvas(page, result, *(spot[:2] / spot[2])))
     card = text(page, "#people")
-    click(page, "[data-view=angle]")
+    click(page, "[data-view=people]")
     assert page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText") == "Person 1"
     assert "doubtful" in card
     assert metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigma) in card
@@ -174,11 +203,11 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
     assert "No body: no pose fits the box" in card
 
 
-@pytest.mark.parametrize("view", ["camera", "side", "top"])
+@pytest.mark.parametrize("view", ["camera", "angle", "side", "top"])
 def test_each_view_button_shows_another_picture(page, overview, view):
     click(page, f"[data-view={view}]")
     assert difference(overview, page.picture("#view")) > 0.1
-    click(page, "[data-view=angle]")
+    click(page, "[data-view=people]")
 
 
 def test_two_clicks_measure_the_distance_of_their_points(page, result):
@@ -193,7 +222,7 @@ def test_two_clicks_measure_the_distance_of_their_points(page, result):
     assert apart == pytest.approx(np.linalg.norm(first - second), abs=0.04)
     assert upwards == pytest.approx(abs((first - second) @ result.scene.floor.normal), abs=0.03)
     click(page, "#measure")
-    click(page, "[data-view=angle]")
+    click(page, "[data-view=people]")
 
 
 def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects_a_person(page, result):
@@ -240,7 +269,7 @@ def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
     page.evaluate("document.querySelector('#canvas').focus()")
     page.press("ArrowLeft")
     assert difference(overview, page.picture("#view")) > 0.05
-    click(page, "[data-view=angle]")
+    click(page, "[data-view=people]")
 
 
 def test_without_webgl_the_numbers_and_the_photo_are_there(chromium, path):

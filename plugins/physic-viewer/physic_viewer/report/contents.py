@@ -7,9 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
-from physic_core.visual.palette import CAMERA_RGB, CONTACT_RGB, FLOOR_RGB, contact_color, contact_legend
+from physic_core.visual.palette import (
+    BODY_RGB,
+    CAMERA_RGB,
+    CONTACT_RGB,
+    FAINT,
+    FLOOR_RGB,
+    contact_color,
+    contact_legend,
+    has_faint_contact,
+)
 from physic_viewer.report.packing import photo_jpeg
-from physic_viewer.report.people import people_records
+from physic_viewer.report.people import main_people, people_records
 from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
 
 if TYPE_CHECKING:
@@ -40,12 +49,14 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "scale_sigma": scene.scale_sigma,
         "distance_sigma": reconstruction.distance_sigma,
         "body_model": reconstruction.body_model,
-        "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB},
+        "colors": {"contact": CONTACT_RGB, "floor": FLOOR_RGB, "camera": CAMERA_RGB, "body": BODY_RGB},
         "legend": [{"label": label, "color": color} for label, color in contact_legend(reconstruction).items()],
+        "faint": FAINT if has_faint_contact(reconstruction) else "",
         "partners": [{"title": one.title, "color": contact_color(one)} for one in reconstruction.contact_partners],
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
         "people": people_records(reconstruction),
+        "main": main_people(reconstruction),
         "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
         "warnings": list(reconstruction.warnings),
         "notes": list(reconstruction.notes),

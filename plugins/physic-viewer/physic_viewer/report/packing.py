@@ -38,6 +38,11 @@ def pack_indices(indices: NDArray[np.integer[Any]]) -> dict[str, Any]:
     return {"bits": bits, "data": _text(np.ascontiguousarray(indices, f"<u{bits // 8}").tobytes())}
 
 
+def pack_bytes(values: NDArray[Any]) -> str:
+    """Pack integers from 0 to 255 in base64."""
+    return _text(np.ascontiguousarray(values, np.uint8).tobytes())
+
+
 def pack_flags(flags: NDArray[np.bool_]) -> str:
     """Pack flags as bits, the first one the lowest of the first byte, in base64."""
     return _text(np.packbits(flags.ravel(), bitorder="little").tobytes())

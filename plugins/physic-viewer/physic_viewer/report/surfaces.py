@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.visual.palette import contact_strength
 from physic_core.visual.surface import depth_limit, mesh_scene
-from physic_viewer.report.packing import pack_flags, pack_indices, pack_points
+from physic_core.visual.textures.dressed import dressed_bodies
+from physic_viewer.report.packing import pack_bytes, pack_flags, pack_indices, pack_points, photo_jpeg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,7 +18,8 @@ if TYPE_CHECKING:
     from physic_core.types import Person, Reconstruction
 
 MAX_FULL_BODIES = 12
-"""Most people who are shown with all their vertices; a body has 110 kB in the page, and a coarse one 30 kB."""
+"""Most people who are shown with all their vertices; a body has 200 kB in the page, and a coarse one
+60 kB."""
 
 _SCENE_VERTICES = 130_000
 _CROWD_SCENE_VERTICES = 70_000
@@ -57,32 +60,43 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
 
 
 def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
-    """Pack the faces of all bodies, and vertices and contact of each; of a crowd with fewer vertices.
+    """Pack the faces of all bodies, and vertices, colours and contact of each; of a crowd with fewer vertices.
 
     Returns:
-        ``faces`` and, for each person, ``people``: ``points``, ``contact`` flags and ``partner``, the index into
-        ``partners`` plus one, 0 without contact (None in a result without partners); None for a person without a body.
+        ``faces``; ``split``, the vertex of each index in ``faces`` from the number of vertices on, and ``uv`` of all
+        indices if bodies have textures, else None; and, for each person, ``people``: ``points``; ``texture`` (a data
+        URL), or ``colors`` of the vertices (three bytes sRGB each); ``contact``, a byte per vertex, from 0 without
+        contact to 255 for likely contact; ``partner``, the index into ``partners`` plus one, 0 without contact (None in
+        a result without partners). A person without a body is None.
     """
-    people = reconstruction.people
+    people, dressed = reconstruction.people, dressed_bodies(reconstruction)
     faces = np.asarray(reconstruction.faces, np.int64)
     bodies = [person for person in people if is_posed(person)]
     ids = np.arange(len(bodies[0].vertices)) if bodies else np.zeros(0, np.int64)
-    groups = ids
+    groups, mesh = ids, dressed.mesh
     if len(bodies) > MAX_FULL_BODIES:
         ids, faces, groups = _coarse(bodies[0].vertices, faces)
+        mesh = None
+    if mesh is not None:
+        faces = mesh.faces
 
-    def pack(person: Person) -> dict[str, Any]:
-        touching = np.zeros(len(ids), bool)
-        np.logical_or.at(touching, groups, np.asarray(person.contact, bool))
+    def pack(index: int, person: Person) -> dict[str, Any]:
+        strength = np.zeros(len(ids))
+        np.maximum.at(strength, groups, contact_strength(person))
+        texture = None if mesh is None else photo_jpeg(dressed.images[index], len(dressed.images[index]), 88)
         return {
             "points": pack_points(person.vertices[ids]),
-            "contact": pack_flags(touching),
+            "texture": texture,
+            "colors": pack_bytes(dressed.colors[index][ids]) if texture is None else None,
+            "contact": pack_bytes(np.ceil(255 * strength)),
             "partner": _pack_partner(person, groups, len(ids)),
         }
 
     return {
         "faces": pack_indices(faces if bodies else np.zeros((0, 3), np.int64)),
-        "people": [pack(person) if is_posed(person) else None for person in people],
+        "split": None if mesh is None else pack_indices(mesh.vertex[len(ids) :]),
+        "uv": None if mesh is None else pack_indices(np.round(65535 * mesh.uv).astype(np.int64)),
+        "people": [pack(index, person) if is_posed(person) else None for index, person in enumerate(people)],
     }
 
 

@@ -21,6 +21,13 @@ function decodeIndices({ bits, data }) {
   return indices;
 }
 
+// Returns the triangles of all bodies, by vertices and by texels; the two differ on the seams of textures.
+function decodeFaces({ faces, split, uv }, count) {
+  const texels = decodeIndices(faces), seams = split ? decodeIndices(split) : [];
+  const ofTexel = i => (i < count ? i : seams[i - count]);
+  return { texels, seams, vertices: texels.map(ofTexel), uv: uv && Float32Array.from(decodeIndices(uv), v => v / 65535) };
+}
+
 // Returns a function that tells flag i.
 function decodeFlags(text) {
   const bytes = decodeBytes(text);

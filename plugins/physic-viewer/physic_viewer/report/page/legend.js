@@ -1,12 +1,18 @@
-// The legend of contact in the 3D view: the colours that the bodies show now, and what is touched.
+// The legend of the 3D view: what the colours of the bodies mean now.
 
-function showLegend(list, data, isOn) {
-  const any = [{ label: "anything", color: data.colors.contact }];
-  const entries = data.legend.length && !isOn("partners") ? any : data.legend;
-  list.hidden = !entries.length || !isOn("contact") || !isOn("people");
-  list.replaceChildren(element("li", { className: "soft", textContent: "Contact with" }), ...entries.map(({ label, color }) => {
+function showLegend(list, data, skin, isShown) {
+  const dotted = ({ label, color }) => {
     const dot = element("span", { className: "dot" });
     dot.style.background = cssColor(color);
     return element("li", {}, dot, label);
-  }));
+  };
+  const soft = textContent => element("li", { className: "soft", textContent });
+  const rows = {
+    photo: () => [dotted({ label: "what the photo does not show", color: data.colors.body })],
+    neutral: () => [],
+    contact: () => (data.legend.length
+      ? [soft("Contact with"), ...data.legend.map(dotted), ...(data.faint ? [soft(data.faint)] : [])] : []),
+  }[skin]();
+  list.hidden = !rows.length || !isShown;
+  list.replaceChildren(...rows);
 }

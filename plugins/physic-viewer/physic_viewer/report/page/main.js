@@ -15,10 +15,10 @@ function chooseTheme() {
   byId("theme").addEventListener("click", () => set(root.dataset.theme === "dark" ? "light" : "dark"));
 }
 
-function makeStage(data, photos, background) {
+function makeStage(data, photos, background, images) {
   const canvas = byId("canvas");
   try {
-    const stage = new Stage(canvas, data, photos, background);
+    const stage = new Stage(canvas, data, photos, background, images);
     canvas.addEventListener("webglcontextlost", () => say("The browser took the 3D view away. Load the page again."));
     return stage;
   } catch (error) {
@@ -52,15 +52,20 @@ function connect(stage, panel, select) {
   for (const view of document.querySelectorAll("[data-view]")) {
     view.addEventListener("click", () => stage.look(view.dataset.view));
   }
-  const legend = () => showLegend(byId("legend"), stage.data, name => document.querySelector(`[data-show=${name}]`).checked);
-  legend();
+  const skins = [...document.querySelectorAll("[name=skin]")], people = document.querySelector("[data-show=people]");
+  const dress = () => {
+    const skin = skins.find(choice => choice.checked).value;
+    showLegend(byId("legend"), stage.data, skin, people.checked);
+    if (skin === stage.skin) return;
+    stage.wear(skin);
+    panel.draw(stage);
+  };
+  dress(); // the browser may have kept an earlier choice
+  for (const choice of skins) choice.addEventListener("change", dress);
   for (const box of document.querySelectorAll("[data-show]")) {
-    const show = () => {
-      legend();
-      stage.show(box.dataset.show, box.checked);
-      if (box.dataset.show === "contact" || box.dataset.show === "partners") panel.draw(stage);
-    };
+    const show = () => stage.show(box.dataset.show, box.checked);
     box.addEventListener("change", show);
+    if (box === people) box.addEventListener("change", dress);
     if (box.dataset.show === "floor" && !stage.data.floor) {
       box.checked = false;
       box.disabled = true;
@@ -89,9 +94,11 @@ async function start() {
     }
   };
   select(null);
-  const [background, ...photos] = await Promise.all([loadImage(data.background), ...loadPhotos(data)]);
+  const textures = data.bodies.people.map(body => (body?.texture ? loadImage(body.texture) : null));
+  const [background, images, ...photos] = await Promise.all(
+    [loadImage(data.background), Promise.all(textures), ...loadPhotos(data)]);
   say("");
-  stage = makeStage(data, photos, background);
+  stage = makeStage(data, photos, background, images);
   panel = new PhotoPanel(byId("photo"), data, photos[0]);
   offerPhotos(byId("photos"), photos, photo => {
     panel.show(photo);

@@ -5,8 +5,8 @@ const FIELD_OF_VIEW = 40;
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => new THREE.Color().setRGB(v / 255, 0, 0, THREE.SRGBColorSpace).r);
 
 class Stage {
-  constructor(canvas, data, photos, background) {
-    Object.assign(this, { canvas, data, photos, shown: photos[0] });
+  constructor(canvas, data, photos, background, images) {
+    Object.assign(this, { canvas, data, photos, background, images, shown: photos[0] });
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.scene = new THREE.Scene();
@@ -15,10 +15,11 @@ class Stage {
     this.root.matrixAutoUpdate = false;
     this.scene.add(this.root, ...lights());
     this.listeners = [];
-    this.contact = { contact: true, partners: true };
+    this.skin = "photo";
     this.isPhotoBehind = false; // the photo is behind the bodies in place of the scene
 
-    this.bodies = data.people.map((person, index) => makeBody(data, index));
+    const textures = images.map(image => image && makeTexture(image));
+    this.bodies = data.people.map((person, index) => makeBody(data, index, textures[index]));
     const { mesh, points } = makeScene(data, background);
     const people = new THREE.Group();
     for (const body of this.bodies) if (body) people.add(body);
@@ -26,7 +27,9 @@ class Stage {
     this.groups = { mesh, points, people, camera: makeFrustums(data, photos) };
     this.root.add(...Object.values(this.groups));
     this.root.updateMatrixWorld(true);
-    this.box = this.bounds();
+    this.box = this.bounds(this.bodies);
+    this.mainBodies = data.main.map(index => this.bodies[index]);
+    this.mainBox = this.bounds(this.mainBodies);
     this.groups.floor = makeFloor(data, this.box, this.root);
     this.scene.add(this.groups.floor);
 
@@ -39,13 +42,13 @@ class Stage {
     this.photoCameras = new Map(photos.map(photo => [photo, makePhotoCamera(photo, this.root)]));
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
-    this.look("angle");
+    this.look("people");
   }
 
-  // The box of the people, else of most of the scene.
-  bounds() {
+  // The box of bodies, else of most of the scene.
+  bounds(bodies) {
     const box = new THREE.Box3();
-    for (const body of this.bodies) if (body) box.expandByObject(body, true);
+    for (const body of bodies) if (body) box.expandByObject(body, true);
     if (box.isEmpty()) {
       const place = this.groups.points.geometry.getAttribute("position"), point = new THREE.Vector3();
       const sorted = [[], [], []];
@@ -60,16 +63,20 @@ class Stage {
   }
 
   show(name, shown) {
-    if (name === "contact" || name === "partners") {
-      this.contact = { ...this.contact, [name]: shown };
-      this.bodies.forEach(body => body?.userData.paint(this.contact.contact, this.contact.partners));
-    } else this.groups[name].visible = shown;
+    this.groups[name].visible = shown;
     if (name === "mesh" || name === "points") this.isPhotoBehind = false;
     this.draw();
   }
 
+  // Dress the bodies: "photo", "neutral" or "contact".
+  wear(skin) {
+    this.skin = skin;
+    this.bodies.forEach(body => body?.userData.wear(skin));
+    this.draw();
+  }
+
   select(index) {
-    this.bodies.forEach((body, i) => body?.material.emissive.set(i === index ? 0x2f2f2f : 0));
+    this.bodies.forEach((body, i) => body?.userData.highlight(i === index));
     this.draw();
   }
 
@@ -87,7 +94,7 @@ class Stage {
 
   look(name) {
     const place = name === "camera" ? this.photoCamera.matrixWorld : this.root.matrix;
-    const eye = new THREE.Vector3().setFromMatrixPosition(place), box = this.box;
+    const eye = new THREE.Vector3().setFromMatrixPosition(place), box = this.mainBox;
     const center = box.getCenter(new THREE.Vector3());
     const { width, height, camera } = this.shown;
     this.camera.fov = FIELD_OF_VIEW;
@@ -98,6 +105,8 @@ class Stage {
       this.camera.position.copy(eye);
       center.copy(eye).addScaledVector(ahead, Math.max(0.5, center.clone().sub(eye).dot(ahead)));
       this.controls.target.copy(center);
+    } else if (name === "people") {
+      this.fitFrom(new THREE.Vector3().setFromMatrixPosition(this.photoCamera.matrixWorld));
     } else {
       const turn = { angle: 48, side: 88, top: 0 }[name] * Math.PI / 180;
       const rise = { angle: 18, side: 4, top: 88 }[name] * Math.PI / 180;
@@ -131,6 +140,30 @@ class Stage {
     // A turn is around the people.
     const depth = this.box.getCenter(new THREE.Vector3()).sub(target).dot(direction);
     this.controls.target.copy(target).addScaledVector(direction, depth);
+  }
+
+  // Look at the main people from a place, at an angle that just holds them and some of the scene around them.
+  fitFrom(eye) {
+    const points = this.mainBodies.length ? this.mainBodies.flatMap(samples) : corners(this.mainBox);
+    const camera = this.camera, center = this.mainBox.getCenter(new THREE.Vector3());
+    const reach = center.distanceTo(eye), seen = point => point.clone().applyMatrix4(camera.matrixWorldInverse);
+    camera.position.copy(eye);
+    let tall = 0;
+    for (let round = 0; round < 3; round++) { // the middle of the picture depends on the direction a little
+      camera.lookAt(center);
+      camera.updateMatrixWorld();
+      const spots = points.map(seen).filter(p => p.z < -0.1).map(p => [p.x / -p.z, p.y / -p.z]);
+      if (!spots.length) return;
+      const [[left, right], [low, high]] = [0, 1].map(axis => {
+        const values = spots.map(spot => spot[axis]);
+        return [Math.min(...values), Math.max(...values)];
+      });
+      tall = Math.max(high - low, (right - left) / camera.aspect);
+      const turn = new THREE.Vector3((left + right) / 2, (low + high) / 2, -1).normalize().multiplyScalar(reach);
+      center.copy(turn.applyMatrix4(camera.matrixWorld));
+    }
+    camera.fov = Math.min(100, 2 * Math.atan(1.3 * tall / 2) * 180 / Math.PI);
+    this.controls.target.copy(center);
   }
 
   // Turn around the target by angles in radians, and change the distance by a factor.
@@ -184,8 +217,9 @@ class Stage {
   // Draw the bodies as the photo's camera sees them on a 2D context of width x height px.
   drawBodies(context, width, height, opacity) {
     const before = this.renderer.getPixelRatio(), size = this.renderer.getSize(new THREE.Vector2());
-    const shown = this.groups.people.visible;
+    const shown = this.groups.people.visible, skin = this.skin;
     this.groups.people.visible = true;
+    if (skin === "photo") this.wear("neutral"); // over the photo, its own colours are invisible
     this.renderer.setPixelRatio(1);
     this.renderer.setSize(width, height, false);
     this.renderer.render(this.scene, this.photoCamera);
@@ -193,6 +227,7 @@ class Stage {
     context.drawImage(this.canvas, 0, 0, width, height);
     context.globalAlpha = 1;
     this.groups.people.visible = shown;
+    this.wear(skin);
     this.renderer.setPixelRatio(before);
     this.renderer.setSize(size.x, size.y, false);
     this.render();
@@ -261,32 +296,71 @@ function makeScene(data, background) {
   return found;
 }
 
-function makeBody(data, index) {
+// A body with its three skins; its geometry has the vertices first, and those that seams of the texture split after them.
+function makeBody(data, index, texture) {
   const packed = data.bodies.people[index];
   if (packed === null) return null;
-  const positions = decodePoints(packed.points), touches = decodeFlags(packed.contact);
+  const points = decodePoints(packed.points), { texels, seams, vertices, uv } = decodeFaces(data.bodies, packed.points.count);
+  const whole = new THREE.BufferGeometry();
+  whole.setAttribute("position", new THREE.BufferAttribute(points, 3));
+  whole.setIndex(new THREE.BufferAttribute(vertices, 1));
+  whole.computeVertexNormals(); // before the split, so that light has no seams
+  const extend = (values, size) => {
+    const all = new Float32Array(size * (values.length / size + seams.length));
+    all.set(values);
+    seams.forEach((vertex, i) => all.set(values.subarray(size * vertex, size * (vertex + 1)), values.length + size * i));
+    return new THREE.BufferAttribute(all, size);
+  };
   const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
-  geometry.setIndex(new THREE.BufferAttribute(decodeIndices(data.bodies.faces), 1));
-  geometry.computeVertexNormals();
-  const colors = new THREE.BufferAttribute(new Float32Array(positions.length), 3);
-  geometry.setAttribute("color", colors);
-  const body = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82 }));
-  body.layers.enable(BODIES);
-  const own = data.people[index].tint.map(v => LINEAR[v]);
-  const any = data.colors.contact.map(v => LINEAR[v]);
-  const partner = packed.partner && decodeIndices(packed.partner);
+  geometry.setAttribute("position", extend(points, 3));
+  geometry.setAttribute("normal", extend(whole.getAttribute("normal").array, 3));
+  geometry.setIndex(new THREE.BufferAttribute(texels, 1));
+  if (uv) geometry.setAttribute("uv", new THREE.BufferAttribute(uv, 2));
+
+  const own = data.people[index].tint.map(v => LINEAR[v]), any = data.colors.contact.map(v => LINEAR[v]);
+  const partner = packed.partner && decodeIndices(packed.partner), strength = decodeBytes(packed.contact);
   const shades = [own, ...data.partners.map(({ color }) => color.map(v => LINEAR[v]))];
+  const paint = color => {
+    const values = new Float32Array(points.length);
+    strength.forEach((_, i) => values.set(color(i), 3 * i));
+    return extend(values, 3);
+  };
+  const colors = {
+    neutral: paint(() => own),
+    contact: paint(i => {
+      const share = strength[i] / 255, touched = partner ? shades[partner[i]] : any;
+      return own.map((value, k) => value + share * (touched[k] - value));
+    }),
+  };
+  const matte = new THREE.MeshStandardMaterial({ vertexColors: true, roughness: 0.82 });
+  const photo = new THREE.MeshBasicMaterial(texture ? { map: texture } : { vertexColors: true });
+  if (!texture) {
+    const bytes = decodeBytes(packed.colors);
+    colors.photo = paint(i => [0, 1, 2].map(k => LINEAR[bytes[3 * i + k]]));
+  }
+  const body = new THREE.Mesh(geometry, photo);
+  body.layers.enable(BODIES);
   body.userData = {
     index,
-    paint(contact, byPartner) {
-      const touched = i => (byPartner && partner ? shades[partner[i]] : any);
-      for (let i = 0; i < colors.count; i++) colors.setXYZ(i, ...(contact && touches(i) ? touched(i) : own));
-      colors.needsUpdate = true;
+    colors,
+    wear(skin) {
+      body.material = skin === "photo" ? photo : matte;
+      if (colors[skin]) geometry.setAttribute("color", colors[skin]);
+    },
+    highlight(on) {
+      matte.emissive.set(on ? 0x2f2f2f : 0);
+      photo.color.setScalar(on ? 1.3 : 1);
     },
   };
-  body.userData.paint(true, true);
+  body.userData.wear("photo");
   return body;
+}
+
+// Every n-th vertex of a body, in the upright frame.
+function samples(body) {
+  const place = body.geometry.getAttribute("position"), found = [];
+  for (let i = 0; i < place.count; i += 24) found.push(new THREE.Vector3().fromBufferAttribute(place, i).applyMatrix4(body.matrixWorld));
+  return found;
 }
 
 // Each photo on a plane before its camera, with the edges of the field of view.
