@@ -85,8 +85,8 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
     known = {"report": {}, "failure": "", "legs": True, "sigma": 0.1, "scale": 1.0, "camera": CAMERA, "lean": 0.0}
     known |= {"joints": None, "scene_share": 0.9, "photo_share": 0.9, "floor": "found", "mask": None, "lost": ()}
     known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "source": "floor mask"}
-    known |= {"shoulders": True} | changes
-    assert len(known) == 19, sorted(known)
+    known |= {"shoulders": True, "shown": True} | changes
+    assert len(known) == 20, sorted(known)
     observed = np.ones((1, 55), bool)
     observed[0, [16, 17]] = known["shoulders"]
     observed[0, [4, 7]] = known["legs"]
@@ -97,7 +97,11 @@ def case(**changes: Any) -> tuple[Any, Any, EngineSettings]:
         depth=SimpleNamespace(scale_sigma=known["sigma"], intrinsics=None),
         missing_results=(known["lost"],),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
-        people=SimpleNamespace(boxes=np.array([[0.0, 0.0, 300.0, 400.0]]), unposed=known["unposed"]),
+        people=SimpleNamespace(
+            boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
+            masks=np.full((1, 480, 640), known["shown"]),
+            unposed=known["unposed"],
+        ),
         **{name: SimpleNamespace(intrinsics=camera) for name, camera in maps.items()},
     )
     floor = FLOOR if known["floor"] == "found" else None
@@ -186,8 +190,9 @@ def test_what_fails_of_a_photo(changes: dict[str, Any], name: str, value: float)
         ({"report": {"sole_height_m": -2.3}}, ("sole_height",)),
         ({"report": {"sole_height_m": -2.3}, "joints": bent(), "legs": False}, ("legs_seen", "sole_height")),
         ({"report": {"low_depth_ratio": 0.5}}, ("low_depth",)),
-        ({"off": 30.0, "moved": 3}, ("limb_keypoints",)),
-        ({"off": 30.0, "moved": 2}, ()),
+        ({"off": 30.0, "moved": 3}, ("limb_keypoints", "limb_joint")),
+        ({"off": 30.0, "moved": 3, "shown": False}, ("limb_keypoints",)),
+        ({"off": 30.0, "moved": 2}, ()),  # both shoulders
         ({"off": 10.0, "moved": 12}, ()),
         ({"report": {"depth_ratio": 1.45}}, ("person_depth",)),
         ({"report": {"depth_ratio": 1 / 1.45}}, ("person_depth",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +12,16 @@ from physic_core.types import skeleton_named
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Intrinsics, Skeleton
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Skeleton
 
 _LIMB_JOINTS = tuple(
     f"{side}_{name}" for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle") for side in SIDES
 )
 _CONFIDENT = 0.5
+_SHOWN = 0.3  # confidence of a joint that the photo shows; elbows and knees behind the trunk have 0.3 to 0.4
 _FEWEST = 4
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
+_WELL_PLACED = ("elbow", "wrist", "knee")  # shoulders, hips and ankles are farther inside the body than keypoints
 
 
 def limb_keypoint_error(
@@ -42,13 +45,58 @@ def limb_keypoint_error(
     Returns:
         None with fewer than four such keypoints or without a body.
     """
+    errors = list(_errors(joints, points, confidence >= _CONFIDENT, box, skeleton, camera).values())
+    if len(errors) < _FEWEST or not np.isfinite(errors).all():
+        return None
+    return float(np.quantile(errors, _QUANTILE, method="lower"))
+
+
+def worst_limb_joint(
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    box: FloatArray,
+    skeleton: Skeleton | str,
+    camera: Intrinsics,
+    mask: BoolArray,
+) -> tuple[float, str]:
+    """Return the elbow, wrist or knee that is farthest from its keypoint inside the mask (H, W).
+
+    The other arguments are those of :func:`limb_keypoint_error`.
+
+    Returns:
+        distance: of the box's diagonal; NaN without such a keypoint or without a body.
+        name: of the joint.
+    """
+    errors = _errors(joints, points, confidence >= _SHOWN, box, skeleton, camera)
     names = skeleton_named(skeleton).names
-    rows = [(names.index(name), JOINT_INDEX[name]) for name in _LIMB_JOINTS if name in names]
+    height, width = mask.shape
+    worst = (math.nan, "")
+    for name, error in errors.items():
+        u, v = np.round(points[names.index(name)]).astype(int)
+        shown = 0 <= u < width and 0 <= v < height and mask[v, u]
+        if name.endswith(_WELL_PLACED) and shown and not error <= worst[0]:
+            worst = (error, name)
+    return worst
+
+
+def _errors(
+    joints: FloatArray,
+    points: FloatArray,
+    chosen: BoolArray,
+    box: FloatArray,
+    skeleton: Skeleton | str,
+    camera: Intrinsics,
+) -> dict[str, float]:
+    """Return the distances of the limb joints from the chosen keypoints (J,) bool, of the box's diagonal."""
+    names = skeleton_named(skeleton).names
+    rows = {name: names.index(name) for name in _LIMB_JOINTS if name in names}
     pixels = np.asarray(joints, np.float64) @ camera.matrix.T
     diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
-    errors = [
-        float(np.linalg.norm(points[k] - pixels[j, :2] / pixels[j, 2])) for k, j in rows if confidence[k] >= _CONFIDENT
-    ]
-    if len(errors) < _FEWEST or not np.isfinite(errors).all() or diagonal <= 0:
-        return None
-    return float(np.quantile(errors, _QUANTILE, method="lower")) / diagonal
+    if diagonal <= 0:
+        return {}
+    return {
+        name: float(np.linalg.norm(points[k] - pixels[JOINT_INDEX[name], :2] / pixels[JOINT_INDEX[name], 2])) / diagonal
+        for name, k in rows.items()
+        if chosen[k]
+    }

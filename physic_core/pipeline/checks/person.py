@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import is_body_straight, lean_deg, stands_on_straight_legs
-from physic_core.pipeline.checks.keypoints import limb_keypoint_error
+from physic_core.pipeline.checks.keypoints import limb_keypoint_error, worst_limb_joint
 from physic_core.pipeline.checks.result import check_value, measured, relative_difference
 from physic_core.types import CheckResult
 
@@ -66,18 +66,26 @@ def _check_picture(estimates: Estimates, solution: Solution, person: int) -> Ite
         "confident keypoints miss the body: its pose is doubtful, look at it over the photo in preview.png",
         unmeasured="no keypoint is confident, or there is no body",
     )
+    seen = (
+        solution.joints[person],
+        estimates.keypoints.points[person],
+        estimates.keypoints.confidence[person],
+        np.asarray(estimates.people.boxes[person], np.float64),
+        estimates.keypoints.skeleton,
+        solution.intrinsics,
+    )
     yield check_value(
         "limb_keypoints",
-        limb_keypoint_error(
-            solution.joints[person],
-            estimates.keypoints.points[person],
-            estimates.keypoints.confidence[person],
-            np.asarray(estimates.people.boxes[person], np.float64),
-            estimates.keypoints.skeleton,
-            solution.intrinsics,
-        ),
+        limb_keypoint_error(*seen),
         "a limb misses its keypoints: its pose is doubtful, look at it over the photo in preview.png",
         unmeasured="too few joints of the limbs have a confident keypoint",
+    )
+    distance, joint = worst_limb_joint(*seen, estimates.people.masks[person])
+    yield check_value(
+        "limb_joint",
+        distance,
+        f"the photo shows the {joint.replace('_', ' ')}, and that of the body is elsewhere: do not trust this limb",
+        unmeasured="no elbow, wrist or knee is visible, or there is no body",
     )
     yield check_value(
         "mask_covered",
