@@ -35,10 +35,12 @@ class JointEnergy:
 
     Attributes:
         state: the free parameters.
+        person_weights: (B,) weight of each person's terms.
         terms: summands of the energy.
         visibility: of the vertices, at the last refresh.
         contacts: nearest points and distances, at the last refresh or evaluation.
         scene: search structure of the scene points near the people.
+        snapshot: what the terms were refreshed with.
         evaluations: number of calls.
 
     Raises:
@@ -50,8 +52,8 @@ class JointEnergy:
         self.evaluations = 0
         self.context = precompute(problem, settings)
         self.state = settings.initial_state(self.context)
-        weights = settings.weigh_people(problem)
-        self._people = None if bool((weights == 1).all()) else weights
+        self.person_weights = settings.weigh_people(problem)
+        self._people = None if bool((self.person_weights == 1).all()) else self.person_weights
         # What the user knows holds in every energy.
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
@@ -63,7 +65,7 @@ class JointEnergy:
         self.scene = settings.nearby_scene(self.context, self._gathered, 1.0)
         self._self_occlusion = SelfOcclusion(self.context)
         self._last_visibility: Visibility | None = None
-        self._snapshot: Snapshot
+        self.snapshot: Snapshot
         self.refresh()
 
     @torch.no_grad()
@@ -75,7 +77,7 @@ class JointEnergy:
             state.
         """
         for term in terms:
-            term.refresh(self._snapshot)
+            term.refresh(self.snapshot)
         self.terms = (*self.terms, *terms)
         bodies = self._posed_bodies()
         if not any(bool((value > 0).any()) for term in terms for value in term(bodies).values()):
@@ -106,9 +108,9 @@ class JointEnergy:
     def _update(self, vertices: Tensor, scale: float) -> None:
         """Update nearest points and the weights of each term."""
         self.contacts = update_contacts(self.context, self.visibility.normals, self.scene, vertices, scale)
-        self._snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
+        self.snapshot = Snapshot(self.visibility, self.contacts, vertices, scale)
         for term in self.terms:
-            term.refresh(self._snapshot)
+            term.refresh(self.snapshot)
 
     def reprojection_shares(self, estimate: Estimate) -> Tensor:
         """Return the mean 2D error of confident keypoints (B,), as a share of the stature in px; NaN without any."""

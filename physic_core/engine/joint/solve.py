@@ -63,6 +63,9 @@ def optimize(
     groups = energy.add_terms(late)
     if groups is not None:
         minimised = join_results(energy, origin, minimised, optimiser.minimise(energy, groups=groups))
+    decided = settings.decide(energy, optimiser)
+    if decided is not None:
+        minimised = join_results(energy, origin, minimised, decided)
     return _merged_result(problem, energy, minimised, healthy.nonzero(as_tuple=True)[0], tuple(failures))
 
 

@@ -6,8 +6,10 @@ of them, and their sum of squares is a Gaussian prior. OpenCV camera frame, metr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -208,6 +210,24 @@ class State:
     def parameters(self) -> list[Tensor]:
         """Return the leaf tensors of the free parameters."""
         return [self.values[group] for group in self.free]
+
+    @contextmanager
+    def holding_all_but(self, people: Sequence[int]) -> Iterator[None]:
+        """Keep the scene's scale, and the parameters of all people but some, constant for a while."""
+        free, moves = self.free, self.start.transl.new_zeros(self.num_people)
+        moves[list(people)] = 1.0
+        self.free = tuple(group for group in free if group != "scale")
+        rows = {group: moves.reshape(-1, *[1] * (self.values[group].ndim - 1)) for group in self.free}
+        hooks = [
+            self.values[group].register_hook(partial(torch.mul, rows[group]))  # type: ignore[no-untyped-call]
+            for group in self.free
+        ]
+        try:
+            yield
+        finally:
+            self.free = free
+            for hook in hooks:
+                hook.remove()
 
     def pack(self) -> Tensor:
         """Return a copy of all free parameters in one vector (n,)."""

@@ -12,8 +12,10 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.energy import JointEnergy
+from physic_core.engine.joint.hypotheses import decide_joins
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
+from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
@@ -21,6 +23,7 @@ from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
 from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
+from physic_core.engine.joint.terms.joins import JoinSettings
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.engine.joint.terms.penetration import PenetrationSettings, PenetrationTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
@@ -67,6 +70,8 @@ class DefaultOptimisation(JointMethod):
     """Height of people."""
     balance: BalanceSettings = field(default_factory=BalanceSettings)
     """Centre of mass over the feet."""
+    joins: JoinSettings = field(default_factory=JoinSettings)
+    """Hands that touch another hand or a knee."""
 
     @property
     def search_radius_m(self) -> float:
@@ -132,3 +137,7 @@ class DefaultOptimisation(JointMethod):
         """Return the people term. From the start, it would keep apart people on the wrong side of each other."""
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
+
+    def decide(self, energy: JointEnergy, optimiser: OptimiserSettings) -> MinimisationResult | None:
+        """Decide which hands touch another hand or a knee."""
+        return decide_joins(energy, self.joins, optimiser) if self.joins.weight else None
