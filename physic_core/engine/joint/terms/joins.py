@@ -32,7 +32,7 @@ class JoinSettings:
     """Largest distance in the picture between a keypoint of the hand and one of the other limb, metres at their depth:
     the width of a hand."""
     reach_m: Positive = 0.25
-    """Largest gap without the join, metres. Hands that meet in a photo and are farther apart (0.31-1.13) do not touch."""
+    """Largest gap without the join, metres. Hands that met in photos farther apart (0.31-1.13) did not touch."""
     sigma_m: Positive = 0.02
     """Expected distance of vertices that touch, metres: their spacing. Limbs that are nearer need no join, and a join
     that leaves twice as much is rejected."""
