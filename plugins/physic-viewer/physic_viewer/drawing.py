@@ -23,12 +23,14 @@ PARTS = {
     "surface": True,
     "points": False,
     "people": True,
-    "contact": True,
     "floor": True,
     "camera": True,
     "names": True,
 }
 """Parts of a result that can be switched, and whether they are shown at first."""
+
+SKINS = ("photo", "neutral", "contact")
+"""Colours of the people, the first ones at first."""
 
 _FRUSTUM_PX = 320
 
@@ -50,6 +52,8 @@ class DrawnResult:
         self._scene, self.shapes, self.result = server.scene, shapes, result
         self._root = self._scene.add_frame(node, show_axes=False)
         self._parts: dict[str, Any] = {name: self._scene.add_frame(f"{node}/{name}", show_axes=False) for name in PARTS}
+        self._skins = {name: self._scene.add_frame(f"{node}/people/{name}", show_axes=False) for name in SKINS}
+        self.wear(SKINS[0])
         self._draw_scene(node)
         self._draw_people(node)
         self._draw_camera(node)
@@ -83,8 +87,10 @@ class DrawnResult:
     def _draw_people(self, node: str) -> None:
         for body in self.shapes.bodies:
             name = f"person_{body.index}"
+            dressed = unlit_glb(body.vertices, self.shapes.faces, body.colors)
+            self._scene.add_glb(f"{node}/people/photo/{name}", dressed, cast_shadow=False, receive_shadow=False)
             self._scene.add_mesh_simple(
-                f"{node}/people/{name}",
+                f"{node}/people/neutral/{name}",
                 body.vertices.astype(np.float32),
                 np.asarray(self.shapes.faces, np.uint32),
                 color=person_tint(body.index),
@@ -92,7 +98,7 @@ class DrawnResult:
             )
             if len(body.contact_faces):
                 mesh = unlit_glb(body.contact_vertices, body.contact_faces, body.contact_colors)
-                self._scene.add_glb(f"{node}/contact/{name}", mesh, cast_shadow=False, receive_shadow=False)
+                self._scene.add_glb(f"{node}/people/contact/{name}", mesh, cast_shadow=False, receive_shadow=False)
             top = body.vertices[body.vertices[:, 1].argmax()]
             self._scene.add_label(
                 f"{node}/names/{name}", f"person {body.index}", position=(top[0], top[1] + 0.08, top[2])
@@ -126,8 +132,13 @@ class DrawnResult:
         return np.asarray(self._root.position, np.float64)
 
     def show(self, part: str, shown: bool) -> None:
-        """Show or hide one of PARTS; contact follows people."""
+        """Show or hide one of PARTS."""
         self._parts[part].visible = shown
+
+    def wear(self, skin: str) -> None:
+        """Show the people in one of SKINS."""
+        for name, frame in self._skins.items():
+            frame.visible = name == skin or (name == "neutral" and skin == "contact")
 
     def is_shown(self, part: str) -> bool:
         """Whether a part is shown."""

@@ -10,8 +10,9 @@ import numpy as np
 
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.visual.palette import contact_colors
+from physic_core.visual.palette import painted_contact, person_tint
 from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.textures.dressed import dressed_bodies
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,13 +35,15 @@ class BodyShape:
     Attributes:
         index: of the person.
         vertices: (V, 3) metres, upright frame.
+        colors: (V, 3) uint8 sRGB, those of the photo, grey where it does not show the body.
         contact_vertices: (v, 3) of the part in contact, a little outside the skin.
         contact_faces: (f, 3) into ``contact_vertices``.
-        contact_colors: (v, 3) uint8 sRGB, those of what is touched.
+        contact_colors: (v, 3) uint8 sRGB, those of what is touched, faint where contact is less likely than not.
     """
 
     index: int
     vertices: Array
+    colors: NDArray[np.uint8]
     contact_vertices: Array
     contact_faces: NDArray[np.int64]
     contact_colors: NDArray[np.uint8]
@@ -124,9 +127,10 @@ def _body(index: int, result: Reconstruction, upright: Array) -> BodyShape:
     return BodyShape(
         index=index,
         vertices=vertices,
+        colors=dressed_bodies(result).colors[index],
         contact_vertices=(vertices + _LIFT_M * vertex_normals(vertices, faces))[used],
         contact_faces=numbered.reshape(-1, 3),
-        contact_colors=contact_colors(person, result.contact_partners)[used],
+        contact_colors=painted_contact(person, result.contact_partners, person_tint(index))[used],
     )
 
 

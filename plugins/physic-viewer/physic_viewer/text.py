@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.types import summarize_checks
 from physic_core.types.result_summary import metres_text
-from physic_core.visual.palette import contact_legend
+from physic_core.visual.palette import BODY_RGB, FAINT, contact_legend, has_faint_contact
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -55,14 +55,18 @@ def person_text(index: int, record: Mapping[str, Any], result: Reconstruction) -
     return "\n".join(lines)
 
 
-def legend_html(results: Sequence[Reconstruction]) -> str:
-    """Return the colours of contact that the bodies of results show; "" without contact."""
+def legend_html(skin: str, results: Sequence[Reconstruction]) -> str:
+    """Return what the colours of the bodies of results mean in a skin of the people; "" if there is nothing to say."""
     dot = "display:inline-block;width:0.8em;height:0.8em;border-radius:50%;border:1px solid #888;margin-right:0.4em"
-    rows = [
-        f'<div><span style="{dot};background:rgb{rgb}"></span>{label}</div>'
-        for label, rgb in contact_legend(*results).items()
-    ]
-    return f'<div style="padding:0 0.75em;font-size:0.85em">Contact with{"".join(rows)}</div>' if rows else ""
+    legend, title, note = dict[str, tuple[int, int, int]](), "", ""
+    if skin == "photo" and any(result.people for result in results):
+        legend = {"what the photo does not show": BODY_RGB}
+    elif skin == "contact":
+        legend, title, note = contact_legend(*results), "Contact with", FAINT if has_faint_contact(*results) else ""
+    rows = [f'<div><span style="{dot};background:rgb{rgb}"></span>{label}</div>' for label, rgb in legend.items()]
+    if not rows:
+        return ""
+    return f'<div style="padding:0 0.75em;font-size:0.85em">{title}{"".join(rows)}<div>{note}</div></div>'
 
 
 def _metres(value: float | None, log_sigma: float | None) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_viewer.drawing import PARTS
+from physic_viewer.drawing import PARTS, SKINS
 from physic_viewer.own_page import local_address, start_server
 from physic_viewer.report.people import people_records
 from physic_viewer.slot import Slot
@@ -57,6 +57,7 @@ class Viewer:
         gui.main_panel.dock_right()
         with gui.add_folder("Show"):
             self.switches = {name: gui.add_checkbox(name.capitalize(), shown) for name, shown in PARTS.items()}
+            self.skin = gui.add_dropdown("Colours", SKINS)
         self.legend = gui.add_html("")
         self.arrange = gui.add_dropdown("Arrange", [_SIDE_BY_SIDE, _ONE_PLACE], visible=len(sources) > 1)
         self.measuring = gui.add_checkbox("Measure", False)
@@ -64,6 +65,7 @@ class Viewer:
         self.slots = [Slot(self.server, source, f"/{index}", self._place) for index, source in enumerate(sources)]
         for switch in self.switches.values():
             switch.on_update(lambda _: self._show())
+        self.skin.on_update(lambda _: self._show())
         self.arrange.on_update(lambda _: self._place())
         self.measuring.on_update(lambda _: self._start_measuring())
         self.server.scene.on_click()(lambda event: self.click(event.ray_origin, event.ray_direction))
@@ -132,10 +134,11 @@ class Viewer:
         on = {name: bool(switch.value) for name, switch in self.switches.items()}
         for slot in self.slots:
             if slot.drawn is not None:
+                slot.drawn.wear(self.skin.value)
                 for name, shown in on.items():
-                    slot.drawn.show(name, shown and (name != "contact" or on["people"]))
+                    slot.drawn.show(name, shown)
         shown_results = [slot.drawn.result for slot in self.slots if slot.drawn is not None and slot.is_shown]
-        self.legend.content = legend_html(shown_results) if on["contact"] and on["people"] else ""
+        self.legend.content = legend_html(self.skin.value, shown_results) if on["people"] else ""
 
     def _place(self) -> None:
         """Put the results side by side from left to right, or all in one place."""

@@ -22,6 +22,7 @@ from physic_core.errors import BackendError, InputError
 from physic_core.types.result_summary import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE
 from physic_viewer import command, own_page
+from physic_viewer.drawing import SKINS
 from physic_viewer.shapes import build_shapes, nearest_on_ray
 from physic_viewer.sources import Source
 from physic_viewer.text import escape
@@ -139,6 +140,24 @@ def test_contact_has_the_colour_of_what_is_touched(result):
     for body in build_shapes(result).bodies:
         np.testing.assert_array_equal(np.unique(body.contact_colors, axis=0), [CONTACT_PALETTE["floor"]])
         assert len(body.contact_colors) == len(body.contact_vertices)
+
+
+def test_people_wear_the_photo_s_colours_neutral_ones_or_contact(saved, viewer_of):
+    viewer = viewer_of(saved)
+    scene, drawn = viewer.server.scene, viewer.slots[0].drawn
+
+    def worn() -> set[str]:
+        return {skin for skin in SKINS if scene.get_handle_by_name(f"/0/people/{skin}").visible}
+
+    assert worn() == {"photo"}
+    assert "what the photo does not show" in viewer.legend.content
+    assert scene.get_handle_by_name("/0/people/photo/person_1") is not None
+    for skin, shown, legend in (("neutral", {"neutral"}, ""), ("contact", {"neutral", "contact"}, "Contact with")):
+        viewer.skin.value = skin
+        viewer._show()
+        assert worn() == shown
+        assert (legend in viewer.legend.content) if legend else viewer.legend.content == ""
+    assert drawn.is_shown("people")
 
 
 def test_a_click_selects_a_person_and_two_clicks_measure(saved, result, viewer_of):
