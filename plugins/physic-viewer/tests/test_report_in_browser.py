@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
+from physic_core import Reconstruction
+from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.types.result_summary import metres_text
 from physic_core.visual.palette import CONTACT_PALETTE, FAINT
@@ -270,6 +275,59 @@ def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
     page.press("ArrowLeft")
     assert difference(overview, page.picture("#view")) > 0.05
     click(page, "[data-view=people]")
+
+
+KEEP_FILES = """window.made = [];
+const make = URL.createObjectURL;
+URL.createObjectURL = blob => { window.made.push(blob); return make.call(URL, blob); };"""
+LAST_FILE = """window.made.pop().arrayBuffer().then(content => btoa(
+    Array.from(new Uint8Array(content), byte => String.fromCharCode(byte)).join("")))"""
+
+
+def saved_file(page, button: str) -> bytes:
+    click(page, button)
+    page.wait("window.made.length === 1")
+    return base64.b64decode(page.evaluate(LAST_FILE))
+
+
+def test_the_page_saves_people_and_scene_as_glb_and_the_view_as_a_picture(chromium, saved_pair, tmp_path, path, result):
+    """Of bodies with a texture, and of bodies with colours of vertices."""
+    textured = tmp_path / "report.html"
+    pair = Reconstruction.load(str(saved_pair))
+    textured.write_text(report_html(pair), encoding="utf-8")
+    for file, shown in ((path, result), (textured, pair)):
+        page = chromium.open(file.as_uri(), 900, 600, before=KEEP_FILES)
+        page.wait(READY)
+        scene = trimesh.load_scene(io.BytesIO(saved_file(page, "#glb")), file_type="glb")
+        view = np.asarray(Image.open(io.BytesIO(saved_file(page, "#picture"))))
+        errors, canvas = page.errors(), page.picture("#canvas")
+        page.close()
+        assert errors == []
+        assert set(scene.geometry) == {"scene", "person_0", "person_1"}
+        upright = gltf_from_camera(shown.scene.floor)
+        for index, person in enumerate(shown.people):
+            pose, geometry = scene.graph.get(f"person_{index}")
+            made = transform_points(pose, scene.geometry[geometry].vertices[: len(person.vertices)])
+            np.testing.assert_allclose(made, transform_points(upright, person.vertices), atol=1e-3)
+        assert view.shape[:2] == canvas.shape[:2]
+        assert view.std() > 20
+
+
+def test_the_view_alone_is_for_other_pages(chromium, path):
+    page = chromium.open(f"{path.as_uri()}#view", 900, 600)
+    page.wait(READY)
+    (_, _, width, height), hidden = page.box(".stage"), page.box("aside")[3]
+    click(page, "#embed")
+    line = page.evaluate("document.querySelector('#snippet').value")
+    title = page.evaluate(
+        "new DOMParser().parseFromString(document.querySelector('#snippet').value, 'text/html').body.firstChild.title"
+    )
+    shown = [page.evaluate(f"document.querySelector('dialog').{name}") for name in ("open", "childElementCount")]
+    page.close()
+    assert (width, height, hidden) == (900, 600, 0)
+    assert line.startswith('<iframe src="report.html#view" title="')
+    assert title.replace("\n", "\u2028") in (ODD, ODD.replace("\u2028", " "))
+    assert shown == [True, 3]
 
 
 def test_without_webgl_the_numbers_and_the_photo_are_there(chromium, path):

@@ -22,7 +22,17 @@ from physic_viewer.report.contents import page_contents
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
-_SCRIPTS = ("elements.js", "decode.js", "stage.js", "legend.js", "photo.js", "panel.js", "measure.js", "main.js")
+_SCRIPTS = (
+    "elements.js",
+    "decode.js",
+    "stage.js",
+    "legend.js",
+    "photo.js",
+    "panel.js",
+    "measure.js",
+    "save.js",
+    "main.js",
+)
 _TOKEN = re.compile(r"@([A-Z]+)@")
 
 
@@ -34,7 +44,7 @@ def result_page(result: Reconstruction | InputError, title: str) -> str:
 def report_html(reconstruction: Reconstruction, title: str = "") -> str:
     """Return a page that shows a reconstruction in 3D, with its numbers; it opens from a file, without a network.
 
-    The page of a photo has about 3 MB, and at most 6 MB.
+    The page of a photo has about 3 MB, and at most 7 MB. With ``#view`` after its address, it shows the 3D view alone.
 
     Args:
         reconstruction: what to show.

@@ -35,6 +35,7 @@ const KEYS = {
 };
 
 function connect(stage, panel, select) {
+  offerSaving(stage);
   const pointer = new Pointer(stage, byId("labels"), byId("hint"), select), button = byId("measure");
   const measure = on => {
     pointer.measure(on);
@@ -116,6 +117,7 @@ async function start() {
 }
 
 chooseTheme();
+document.documentElement.classList.toggle("alone", location.hash === "#view");
 start().catch(error => {
   say(`The data of this page is damaged or incomplete. Copy the file again, or write it again with physic report. (${error.message})`);
   document.documentElement.dataset.ready = "failed";
