@@ -138,9 +138,9 @@ def _faded(vertices: Array, faces: NDArray[np.int64], photo: Array, weight: Arra
     sure = np.flatnonzero(weight > _SURE)
     if not len(sure):
         return tone
-    edges = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1), axis=0)
-    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    graph = coo_array((np.maximum(length, 1e-6), tuple(edges.T)), shape=(len(vertices),) * 2).tocsr()
+    start, end = faces.T.ravel(), faces[:, [1, 2, 0]].T.ravel()  # two faces have an edge in opposite directions
+    length = np.linalg.norm(vertices[start] - vertices[end], axis=1)
+    graph = coo_array((np.maximum(length, 1e-6), (start, end)), shape=(len(vertices),) * 2).tocsr()
     way, _, source = dijkstra(graph, False, sure, limit=FADE_M, min_only=True, return_predecessors=True)
     share = np.cos(np.pi / 2 * np.minimum(way / FADE_M, 1))[:, None] ** 2
     colors: Array = share * photo[np.maximum(source, 0)] + (1 - share) * tone  # what is out of reach has no source

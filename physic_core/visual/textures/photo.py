@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,11 +106,16 @@ def _sample(
     if not mask.any():
         none = np.zeros(len(points), bool)
         return np.zeros((len(points), 3)), none, none
-    height = float(np.ptp(np.flatnonzero(mask.any(1)))) + 1
-    inner = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    height = float(np.ptp(rows)) + 1
+    margin = math.ceil(REACH_SHARE * height) + 2
+    window = tuple(slice(max(spots[0] - margin, 0), spots[-1] + margin + 1) for spots in (rows, columns))
+    inner = cv2.distanceTransform(np.pad(mask[window], 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     core = inner > min(RIM_SHARE * height, 0.5 * inner.max())
-    outer = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
-    image = pad_texture(camera.image, core)
+    outer = np.full(mask.shape, 1e6, np.float32)
+    outer[window] = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5)
+    image = np.zeros(camera.image.shape, np.float32)
+    image[window] = pad_texture(camera.image[window], core)
     pixels = points @ camera.intrinsics.matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
         x, y = (pixels[:, :2] / pixels[:, 2:]).T.astype(np.float32)
@@ -131,6 +137,5 @@ def _sample(
         ]
         return np.concatenate(rows)
 
-    far = at(outer.astype(np.float32), 1e6)[:, 0]
-    colors = at(image.astype(np.float32), 0.0)
+    far, colors = at(outer, 1e6)[:, 0], at(image, 0.0)
     return colors.astype(np.float64), far < 0.5, far < REACH_SHARE * height
