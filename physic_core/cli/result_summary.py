@@ -74,6 +74,7 @@ def summary_record(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
                 "distance_m": _distance(person),
                 "distance_sigma_m": _distance_sigma(person, document),
                 "contact_vertices": person["contact_vertices"],
+                "stature_m": from_json(person.get("stature")),
                 "vertices": person["vertices"],
                 "contacts": person.get("contacts") or [],
                 "support": person.get("support"),

@@ -172,6 +172,7 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "contacts": None if person.contact_partner is None else to_record(person.contacts),
         "support": to_record(person.support),
         "age": person.age,
+        "stature": person.stature,
         "vertices": len(person.vertices),
     }
 

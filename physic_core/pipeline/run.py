@@ -422,8 +422,11 @@ def _result(
     stages: StageRunner,
 ) -> Reconstruction:
     from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
+    import torch
+
 
     grades = [grade_person(checks, i) for i in range(len(estimates.people))]
+    statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
     people = []
     for i in range(len(estimates.people)):
         people.append(
@@ -446,6 +449,7 @@ def _result(
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
                 age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
+                stature=statures[i] if math.isfinite(statures[i]) else None,
             )
         )
     stages.warn(*warning_messages(checks))

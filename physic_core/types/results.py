@@ -82,6 +82,7 @@ class Person(ShortRepr):
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None without grades.
         age: years, as given; None where unknown.
+        stature: standing height of the body from soles to crown, metres; None without a body.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains the person.
     """
 
@@ -104,6 +105,7 @@ class Person(ShortRepr):
     contacts: tuple[BodyContact, ...] = ()
     support: Support | None = None
     age: float | None = None
+    stature: float | None = None
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
