@@ -24,6 +24,7 @@ from physic_core.pipeline.sources import describe_sources
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.pipeline.time_limit import CONSTRUCTION, READING, limited_calls, timed_call
 from physic_core.types import CameraTrust, Intrinsics, Lens, PeoplePrompt, Person, Reconstruction
+from physic_core.types.main_people import main_people
 
 if TYPE_CHECKING:
     import os
@@ -421,12 +422,12 @@ def _result(
     config: Config,
     stages: StageRunner,
 ) -> Reconstruction:
-    from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
     import torch
 
+    from physic_core.pipeline.checks import failed_checks, grade_person, grade_photo, unknown_checks, warning_messages
 
-    grades = [grade_person(checks, i) for i in range(len(estimates.people))]
     statures = model.stature(torch.as_tensor(solution.parameters.betas)).tolist()
+    grades = [grade_person(checks, i) for i in range(len(estimates.people))]
     people = []
     for i in range(len(estimates.people)):
         people.append(
@@ -448,8 +449,8 @@ def _result(
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],
-                age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
                 stature=statures[i] if math.isfinite(statures[i]) else None,
+                age=None if estimates.ages is None or math.isnan(estimates.ages[i]) else float(estimates.ages[i]),
             )
         )
     stages.warn(*warning_messages(checks))
@@ -468,6 +469,6 @@ def _result(
         config=config.as_dict(),
         checks=checks,
         unposed=tuple(estimates.people.unposed),
-        grade=grade_photo(checks, grades),
+        grade=grade_photo(checks, [grades[i] for i in main_people(estimates.people.boxes)]),
         contact_partners=solution.partners,
     )

@@ -147,8 +147,8 @@ class Reconstruction(ShortRepr):
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
-        grade: how far the result can be trusted: the worst of its people's grades and of the photo's own checks. None
-            without grades.
+        grade: how far the result can be trusted: the worst of the grades of its main people, who are at least half as
+            large in the photo as the largest one, and of the photo's own checks. None without grades.
         photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;

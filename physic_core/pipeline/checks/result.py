@@ -83,7 +83,7 @@ def grade_person(checks: Sequence[CheckResult], person: int) -> Grade:
 
 
 def grade_photo(checks: Sequence[CheckResult], people: Sequence[Grade]) -> Grade:
-    """Grade a photo: the worst of its people's grades and of its own checks.
+    """Grade a photo: the worst of the grades of its main people and of its own checks.
 
     Without people it is at best doubtful: nothing confirms the scale.
     """

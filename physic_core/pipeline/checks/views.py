@@ -11,6 +11,7 @@ import numpy as np
 
 from physic_core.pipeline.checks.keypoints import limb_keypoint_error
 from physic_core.pipeline.checks.result import check_value, grade_photo, warning_messages
+from physic_core.types.main_people import main_people
 
 if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Reconstruction
@@ -26,12 +27,13 @@ def with_cameras(result: Reconstruction, cameras: Sequence[CameraView]) -> Recon
     cameras = tuple(cameras)
     found = tuple(_check_views(result, cameras[1:]))
     checks = (*result.checks, *found)
+    main = main_people([person.box for person in result.people])
     return replace(
         result,
         cameras=cameras,
         checks=checks,
         warnings=(*result.warnings, *warning_messages(found)),
-        grade=grade_photo(checks, [person.grade for person in result.people if person.grade is not None]),
+        grade=grade_photo(checks, [grade for i in main if (grade := result.people[i].grade) is not None]),
     )
 
 

@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_core.pipeline.checks.views import with_cameras
+from physic_core.types import CheckResult, CheckState, Grade, Reconstruction
+from physic_core.types.main_people import main_people
+
+
+@pytest.mark.parametrize(
+    ("boxes", "main"),
+    [
+        ([], ()),
+        ([(0, 0, 50, 100), (0, 0, 20, 50), (0, 0, 20, 49)], (0, 1)),
+        ([(0, 0, 40, 100), (0, 0, 90, 30)], (0, 1)),  # the second person lies
+    ],
+)
+def test_main_people_are_half_as_large_in_the_photo_as_the_largest(boxes: Any, main: tuple[int, ...]) -> None:
+    assert main_people(np.array(boxes, float).reshape(-1, 4)) == main
+
+
+@pytest.mark.parametrize(("height", "grade"), [(49.0, Grade.DOUBTFUL), (50.0, Grade.BAD)])
+def test_the_grade_of_a_photo_is_that_of_its_main_people(
+    reconstruction: Reconstruction, height: float, grade: Grade
+) -> None:
+    """A bad person counts if large enough; else the failed check of the photo decides."""
+    floor = CheckResult("floor", CheckState.FAILED, 0.0, 0.15, "at least", "share", "")
+    first, second = reconstruction.people[:2]
+    people = (
+        replace(first, box=np.array([10.0, 0.0, 30.0, 100.0]), grade=Grade.GOOD),
+        replace(second, box=np.array([50.0, 0.0, 70.0, height]), grade=Grade.BAD),
+    )
+    assert with_cameras(replace(reconstruction, people=people, checks=(floor,)), ()).grade is grade
