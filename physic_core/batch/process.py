@@ -107,8 +107,8 @@ class PhotoProcessor:
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
             return failed_row(self.job, item, type(error).__name__, str(error), time.perf_counter() - start)
-        numbers = result.summary()
-        loading = float(numbers["load_seconds"] or 0)
+        summary = result.summary()
+        loading = float(summary["load_seconds"] or 0)
         failed = dict.fromkeys(check.name for check in result.checks if check.failed)
         return base_row(self.job, item) | {
             "state": "done",
@@ -116,10 +116,10 @@ class PhotoProcessor:
             "photo": result.photo.partition(" ")[0],
             "folder": photo_folder(item.id) if self.job.saving.main_file else "",
             "files": files,
-            "grade": str(result.grade or ""),
             "checks_failed": " ".join(failed),
             "peak_mb": peak_memory_mb(),
-            **{name: value for name, value in numbers.items() if name != "seconds"},
+            **{name: value for name, value in summary.items() if name != "seconds"},
+            "grade": str(result.grade or ""),
         }
 
     def _save(self, result: Reconstruction, item: PhotoItem, beside: Mapping[str, bytes]) -> None:

@@ -57,9 +57,9 @@ def default_table_kind() -> str:
 def all_columns() -> tuple[str, ...]:
     """Return the columns that rows can have: those of the journal, then the numbers of all results."""
     from physic_core.pipeline.checks import CHECKS
-    from physic_core.types.result_summary import SUMMARY_NUMBERS
+    from physic_core.types.result_summary import SUMMARY_KEYS
 
-    return (*COLUMNS, *(n for n in SUMMARY_NUMBERS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
+    return (*COLUMNS, *(n for n in SUMMARY_KEYS if n not in COLUMNS), *(f"check_{name}" for name in CHECKS))
 
 
 def arrow_schema(columns: Iterable[str]) -> Any:

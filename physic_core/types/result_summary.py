@@ -1,4 +1,4 @@
-"""A reconstruction as one flat dictionary of numbers, as a row of a table."""
+"""A reconstruction as one flat dictionary of its grade and numbers, as a row of a table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult
     from physic_core.types.results import Reconstruction
 
-_Number = float | int | None
+_Value = float | int | str | None
 
 
 def _depths_m(result: Reconstruction) -> list[float]:
@@ -30,7 +30,8 @@ def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> in
     return sum(contact.partner.kind in kinds for person in result.people for contact in person.contacts)
 
 
-_NUMBERS: dict[str, Callable[[Reconstruction], _Number]] = {
+_VALUES: dict[str, Callable[[Reconstruction], _Value]] = {
+    "grade": lambda result: None if result.grade is None else str(result.grade),
     "people": lambda result: len(result.people),
     "bodies": lambda result: len(_depths_m(result)),
     "width_px": lambda result: result.intrinsics.width,
@@ -54,17 +55,17 @@ _NUMBERS: dict[str, Callable[[Reconstruction], _Number]] = {
     "load_seconds": lambda result: sum(stage.load_seconds for stage in result.stages),
 }
 
-SUMMARY_NUMBERS = tuple(_NUMBERS)
+SUMMARY_KEYS = tuple(_VALUES)
 """Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
 
 
-def summarize(result: Reconstruction) -> dict[str, _Number]:
-    """Return the numbers of :meth:`physic_core.types.Reconstruction.summary`."""
-    numbers = {name: number(result) for name, number in _NUMBERS.items()}
+def summarize(result: Reconstruction) -> dict[str, _Value]:
+    """Return grade and numbers, as :meth:`physic_core.types.Reconstruction.summary`."""
+    values = {name: value(result) for name, value in _VALUES.items()}
     by_name: dict[str, list[CheckResult]] = defaultdict(list)
     for check in result.checks:
         by_name[check.name].append(check)
-    return numbers | {f"check_{name}": _worst(group) for name, group in by_name.items()}
+    return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
 
 
 def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:

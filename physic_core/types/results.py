@@ -217,10 +217,10 @@ class Reconstruction(ShortRepr):
         valid = self.scene.valid
         return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
 
-    def summary(self) -> dict[str, float | int | None]:
-        """Return a flat dictionary of numbers, as one row of a table; a number that was not measured is None.
+    def summary(self) -> dict[str, float | int | str | None]:
+        """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.
 
-        Keys: people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
+        Keys: grade, people (bodies: those with a finite body), width_px, height_px, focal_px, focal_known, floor_found,
         scene_valid_share, scene_scale, scale_sigma, distance_sigma, nearest_person_m and farthest_person_m (depth of
         the pelvis), contact_vertices, contact_parts (pairs of a body part and what it touches), ``contact_KIND`` (of
         these pairs, those with floor, scene, person, self or hidden), failed_checks, unknown_checks, warnings, seconds,

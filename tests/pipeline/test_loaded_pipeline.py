@@ -227,8 +227,9 @@ def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result: Reconstructi
         replace(person, faces=None).mesh()
 
 
-def test_a_summary_is_flat_and_of_numbers(result: Reconstruction):
+def test_a_summary_is_the_grade_and_flat_numbers(result: Reconstruction):
     numbers = result.summary()
+    assert numbers.pop("grade") == result.grade
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
     assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
     assert numbers["nearest_person_m"] == pytest.approx(float(result.people[0].joints[0, 2]))

@@ -171,8 +171,7 @@ def _run(
             result.export(str(task.folder), name)
         except Exception as error:  # the result itself is complete
             missing[name] = _reason(error)
-    summary = {**result.summary(), "grade": None if result.grade is None else str(result.grade)}
-    return Message("done", summary | ({"missing_exports": missing} if missing else {}))
+    return Message("done", {**result.summary(), **({"missing_exports": missing} if missing else {})})
 
 
 def _reason(error: Exception) -> str:
