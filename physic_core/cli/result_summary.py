@@ -6,6 +6,7 @@ import math
 import shutil
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from physic_core.io.result_folder import REPORT_FILE
 from physic_core.types import BodyContact, CheckResult, StageRecord, Support, summarize_checks
 from physic_core.types.result_summary import metres_text
 
-_HEAD = ("person", "grade", "distance", "contact", "why")
+_HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
@@ -142,14 +143,21 @@ def _row(person: Mapping[str, Any], checks: Sequence[CheckResult], document: Map
 
 
 def _contact(person: Mapping[str, Any]) -> str:
-    """Return the share of the vertices in contact, and with what they are likely to be: "12 %: floor, person 1"."""
+    """Return the shares of the body whose parts are likely to touch each thing: "12 % floor, 3 % person 1".
+
+    Of a result that does not state what is touched: "12 % of the body".
+    """
     if _distance(person) is None:
         return "-"
-    contacts = from_records(BodyContact, person.get("contacts"))
-    partners = [one.partner for one in contacts if one.partner.kind != "self" and one.likely]
-    names = dict.fromkeys(p.title if p.person is None else f"person {p.person}" for p in partners)
-    share = f"{100 * person['contact_vertices'] / max(1, person['vertices']):.0f} %"
-    return ": ".join(filter(None, (share, ", ".join(names))))
+    percent = 100 / max(1, person["vertices"])
+    if person.get("contacts") is None:
+        return f"{percent * person['contact_vertices']:.0f} % of the body"
+    shares = Counter[str]()
+    for one in from_records(BodyContact, person["contacts"]):
+        if one.likely and one.partner.kind != "self":
+            partner = one.partner
+            shares[partner.title if partner.person is None else f"person {partner.person}"] += percent * one.vertices
+    return ", ".join(f"{share:.0f} % {name}" for name, share in shares.items()) or "none"
 
 
 def _reason(person: Mapping[str, Any], checks: Sequence[CheckResult]) -> str:

@@ -65,11 +65,11 @@ def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, A
 
 def test_a_person_is_a_row(document: dict[str, Any]):
     assert summary_text(document, Path("out")).splitlines()[1:6] == [
-        "person  grade     distance      contact      why",
-        "0       good      3.0 ± 0.2 m   25 %: floor  balanced: left foot on floor, right foot on floor",
-        "1       doubtful  12.5 ± 0.9 m  0 %          Limbs off their keypoints: 4.5 % (limit 3.5 %); "
+        "person  grade     distance      likely contact  why",
+        "0       good      3.0 ± 0.2 m   51 % floor      balanced: left foot on floor, right foot on floor",
+        "1       doubtful  12.5 ± 0.9 m  none            Limbs off their keypoints: 4.5 % (limit 3.5 %); "
         "Lean angle: 50 % (limit 3.5 %)",
-        "2       bad       -             -            not measured: Supported",
+        "2       bad       -             -               not measured: Supported",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
 
