@@ -49,6 +49,9 @@ COLUMNS: Mapping[str, str] = {
 }
 """Columns of every row; rows of finished photos also have the numbers of ``Reconstruction.summary``."""
 
+PEOPLE_COLUMN = "people_rows"
+"""Entry of a finished photo with a row for each person, from which ``people.csv`` is written; no table has it."""
+
 
 _ALWAYS = ("id", "state", "config", "finished")
 

@@ -1,7 +1,7 @@
 """Reconstruct one photo of a batch and return its row of the journal; every executor calls this.
 
 An executor opens one :class:`PhotoProcessor` per process or actor, and passes it one photo after the other. Its rows
-are flat and ready for JSON and Parquet.
+are ready for JSON; without ``people_rows``, they are flat and ready for Parquet.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from physic_core.batch.journal import PEOPLE_COLUMN
 from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.moments import reconstruct_moment
 from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
@@ -26,6 +27,7 @@ from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import core_version, discover
 from physic_core.errors import OutputError
 from physic_core.files.atomic import check_writable
+from physic_core.types.person_rows import person_rows
 from physic_core.visual.report import require_report
 
 if TYPE_CHECKING:
@@ -120,6 +122,7 @@ class PhotoProcessor:
             "peak_mb": peak_memory_mb(),
             **{name: value for name, value in summary.items() if name != "seconds"},
             "grade": str(result.grade or ""),
+            PEOPLE_COLUMN: person_rows(result),
         }
 
     def _save(self, result: Reconstruction, item: PhotoItem, beside: Mapping[str, bytes]) -> None:

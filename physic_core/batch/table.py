@@ -1,8 +1,7 @@
-"""Write the last rows of all photos as one table, CSV or Parquet, for which it imports pyarrow."""
+"""Write the last rows of all photos as one table, CSV or Parquet, for which it imports pyarrow, and those of people."""
 
 from __future__ import annotations
 
-import csv
 import importlib
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
@@ -10,10 +9,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.journal import COLUMNS, last_rows
+from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, last_rows
 from physic_core.errors import PackageMissingError
 from physic_core.files.atomic import atomic_write
+from physic_core.files.csv_rows import as_utf8, write_csv
 from physic_core.files.own import MARK, check_own
+from physic_core.io.people_table import PEOPLE_MARK, write_people
+from physic_core.io.result_folder import PEOPLE_TABLE
 
 
 def import_pyarrow(purpose: str) -> Any:
@@ -32,8 +34,6 @@ def import_pyarrow(purpose: str) -> Any:
 
 _INTEGERS = ("attempts", "run", "bytes", "modified")
 _NUMBERS = ("seconds", "peak_mb")
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""With which a text begins that a spreadsheet computes; the last four have full width, for Japanese and Chinese."""
 _ROWS = 10_000  # of one group of a Parquet file
 _MARKS = {"csv": ",".join(COLUMNS), "parquet": MARK}  # CSV has no comments: its first line is the mark
 
@@ -49,13 +49,18 @@ def check_table(out: Path, kind: str) -> None:
     check_own(out / f"summary.{kind}", mark=_MARKS[kind])
 
 
+def check_people_table(out: Path) -> None:
+    """Raise OutputError if :func:`write_people_table` would replace a file that PhySIC has not written."""
+    check_own(out / PEOPLE_TABLE, mark=PEOPLE_MARK)
+
+
 def default_table_kind() -> str:
     """Return "parquet" where pyarrow is installed, else "csv"."""
     return "csv" if find_spec("pyarrow") is None else "parquet"
 
 
 def all_columns() -> tuple[str, ...]:
-    """Return the columns that rows can have: those of the journal, then the numbers of all results."""
+    """Return the columns that tables can have: those of the journal, then the numbers of all results."""
     from physic_core.pipeline.checks import CHECKS
     from physic_core.types.result_summary import SUMMARY_KEYS
 
@@ -77,42 +82,37 @@ def arrow_schema(columns: Iterable[str]) -> Any:
 def write_table(out: Path, kind: str) -> Path:
     """Write ``summary.parquet`` or ``summary.csv``, one row for each photo, and return its path.
 
-    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. In a CSV
-    file, a text that a spreadsheet would take for a formula has an apostrophe before it, and so has one that begins
-    with an apostrophe: without the first apostrophe, each text is the original.
+    Columns are those of the journal, then the numbers of the results, which are empty for failed photos. Texts of a CSV
+    file are those of :func:`physic_core.files.csv_rows.write_csv`.
 
     Raises:
         ConfigError: pyarrow is not installed.
         OutputError: the file cannot be written, or no batch has written the one there.
     """
     check_table(out, kind)
-    numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys())
+    numbers = sorted({name for row in last_rows(out) for name in row} - COLUMNS.keys() - {PEOPLE_COLUMN})
     name = f"summary.{kind}"
     with atomic_write(out) as temporary:
         path = temporary(name)
         if kind == "parquet":
-            _write_parquet(path, map(_as_utf8, last_rows(out)), numbers)
+            _write_parquet(path, last_rows(out), numbers)
         else:
             with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.DictWriter(file, [*COLUMNS, *numbers], restval="")
-                writer.writeheader()
-                writer.writerows(map(_without_formulas, map(_as_utf8, last_rows(out))))
+                write_csv(file, [*COLUMNS, *numbers], last_rows(out))
     return out / name
 
 
-def _as_utf8(row: dict[str, Any]) -> dict[str, Any]:
-    """Write bytes of a file's name that are not UTF-8 as in the journal: ``\\udcff``."""
-    return {
-        name: value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
-        for name, value in row.items()
-    }
+def write_people_table(out: Path) -> Path:
+    """Write ``people.csv``, one row for each person, in the order of the photos' rows, and return its path.
 
-
-def _without_formulas(row: dict[str, Any]) -> dict[str, Any]:
-    return {
-        name: f"'{value}" if isinstance(value, str) and value.startswith((*_FORMULA, "'")) else value
-        for name, value in row.items()
-    }
+    Raises:
+        OutputError: the file cannot be written, or PhySIC has not written the one there.
+    """
+    check_people_table(out)
+    people = ({"photo": row["id"], **one} for row in last_rows(out) for one in row.get(PEOPLE_COLUMN) or ())
+    with atomic_write(out) as temporary, temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as file:
+        write_people(file, people)
+    return out / PEOPLE_TABLE
 
 
 def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str]) -> None:
@@ -122,7 +122,7 @@ def _write_parquet(path: Path, rows: Iterator[dict[str, Any]], numbers: list[str
     schema = arrow_schema((*COLUMNS, *numbers)).with_metadata({"note": MARK})
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         while group := list(islice(rows, _ROWS)):
-            columns = {name: [row.get(name) for row in group] for name in schema.names}
+            columns = {name: [as_utf8(row.get(name)) for row in group] for name in schema.names}
             for name in (*numbers, *_NUMBERS):
                 columns[name] = [None if value is None else float(value) for value in columns[name]]
             writer.write_table(pa.table(columns, schema=schema))

@@ -68,11 +68,19 @@ def batch(
     from physic_core.batch.moments import require_moments
     from physic_core.batch.photos import in_shard, list_photos, parse_shard
     from physic_core.batch.run import plan_batch, run_batch
-    from physic_core.batch.table import check_table, check_table_kind, default_table_kind, write_table
+    from physic_core.batch.table import (
+        check_people_table,
+        check_table,
+        check_table_kind,
+        default_table_kind,
+        write_people_table,
+        write_table,
+    )
 
     table = options["table"] or default_table_kind()
     check_table_kind(table)
     check_table(out, table)
+    check_people_table(out)
     if not options["no_thumbnails"]:
         check_contact_sheet(out)
     name, logs = "journal.jsonl", out.absolute() / "logs"
@@ -99,7 +107,7 @@ def batch(
 
     with sigterm_as_exception(), _show_progress(len(todo)) as on_row:
         run_batch(todo, job, run, Path(job.out) / name, on_row)
-    written = [write_table(Path(job.out), table)]
+    written = [write_table(Path(job.out), table), write_people_table(Path(job.out))]
     if job.saving.thumbnails:
         written.append(write_contact_sheet(Path(job.out)))
     echo(_summary(Path(job.out), items))

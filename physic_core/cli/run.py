@@ -163,8 +163,14 @@ def run(
 
             result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s, quiet))
         from physic_core.batch.saving import Saving, save_photo
+        from physic_core.io.people_table import people_csv
+        from physic_core.io.result_folder import PEOPLE_TABLE
 
-        save_photo(result, folder, Saving(level, report=report, exact=level == "full"), photo.name, overwrite=overwrite)
+        saving, beside = (
+            Saving(level, report=report, exact=level == "full"),
+            {PEOPLE_TABLE: people_csv(result, photo.name)},
+        )
+        save_photo(result, folder, saving, photo.name, overwrite=overwrite, beside=beside)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)

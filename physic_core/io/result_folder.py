@@ -26,8 +26,9 @@ ARRAYS_FILE = "reconstruction.npz"
 PREVIEW_FILE = "preview.png"
 REPORT_FILE = "report.html"
 PEOPLE_FILE = "people.npz"
+PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
-_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PEOPLE_FILE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
+_FIXED = (DOCUMENT_FILE, ARRAYS_FILE, PEOPLE_FILE, PEOPLE_TABLE, PREVIEW_FILE, REPORT_FILE, "scene.glb", "combined.glb")
 _PERSON = re.compile(r"person_[0-9]+\.glb")
 
 

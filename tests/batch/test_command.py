@@ -32,16 +32,24 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path: Pat
     assert done.stdout.splitlines() == [
         "1 done, 1 failed (1 InputError)",
         f"wrote {tmp_path / 'out' / 'summary.csv'}",
+        f"wrote {tmp_path / 'out' / 'people.csv'}",
         f"wrote {tmp_path / 'out' / 'contact-sheet.html'}",
     ]
     assert done.stderr.startswith("2 photos: 2 to do, 0 done before\n[1/2] failed ")
     with Path("out/summary.csv").open(newline="") as file:
         rows = {Path(row["path"]).name: row for row in csv.DictReader(file)}
     assert (rows["stand.png"]["people"], rows["stand.png"]["state"]) == ("1", "done")
+    with Path("out/people.csv").open(newline="") as file:
+        (person,) = csv.DictReader(file)
+    assert (person["photo"], person["person"], person["main"]) == (rows["stand.png"]["id"], "0", "True")
+    assert float(person["distance_m"]) > 1
+    assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "people.npz")
     assert people.stat().st_size < 500_000
     journal = Path("out/journal.jsonl").read_text()
+    Path("out/people.csv").unlink()
     again = physic(*options)
+    assert len(Path("out/people.csv").read_text().splitlines()) == 2
     assert again.stderr == ("2 photos: 0 to do, 1 done before; 1 failed before (--retry failed tries them again)\n")
     assert Path("out/journal.jsonl").read_text() == journal
 

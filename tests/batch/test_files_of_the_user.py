@@ -15,7 +15,7 @@ from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.errors import OutputError
 
-NAMES = ("summary.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
+NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
 MINE = '{"id": "mine", "stature": 1.71}\n'
 
 

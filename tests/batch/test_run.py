@@ -78,7 +78,7 @@ def test_bad_photos_are_rows_with_their_reason(standin: ModuleType, tmp_path: Pa
     assert rows["broken"]["message"] == "three lines here"
     assert rows["abort"]["attempts"] == 2
     assert all(COLUMNS.keys() <= row.keys() for row in rows.values())
-    assert rows["a"].keys() - COLUMNS.keys() == {"people", "load_seconds", "check_floor", "checksum"}
+    assert rows["a"].keys() - COLUMNS.keys() == {"people", "people_rows", "load_seconds", "check_floor", "checksum"}
     assert rows["broken"]["photo"].startswith("sha256:")
 
 

@@ -20,7 +20,7 @@ from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.batch.saving import Saving, save_photo
-from physic_core.batch.table import write_table
+from physic_core.batch.table import write_people_table, write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 
@@ -160,6 +160,24 @@ def test_the_table_has_a_row_for_each_photo(batch: Path):
     ]
     assert list(rows[0])[: len(COLUMNS)] == list(COLUMNS)
     assert rows[0]["folder"] == photo_folder("one")
+
+
+def people_of(out: Path) -> list[tuple[str, str]]:
+    with write_people_table(out).open(newline="", encoding="utf-8") as file:
+        return [(row["photo"], row["person"]) for row in csv.DictReader(file)]
+
+
+def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: Reconstruction):
+    expected = [("one", "0"), ("one", "1"), ("two", "0"), ("two", "1")]
+    assert people_of(batch) == expected
+    again = replace(result, people=result.people[:1])
+    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(batch), Saving("summary")), lambda *_: again)
+    with Journal(batch / "journal.jsonl") as journal:
+        for name in ("one", "=3"):
+            journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
+    assert people_of(batch) == [*expected[2:], ("one", "0"), ("'=3", "0")]
+    with write_table(batch, "csv").open(newline="") as file:
+        assert not {"people_rows"} & set(next(csv.reader(file)))
 
 
 def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):

@@ -105,7 +105,14 @@ def test_an_odd_file_gives_the_result_of_a_plain_one(world: World, save: Callabl
     np.testing.assert_array_equal(Reconstruction.load("new/out").image, world.image)
 
 
-DEFAULT_FILES = ["combined.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "report.html"]
+DEFAULT_FILES = [
+    "combined.glb",
+    "people.csv",
+    "preview.png",
+    "reconstruction.json",
+    "reconstruction.npz",
+    "report.html",
+]
 
 
 @pytest.mark.parametrize(
@@ -113,8 +120,8 @@ DEFAULT_FILES = ["combined.glb", "preview.png", "reconstruction.json", "reconstr
     [
         ((), DEFAULT_FILES),
         (("--no-report",), DEFAULT_FILES[:-1]),
-        (("--save", "numbers"), DEFAULT_FILES[2:]),
-        (("--save", "people", "--no-report"), ["people.npz", "reconstruction.json"]),
+        (("--save", "numbers"), ["people.csv", *DEFAULT_FILES[3:]]),
+        (("--save", "people", "--no-report"), ["people.csv", "people.npz", "reconstruction.json"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -136,6 +143,7 @@ def test_the_default_files_hold_what_all_files_hold(world: World):
     np.testing.assert_allclose(compact.people[0].vertices, full.people[0].vertices, atol=4e-5)
     np.testing.assert_array_equal(compact.image, full.image)
     assert compact.summary().keys() == full.summary().keys()
+    assert compact.people[0].stature == pytest.approx(full.people[0].stature)
 
 
 def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
@@ -145,9 +153,10 @@ def test_a_run_writes_every_file_and_the_same_bytes_again(world: World):
         done = run("a.png", "--save", "full", "--no-report", "--intrinsics", "178,179,80,59")
         assert done.exit_code == 0, done.output
         written.append({path.name: path.read_bytes() for path in Path("new/out").iterdir()})
-    names = ["combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz", "scene.glb"]
+    names = ["combined.glb", "people.csv", "person_0.glb", "preview.png"]
+    names += ["reconstruction.json", "reconstruction.npz", "scene.glb"]
     assert [sorted(files) for files in written] == [names, names]
-    for name in ("combined.glb", "person_0.glb", "reconstruction.npz", "scene.glb"):
+    for name in ("combined.glb", "people.csv", "person_0.glb", "reconstruction.npz", "scene.glb"):
         assert written[0][name] == written[1][name], name
     camera = json.loads(written[0]["reconstruction.json"])["intrinsics"]
     numbers = {"fx": 178, "fy": 179, "cx": 80, "cy": 59, "width": 160, "height": 120}

@@ -73,6 +73,7 @@ class Result:
     """What the processor reads of a reconstruction."""
 
     checks = ()
+    people = ()
     grade = "good"
     photo = "sha256:0 pixels-sha256:1"
 

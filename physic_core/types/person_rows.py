@@ -1,0 +1,68 @@
+"""A row for each person of a result: how far to trust the body, where it is, how tall it is, and what it touches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from physic_core.types.contacts import part_words
+from physic_core.types.main_people import main_people
+from physic_core.types.records import Grade
+
+if TYPE_CHECKING:
+    from physic_core.types.records import CheckResult
+    from physic_core.types.results import Person, Reconstruction
+
+PERSON_COLUMNS: Mapping[str, str] = {
+    "photo": "name of the photo; in a batch its id",
+    "person": "index into the people of the result",
+    "main": "True if the grade of the photo counts this person",
+    "grade": "of the person: good, doubtful or bad",
+    "why": "the checks that failed, with their values; if none, and the grade is not good, those not measured",
+    "distance_m": "of the pelvis from the camera; empty without a body",
+    "distance_sigma_m": "standard deviation of the distance; empty where it is not known",
+    "stature_m": "standing height of the body; empty without a body",
+    "contacts": "body parts that are likely (one half or more) to touch something, each with what it touches",
+}
+"""Columns of ``people.csv``."""
+
+
+def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
+    """Return a row for each person: the columns of :data:`PERSON_COLUMNS` but the photo; None where unknown."""
+    main = main_people([person.box for person in result.people])
+    rows = []
+    for index, person in enumerate(result.people):
+        distance, sigma = _distance_m(person), result.distance_sigma
+        rows.append(
+            {
+                "person": index,
+                "main": index in main,
+                "grade": str(person.grade or ""),
+                "why": _why(person, [check for check in result.checks if check.person == index]),
+                "distance_m": _millimetres(distance),
+                "distance_sigma_m": _millimetres(None if distance is None or sigma is None else distance * sigma),
+                "stature_m": _millimetres(person.stature),
+                "contacts": "; ".join(
+                    f"{part_words(one.part)}: {one.partner.title}" for one in person.contacts if one.likely
+                ),
+            }
+        )
+    return rows
+
+
+def _why(person: Person, checks: Sequence[CheckResult]) -> str:
+    failed = [f"{check.title}: {check.value_text}" for check in checks if check.failed]
+    if failed or person.grade is Grade.GOOD:
+        return "; ".join(failed)
+    unknown = "; ".join(check.title for check in checks if not check.ok)
+    return f"not measured: {unknown}" if unknown else ""
+
+
+def _distance_m(person: Person) -> float | None:
+    pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
+    return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
+
+
+def _millimetres(metres: float | None) -> float | None:
+    return None if metres is None else round(metres, 3)

@@ -1,0 +1,79 @@
+"""The row of a person, of which ``people.csv`` is made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core.types import BodyContact, CheckResult, CheckState, ContactPartner, Grade, Reconstruction
+from physic_core.types.person_rows import PERSON_COLUMNS, person_rows
+
+
+def check(name: str, person: int, state: CheckState, label: str) -> CheckResult:
+    return CheckResult(name, state, 0.5, 0.1, "at most", "m", "", person, label=label)
+
+
+@pytest.fixture
+def two_people(reconstruction: Reconstruction) -> Reconstruction:
+    """Person 0, good, 3 m away; person 1, bad, a fifth as high in the photo, without a body."""
+    near, far = reconstruction.people[:2]
+    floor, other = ContactPartner("floor", "floor"), ContactPartner("person", person=1, part="left_hand")
+    contacts = (BodyContact("left_foot", floor, 0.9, 20), BodyContact("seat", other, None, 9))
+    near = replace(
+        near,
+        box=np.array([10.0, 0.0, 30.0, 100.0]),
+        grade=Grade.GOOD,
+        joints=np.broadcast_to([0.0, 1.8, 2.4], near.joints.shape),
+        stature=1.7234,
+        contacts=(*contacts, BodyContact("right_foot", floor, 0.49, 20)),
+    )
+    far = replace(
+        far,
+        box=np.array([50.0, 0.0, 55.0, 20.0]),
+        grade=Grade.BAD,
+        joints=np.full_like(far.joints, np.nan),
+        contacts=(),
+    )
+    failed = CheckState.FAILED
+    checks = (check("lean", 1, failed, "Leans"), check("support", 1, failed, "Distance to the nearest surface"))
+    camera = replace(reconstruction.intrinsics, trust="known")
+    return replace(reconstruction, people=(near, far), checks=checks, intrinsics=camera)
+
+
+def test_a_row_says_where_a_person_is_and_what_is_known(two_people: Reconstruction) -> None:
+    assert person_rows(two_people) == [
+        {
+            "person": 0,
+            "main": True,
+            "grade": "good",
+            "why": "",
+            "distance_m": 3.0,
+            "distance_sigma_m": 0.21,
+            "stature_m": 1.723,
+            "contacts": "left foot: floor; buttocks: left hand of person 1",
+        },
+        {
+            "person": 1,
+            "main": False,
+            "grade": "bad",
+            "why": "Leans: 0.50 m; Distance to the nearest surface: 0.50 m",
+            "distance_m": None,
+            "distance_sigma_m": None,
+            "stature_m": None,
+            "contacts": "",
+        },
+    ]
+    assert all(["photo", *row] == list(PERSON_COLUMNS) for row in person_rows(two_people))
+
+
+@pytest.mark.parametrize(
+    ("grade", "why"), [(Grade.DOUBTFUL, "not measured: Distance to the nearest surface"), (Grade.GOOD, "")]
+)
+def test_what_was_not_measured_explains_a_grade_that_is_not_good(
+    two_people: Reconstruction, grade: Grade, why: str
+) -> None:
+    unknown = check("support", 0, CheckState.UNKNOWN, "Distance to the nearest surface")
+    people = (replace(two_people.people[0], grade=grade),)
+    assert person_rows(replace(two_people, people=people, checks=(unknown,)))[0]["why"] == why
