@@ -21,7 +21,7 @@ from reference import write_reference
 import physic_core
 
 project = "PhySIC"
-author = "the PhySIC authors"
+author = "PhySIC contributors"
 release = version = physic_core.__version__
 root_doc = "README"
 include_patterns = [
