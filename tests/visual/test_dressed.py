@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core import Reconstruction
-from physic_core.visual.textures.dressed import FADE_M, dressed_bodies
+from physic_core.visual.textures.dressed import FADE_M, dressed_bodies, dressed_images
 
 PINK = np.array([230, 20, 200])
 
@@ -31,7 +31,8 @@ def saturation(colors: np.ndarray) -> np.ndarray:
 
 def test_vertices_and_textures_have_the_photo_s_colour_where_it_shows_them_and_grey_elsewhere(pink: Reconstruction):
     dressed = dressed_bodies(pink)
-    assert set(dressed.colors) == set(dressed.images) == {0, 1}
+    images = dressed_images(pink)
+    assert set(dressed.colors) == set(images) == {0, 1}
     for index, person in enumerate(pink.people):
         mesh = person.mesh()
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
@@ -41,7 +42,7 @@ def test_vertices_and_textures_have_the_photo_s_colour_where_it_shows_them_and_g
         far = np.linalg.norm(mesh.vertices - mesh.vertices[near > 100][:, None], axis=-1).min(0) > FADE_M
         assert (far & (away > 0)).sum() > 100
         assert near[far].max() < 15
-        assert saturation(dressed.images[index]).max() > 200
+        assert saturation(images[index]).max() > 200
 
 
 def test_the_colour_fades_over_the_skin(pink: Reconstruction):
@@ -50,10 +51,10 @@ def test_the_colour_fades_over_the_skin(pink: Reconstruction):
 
 
 def test_a_texture_is_as_fine_as_the_photo(result: Reconstruction):
-    assert [len(image) for image in dressed_bodies(result).images.values()] == [128, 128]
+    assert [len(image) for image in dressed_images(result).values()] == [128, 128]
     person = replace(result.people[0], mask=np.ones((300, 4), bool))
     large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
-    assert len(dressed_bodies(large).images[0]) == 512
+    assert len(dressed_images(large)[0]) == 512
 
 
 def test_a_person_whom_no_photo_shows_is_grey(result: Reconstruction):
@@ -65,9 +66,10 @@ def test_a_person_whom_no_photo_shows_is_grey(result: Reconstruction):
 
 
 def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink: Reconstruction):
-    dressed = dressed_bodies(replace(pink, body_model="smplx"))
+    other = replace(pink, body_model="smplx")
+    dressed = dressed_bodies(other)
     assert dressed.mesh is None
-    assert not dressed.images
+    assert not dressed_images(other)
     np.testing.assert_array_equal(dressed.colors[0], dressed_bodies(pink).colors[0])
 
 

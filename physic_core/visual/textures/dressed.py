@@ -7,10 +7,10 @@ photo's colours, which have theirs, are drawn without one.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from functools import lru_cache, wraps
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,8 @@ SIZES = (128, 256, 512)
 FADE_M = 0.06
 """Way over the skin on which the photo's colours fade to the neutral tone, metres."""
 
+_Made = TypeVar("_Made")
+
 _SURE = 0.5  # weight of the photo from which a vertex gives its colour to those beside it
 _LIGHT, _DARK = 1.1, 0.55  # of the neutral tone towards the light and away from it
 
@@ -47,36 +49,78 @@ class DressedBodies:
 
     Attributes:
         colors: person -> (V, 3) uint8 sRGB of each vertex, of those with a body.
+        beside: person -> (V, 3) the same where no photo shows the vertex, 0-255.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        images: person -> (N, N, 3) uint8 sRGB, their textures; empty without ``mesh``.
         shown: person -> share of the vertices that a photo shows.
+        caster: of all bodies; None without bodies.
     """
 
     colors: Mapping[int, UInt8Array]
+    beside: Mapping[int, Array]
     mesh: TextureCoordinates | None
-    images: Mapping[int, UInt8Array]
     shown: Mapping[int, float]
-
-    def image_of(self, values: UInt8Array, size: int) -> UInt8Array:
-        """Return colours (V, 3) of vertices as a texture (size, size, 3)."""
-        raster = embedded_raster(size)
-        corners = embedded_coordinates().vertex[embedded_coordinates().faces]
-        made = raster.interpolate(corners, values.astype(np.float64))
-        image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
-        return image
+    caster: RayCaster | None
 
 
-_last: tuple[weakref.ref[Reconstruction], DressedBodies] | None = None
+def _kept_for_next_picture(make: Callable[[Reconstruction], _Made]) -> Callable[[Reconstruction], _Made]:
+    """Keep what is made of the last result, of which preview, GLB and page are made one after the other."""
+    last: list[tuple[weakref.ref[Reconstruction], _Made]] = []
+
+    @wraps(make)
+    def kept(result: Reconstruction) -> _Made:
+        if not last or last[0][0]() is not result:
+            last[:] = [(weakref.ref(result), make(result))]
+        return last[0][1]
+
+    return kept
 
 
+@_kept_for_next_picture
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
-    """Return the colours of the people of a result; those of the last result are kept for its next picture."""
-    global _last
-    if _last is not None and _last[0]() is result:
-        return _last[1]
-    made = _dress(result)
-    _last = weakref.ref(result), made
-    return made
+    """Return the colours of the people of a result."""
+    caster = caster_of_bodies(result)
+    if caster is None:
+        return DressedBodies({}, {}, None, {}, None)
+    mesh, faces = None, np.asarray(result.faces, np.int64)
+    if result.body_model == "embedded":
+        own = embedded_coordinates()
+        if np.array_equal(own.vertex[own.faces], faces):
+            mesh = own
+    colors, fill, shown = dict[int, "UInt8Array"](), dict[int, "Array"](), dict[int, float]()
+    for index, person in enumerate(result.people):
+        if not np.isfinite(person.vertices).all():
+            continue
+        vertices = person.vertices.astype(np.float64)
+        normals = vertex_normals(vertices, faces)
+        photo, _, weight = photo_colors(result, index, vertices, normals, caster)
+        tone = np.array(BODY_RGB) * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result)))[:, None]
+        fill[index] = _faded(vertices, faces, photo, weight, tone)
+        colors[index] = _mixed(photo, weight, fill[index])
+        shown[index] = float((weight > _SURE).mean())
+    return DressedBodies(colors, fill, mesh, shown, caster)
+
+
+@_kept_for_next_picture
+def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
+    """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
+    dressed, images = dressed_bodies(result), dict[int, "UInt8Array"]()
+    if dressed.mesh is None or dressed.caster is None:
+        return images
+    faces = np.asarray(result.faces, np.int64)
+    for index, beside in dressed.beside.items():
+        raster, vertices = embedded_raster(_size(result, index)), result.people[index].vertices.astype(np.float64)
+        points, normals = (raster.interpolate(faces, values) for values in (vertices, vertex_normals(vertices, faces)))
+        photo, _, weight = photo_colors(result, index, points, normals, dressed.caster)
+        images[index] = raster.image(_mixed(photo, weight, raster.interpolate(faces, beside)))
+    return images
+
+
+def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
+    """Return colours (V, 3) of the vertices of an embedded body as a texture (size, size, 3)."""
+    raster, mesh = embedded_raster(size), embedded_coordinates()
+    made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
+    image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
+    return image
 
 
 @lru_cache(maxsize=1)
@@ -89,45 +133,6 @@ def embedded_coordinates() -> TextureCoordinates:
 def embedded_raster(size: int) -> TextureRaster:
     """Return the texels of the embedded body in a texture of ``size`` x ``size``."""
     return rasterize(embedded_coordinates(), size)
-
-
-def _dress(result: Reconstruction) -> DressedBodies:
-    posed = [i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all()]
-    caster = caster_of_bodies(result)
-    if caster is None:
-        return DressedBodies({}, None, {}, {})
-    mesh = None
-    if result.body_model == "embedded":
-        own = embedded_coordinates()
-        if np.array_equal(own.vertex[own.faces], result.faces):
-            mesh = own
-    colors, images, shown = dict[int, "UInt8Array"](), dict[int, "UInt8Array"](), dict[int, float]()
-    for index in posed:
-        raster = None if mesh is None else embedded_raster(_size(result, index))
-        colors[index], shown[index], image = _dress_person(result, index, caster, raster)
-        if image is not None:
-            images[index] = image
-    return DressedBodies(colors, mesh, images, shown)
-
-
-def _dress_person(
-    result: Reconstruction, index: int, caster: RayCaster, raster: TextureRaster | None
-) -> tuple[UInt8Array, float, UInt8Array | None]:
-    """Return the colours of the vertices of a person, the share that a photo shows, and the texture."""
-    faces, vertices = np.asarray(result.faces, np.int64), result.people[index].vertices.astype(np.float64)
-    count, normals = len(vertices), vertex_normals(vertices, faces)
-    points, outwards = vertices, normals
-    if raster is not None:
-        points = np.concatenate([vertices, raster.interpolate(faces, vertices)])
-        outwards = np.concatenate([normals, raster.interpolate(faces, normals)])
-    photo, _, weight = photo_colors(result, index, points, outwards, caster)
-    tone = np.array(BODY_RGB) * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ _light(result)))[:, None]
-    beside = _faded(vertices, faces, photo[:count], weight[:count], tone)
-    colors = _mixed(photo[:count], weight[:count], beside)
-    image: UInt8Array | None = None
-    if raster is not None:
-        image = raster.image(_mixed(photo[count:], weight[count:], raster.interpolate(faces, beside)))
-    return colors, float((weight[:count] > _SURE).mean()), image
 
 
 def _faded(vertices: Array, faces: NDArray[np.int64], photo: Array, weight: Array, tone: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.visual.palette import contact_strength
 from physic_core.visual.surface import depth_limit, mesh_scene
-from physic_core.visual.textures.dressed import dressed_bodies
+from physic_core.visual.textures.dressed import dressed_bodies, dressed_images
 from physic_viewer.report.packing import pack_bytes, pack_flags, pack_indices, pack_points, photo_jpeg
 
 if TYPE_CHECKING:
@@ -79,11 +79,12 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
         mesh = None
     if mesh is not None:
         faces = mesh.faces
+    images = {} if mesh is None else dressed_images(reconstruction)
 
     def pack(index: int, person: Person) -> dict[str, Any]:
         strength = np.zeros(len(ids))
         np.maximum.at(strength, groups, contact_strength(person))
-        texture = None if mesh is None else photo_jpeg(dressed.images[index], len(dressed.images[index]), 88)
+        texture = None if mesh is None else photo_jpeg(images[index], len(images[index]), 88)
         return {
             "points": pack_points(person.vertices[ids]),
             "texture": texture,
