@@ -69,8 +69,18 @@ class RelativePointmap(Backend):
             yield f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got {result.unknown!r}"
         if result.shift_sigma is not None and not 0 <= result.shift_sigma < math.inf:
             yield f"shift_sigma must be finite and at least 0, or None, got {result.shift_sigma!r}"
+        if result.people_farther is not None and not _is_mean_and_sigma(result.people_farther):
+            yield f"people_farther must be a finite mean and a sigma > 0, or None, got {result.people_farther!r}"
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
+
+
+def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
+    try:
+        mean, sigma = given
+        return math.isfinite(mean) and 0 < sigma < math.inf
+    except (TypeError, ValueError):
+        return False
 
 
 def _check_points(points: FloatArray) -> Iterator[str]:

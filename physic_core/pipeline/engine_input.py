@@ -22,7 +22,7 @@ from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry.tensors import select_pixels, tensor
-from physic_core.pipeline.estimate import floor_evidence
+from physic_core.pipeline.floor_choice import floor_evidence
 from physic_core.pipeline.person_measures import depth_ratios
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def scene_stage_input(estimates: Estimates) -> SceneInput:
         estimates.scene.unknown,
         tensor(estimates.depth.depth),
         _cameras(estimates),
-        floor_evidence(estimates.people, estimates.hole, estimates.keypoints),
+        floor_evidence(estimates.people.floor, estimates.hole, estimates.keypoints),
     )
 
 
@@ -116,6 +116,7 @@ def placement_input(
         contact_probability=tensor(estimates.contact.probability),
         raised=None if people.surfaces is None else tensor(people.surfaces.mask(*_RAISED_SURFACES)),
         known=known,
+        standing=None if estimates.standing is None else tensor(estimates.standing),
     )
 
 
@@ -157,6 +158,7 @@ def joint_problem(
         scale_sigma=scale_sigma,
         grounded=placed.placement.grounded,
         lifted_feet=placed.lifted_feet,
+        foot_touch=placed.foot_touch,
         estimated_transl=bodies.transl,
         keypoint_transl=placed.placement.keypoint_transl,
         known=None if given.known is None else given.known.geometry,
@@ -196,6 +198,8 @@ def contact_input(
         free=method.free_vertices(problem, vertices, s),
         objects=None if objects is None else _held_objects(problem, result, tensor(objects)),
         foot_gap=_foot_gaps(problem),
+        foot_touch=problem.foot_touch,
+        standing=None if estimates.standing is None else tensor(estimates.standing),
     )
 
 

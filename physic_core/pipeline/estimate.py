@@ -27,6 +27,7 @@ from physic_core.interfaces import (
 from physic_core.interfaces.body_estimator import valid_body_rows
 from physic_core.pipeline.chosen_people import select_chosen
 from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
+from physic_core.pipeline.floor_choice import FloorCandidate, choose_floor, floor_candidates
 from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.pipeline.invalid_results import (
     discard_invalid_bodies,
@@ -56,7 +57,6 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.engine.joint.problem import View
     from physic_core.engine.settings import EngineSettings
-    from physic_core.geometry.floor import FloorEvidence
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
 
@@ -97,6 +97,8 @@ class Estimates(ShortRepr):
         ages: (N,) years, known ones, NaN where unknown; None if no age is known.
         scale_guess: warning that the scale of ``depth`` is a guess, or "".
         views: what other cameras show of the same people.
+        standing: (N,) how far each person's feet are from standing on ``floor``, in standard deviations; see
+            :func:`physic_core.engine.sizes.standing_scores`. None if not measured.
     """
 
     image: UInt8Array
@@ -119,6 +121,7 @@ class Estimates(ShortRepr):
     ages: FloatArray | None = None
     scale_guess: str = ""
     views: tuple[View, ...] = ()
+    standing: FloatArray | None = None
 
 
 def run_backends(
@@ -166,6 +169,11 @@ def run_backends(
 
     seen_keypoints = select_people(keypoints, embodied)
     hints = replace(hints, people=seen, keypoints=seen_keypoints, hole=hole, bodies=seen_bodies)
+    with stages.time_engine("floor"):
+        floor, scores = choose_floor(maps.floors, hints, run.model)
+    hints = replace(hints, floor=floor.plane)
+    standing = np.full(len(people), np.nan)
+    standing[embodied] = scores
     depth, scale_guess = run.metric_depth(MetricDepthRequest(inpainted, hints), scene, camera)
     stages.note(*depth.notes)
 
@@ -173,13 +181,14 @@ def run_backends(
         image=image,
         intrinsics=camera,
         camera_given=given is not None,
-        people=people,
+        people=replace(people, floor=floor.mask),
         keypoints=keypoints,
         hole=hole,
         inpainted=inpainted,
         scene=scene,
         original=maps.original,
-        floor=maps.floor,
+        floor=floor.plane,
+        standing=standing,
         bodies=bodies,
         contact=contact,
         depth=depth,
@@ -212,14 +221,14 @@ class _Pointmaps:
         scene: of the inpainted photo.
         original: of the photo.
         camera: of both.
-        floor: of the scene, in its own scale; None if none was found.
-        hints: for backends of bodies.
+        floors: candidates for the floor of the scene, in its own scale.
+        hints: for backends of bodies, with the first of these floors.
     """
 
     scene: Pointmap
     original: Pointmap
     camera: Intrinsics
-    floor: Plane | None
+    floors: tuple[FloorCandidate, ...]
     hints: Hints
 
 
@@ -248,10 +257,10 @@ def _pointmaps(
     camera = hints.intrinsics or scene.intrinsics or _camera_of(scene)
     hints = replace(hints, intrinsics=camera, hole=None, scene=scene)
     original = run.pointmap("photo point map", image, hints) if hole.any() else scene
-    with run.stages.time_engine("relative floor"):
-        floor = _relative_floor(scene, people, hole, keypoints, engine)
+    with run.stages.time_engine("floor candidates"):
+        floors = floor_candidates(scene, people, hole, keypoints, engine.scene)
         aligned = _aligned(original, scene, hole, engine) if hole.any() else scene
-    return _Pointmaps(scene, original, camera, floor, replace(hints, floor=floor, original=aligned))
+    return _Pointmaps(scene, original, camera, floors, replace(hints, floor=floors[0].plane, original=aligned))
 
 
 @dataclass(frozen=True)
@@ -408,15 +417,6 @@ def _no_bodies(model: BodyModel) -> Bodies:
     return Bodies(parameters_from_rotations(rotations, betas, expression, transl), model.name)
 
 
-def feet_pixels(keypoints: Keypoints, height: int, width: int, confidence: float = 0.5) -> FloatArray:
-    """Return heels and toes inside the image with more than ``confidence``, (M, 2) px."""
-    soles = [i for i, name in enumerate(keypoints.joint_set.names) if name.endswith(("heel", "toe", "foot_tip"))]
-    points, seen = keypoints.points[:, soles], keypoints.confidence[:, soles] > confidence
-    seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
-    chosen: FloatArray = points[seen]
-    return chosen
-
-
 def _camera_of(pointmap: Pointmap) -> Intrinsics:
     from physic_core.geometry.pointmap import intrinsics_from_pointmap
     from physic_core.geometry.tensors import tensor
@@ -424,27 +424,6 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
     height, width = pointmap.valid.shape
     fx, fy, cx, cy = intrinsics_from_pointmap(tensor(pointmap.points), tensor(pointmap.valid))
     return Intrinsics(fx, fy, cx, cy, width, height, "point map")
-
-
-def _relative_floor(
-    scene: Pointmap, people: People, hole: BoolArray, keypoints: Keypoints, settings: EngineSettings
-) -> Plane | None:
-    from physic_core.geometry.floor import fit_floor
-    from physic_core.geometry.tensors import tensor
-
-    if settings.scene.floor == "off":
-        return None
-    fit = fit_floor(tensor(scene.points), tensor(scene.valid), floor_evidence(people, hole, keypoints)).plane
-    return None if fit is None else Plane(fit.normal.numpy(), float(fit.offset))
-
-
-def floor_evidence(people: People, hole: BoolArray, keypoints: Keypoints) -> FloorEvidence:
-    """Return what the photo shows of the floor: its mask, the inpainted pixels and the feet."""
-    from physic_core.geometry.floor import FloorEvidence
-    from physic_core.geometry.tensors import tensor
-
-    mask = None if people.floor is None else tensor(people.floor)
-    return FloorEvidence(mask, tensor(hole), tensor(feet_pixels(keypoints, *hole.shape)))
 
 
 def _aligned(original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings) -> Pointmap:

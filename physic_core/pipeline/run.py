@@ -375,8 +375,8 @@ def _reconstruct(
     return replace(found, lens=lens, diagnostics={**found.diagnostics, **sources})
 
 
-_EXTRA_STAGES = 6
-"""Number of stages without a backend of their own: second point map, relative floor, four of the engine."""
+_EXTRA_STAGES = 7
+"""Number of stages without a backend of their own: second point map, two for the floor, four of the engine."""
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:

@@ -40,6 +40,9 @@ class Pointmap(ShortRepr):
         intrinsics: the camera of the points, or None if the backend does not know it.
         notes: plain sentences for the user ("focal length is a default").
         shift_sigma: standard deviation of the unknown shift of 1 / z, in 1 / unit of the points; None if not estimated.
+        people_farther: mean and standard deviation of log(depth of people / depth of the floor that they stand on) in
+            maps of the backend, which are 0 and small for a perfect map. None if not known: then nothing is concluded
+            from this ratio.
     """
 
     points: FloatArray
@@ -48,6 +51,7 @@ class Pointmap(ShortRepr):
     intrinsics: Intrinsics | None = None
     notes: tuple[str, ...] = ()
     shift_sigma: float | None = None
+    people_farther: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

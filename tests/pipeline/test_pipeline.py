@@ -17,7 +17,7 @@ from physic_core.engine.joint.problem import View
 from physic_core.errors import BodyModelError, DeviceError, NoPersonError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
-from physic_core.pipeline.estimate import feet_pixels
+from physic_core.pipeline.floor_choice import feet_pixels
 from physic_core.pipeline.run import _with_camera
 from physic_core.types import Bodies, Hands, Hints, Intrinsics, Keypoints, People, Reconstruction
 from physic_mock import backends

@@ -37,6 +37,8 @@ class ContactInput:
         objects: small objects in hands and on laps; None if people touch none.
         foot_gap: (N, 2) log ratio of the depth behind the left and right foot to the foot's depth, NaN where unknown;
             None if no depth is known. See :mod:`physic_core.engine.placement.lifted_feet`.
+        foot_touch: (N, 2) probability by the picture that the left and the right foot touch something; None if unknown.
+        standing: (N,) standard deviations from standing on the floor, NaN where unknown; None for everybody unknown.
     """
 
     model: BodyModel
@@ -53,6 +55,8 @@ class ContactInput:
     free: Tensor | None = None
     objects: HeldObjects | None = None
     foot_gap: Tensor | None = None
+    foot_touch: Tensor | None = None
+    standing: Tensor | None = None
 
     @property
     def up(self) -> Tensor:

@@ -85,6 +85,8 @@ class JointProblem(ShortRepr):
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
         grounded: (B,) bool, people who may stand on the floor, not on or in an object; None is all people.
         lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None is no foot.
+        foot_touch: (B, 2) probability by the picture that the left and right foot touch something, which weighs what
+            pulls them to the ground; None is 1.
         estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".
         keypoint_transl: (B, 3) metres, translation by the keypoints alone (Eq. 2); None is ``transl0``. Used by
             preset "release".
@@ -115,6 +117,7 @@ class JointProblem(ShortRepr):
     scale_sigma: float | None = None
     grounded: Tensor | None = field(default=None, metadata=_shape("B"))
     lifted_feet: Tensor | None = field(default=None, metadata=_shape("B 2"))
+    foot_touch: Tensor | None = field(default=None, metadata=_shape("B 2"))
     estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     keypoint_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     known: KnownGeometry | None = None
@@ -179,6 +182,16 @@ class JointProblem(ShortRepr):
                 part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
                 vertices |= part & self.lifted_feet[:, foot, None]
         return vertices
+
+    def weight_of_feet(self) -> Tensor:
+        """Return the probability (B, V) by the picture that the foot of each vertex touches something; 1 elsewhere."""
+        model = self.model
+        weight = torch.ones(len(self), model.num_vertices, dtype=self.transl0.dtype, device=self.transl0.device)
+        if self.foot_touch is not None:
+            for foot, side in enumerate(SIDES):
+                part = model.part_of_vertex == model.part_names.index(f"{side}_foot")
+                weight[:, part] = self.foot_touch[:, foot, None].to(weight)
+        return weight
 
     def select_people(self, rows: Tensor) -> JointProblem:
         """Return a copy with a selection of the people, (n,) int64."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
+from physic_core.engine.bounds import NotNegative, PointCount, Positive, PositiveOrInfinite, Share
 
 
 @dataclass(frozen=True)
@@ -37,3 +37,9 @@ class PlacementSettings:
     detect_lifted_feet: bool = True
     """Feet with a gap of depth behind them are in the air (:mod:`physic_core.engine.placement.lifted_feet`), in photos
     whose segmenter labels surfaces."""
+    feet_by_picture: bool = True
+    """Feet are pulled to the floor as far as the picture says that they touch something
+    (:mod:`physic_core.body.feet_in_picture`)."""
+    lifted_sigmas: Positive = 3.0
+    """Both feet are in the air if a person is this many standard deviations from standing on the floor
+    (:func:`physic_core.engine.sizes.standing_scores`)."""

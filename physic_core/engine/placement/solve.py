@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
 from physic_core.engine.known_sizes import KnownScene, stature_factor
@@ -60,6 +61,8 @@ class PlacementInput(ShortRepr):
         contact_probability: (B, V) of the contact prior, in [0, 1].
         raised: (H, W) bool, surfaces that can carry a foot over the ground; None if no surface is labelled.
         known: sizes that the user knows; None without any.
+        standing: (B,) how far the feet are from standing on the floor, in standard deviations
+            (:func:`physic_core.engine.sizes.standing_scores`), NaN where unknown; None for everybody unknown.
     """
 
     scene: SceneState
@@ -69,6 +72,7 @@ class PlacementInput(ShortRepr):
     contact_probability: Tensor
     raised: Tensor | None = None
     known: KnownScene | None = None
+    standing: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,8 @@ class PlacedPeople(ShortRepr):
         placement: of the bodies; people with both feet in the air are not grounded.
         observed: (B, 55) bool, visible joints.
         lifted_feet: (B, 2) bool, left and right feet in the air; None if unknown.
+        foot_touch: (B, 2) probability by the picture that the left and the right foot touch something; None if that is
+            not asked.
         size_ratio: (B,) factor by which people must be enlarged to stand in a scene of known size as the photo shows
             them, NaN where unknown; None if the size of the scene is unknown.
         rejected_floor: why the floor was dropped, or None.
@@ -93,6 +99,7 @@ class PlacedPeople(ShortRepr):
     placement: Placement
     observed: Tensor
     lifted_feet: Tensor | None
+    foot_touch: Tensor | None
     size_ratio: Tensor | None
     rejected_floor: FloorRejection | None
 
@@ -110,6 +117,8 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
     if method.detect_lifted_feet and given.raised is not None and scene.floor_normal is not None:
         gaps = depth_gaps_at_feet(detections, photo.depth, scene.depth, given.raised)
         lifted = find_lifted_feet(gaps, _hands_may_hold(given, output, scene.floor_normal), scene.floor_offset)
+        if given.standing is not None:
+            lifted |= (given.standing < -method.lifted_sigmas)[:, None]
         airborne = lifted.all(1)
     observed = observed_joints(detections, method.seen_confidence)
     feet_seen = observed[:, _ANKLES].any(1) & ~airborne.to(observed.device)
@@ -122,7 +131,11 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         kept = [None if person.on_floor else person for person in placed.people]
         placed = place_bodies(posed, evidence, scene.K, None, method, kept)
     placed = replace(placed, grounded=placed.grounded & ~airborne.to(placed.grounded.device))
-    return PlacedPeople(scene, photo, bodies, placed, observed, lifted, ratio, rejected)
+    touch = None
+    if method.feet_by_picture:
+        names = detections.skeleton.names
+        touch = torch.from_numpy(foot_touch_probability(detections.keypoints.cpu().numpy(), names))
+    return PlacedPeople(scene, photo, bodies, placed, observed, lifted, touch, ratio, rejected)
 
 
 def _pose(bodies: EstimatedBodies, detections: Detections, method: PlacementMethod) -> tuple[BodyOutput, PosedBodies]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, Hints, Plane, Pointmap
+    from physic_core.types import Bodies, Hints, Pointmap
 
     FloatArray = NDArray[np.floating]
 
@@ -47,6 +47,13 @@ class EmbeddedMetricDepthOptions(Options):
         le=1e3,
         description="a person whose soles say this many times more or less than their torso stands elsewhere",
     )
+    lifted_sigmas: float = Field(
+        3.0,
+        gt=0,
+        le=1e3,
+        description="feet are over the floor if the scale of their soles is less than that of standing people by this "
+        "many standard deviations, which the point map states",
+    )
 
 
 @dataclass(frozen=True)
@@ -56,10 +63,12 @@ class PersonScales:
     Attributes:
         contact: (N,) from soles on the floor.
         body_size: (N,) from the depth of the torso.
+        lifted: (N,) bool, people whose feet are over the floor.
     """
 
     contact: FloatArray
     body_size: FloatArray
+    lifted: NDArray[np.bool_]
 
 
 class EmbeddedMetricDepth(MetricDepth):
@@ -100,11 +109,8 @@ class EmbeddedMetricDepth(MetricDepth):
         count = len(vertices)
         observed = hints.bodies.observed
         observed = np.ones((count, 55), bool) if observed is None else np.asarray(observed)
-        nothing = np.full(count, np.nan)
-        contact = nothing if hints.floor is None else scale_from_soles(vertices, model, observed, hints.floor)
-        size = nothing if hints.original is None else scale_from_torsos(vertices, model, hints)
         vote, notes = self._vote(
-            PersonScales(contact, size),
+            self._scales(vertices, model, observed, hints),
             vertices[..., 2].mean(1),
             _visible_evidence(hints, count),
             hints.scene,
@@ -141,6 +147,28 @@ class EmbeddedMetricDepth(MetricDepth):
             out = self._model(rotations, tensor(p.betas), tensor(p.transl))
         return out.vertices.double().numpy(), self._model
 
+    def _scales(
+        self, vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], hints: Hints
+    ) -> PersonScales:
+        """Return the scales that the people give the scene.
+
+        People come out farther than the floor that they stand on, so that a torso makes the floor too near.
+        """
+        from physic_core.engine.sizes import scales_by_soles, scales_by_torsos, standing_scores
+
+        photo, soles = hints.original, np.full((len(vertices), 2), np.nan)
+        torsos, lifted = np.full(len(vertices), np.nan), np.zeros(len(vertices), bool)
+        if hints.floor is not None:
+            soles = scales_by_soles(vertices, model, observed, hints.floor)
+        camera = hints.intrinsics or (None if photo is None else photo.intrinsics)
+        if photo is not None and hints.people is not None and camera is not None:
+            torsos = scales_by_torsos(vertices, model, hints.people.masks, photo, camera.matrix)
+            with np.errstate(invalid="ignore"):
+                lifted = standing_scores(soles, torsos, photo) < -self.options.lifted_sigmas
+            if photo.people_farther is not None:
+                torsos = torsos * np.exp(photo.people_farther[0])
+        return PersonScales(np.fmax(soles[:, 0], soles[:, 1]), torsos, lifted)
+
     def _vote(
         self, people: PersonScales, depths: FloatArray, weights: FloatArray, scene: Pointmap
     ) -> tuple[ScaleVote, list[str]]:
@@ -158,6 +186,7 @@ class EmbeddedMetricDepth(MetricDepth):
             elsewhere = np.abs(np.log(contact / size)) > np.log(options.most_disagreement)
         if elsewhere[np.isfinite(contact)].all():
             elsewhere[:] = False
+        elsewhere |= people.lifted
         contact = np.where(elsewhere, np.nan, contact)
         soles = options.rule == "contact" or (options.rule == "auto" and _are_seen_well(contact, size, weights))
         scales, sigma = (contact, options.contact_sigma) if soles else (size, options.body_size_sigma)
@@ -205,97 +234,3 @@ def _are_seen_well(contact: FloatArray, size: FloatArray, weights: FloatArray) -
 def _count_people(count: int) -> str:
     """Format a number of people."""
     return "1 person" if count == 1 else f"{count} people"
-
-
-def scale_from_soles(vertices: FloatArray, model: BodyModel, observed: NDArray[np.bool_], floor: Plane) -> FloatArray:
-    """Return the scale (N,), metres per unit, that puts the lowest sole of each person on the floor.
-
-    With the plane n . X + h = 0 in units of the scene, a point X in metres lies on it for the scale -n . X / h. The
-    normal does not depend on the scale, and the lowest sole is the one with the largest.
-
-    Args:
-        vertices: (N, V, 3) metres, camera frame.
-        model: the body.
-        observed: (N, 55) joints that the photo shows.
-        floor: plane in units of the scene.
-
-    Returns:
-        (N,) NaN for people of whom no foot is seen.
-    """
-    from physic_core.body import JOINT_INDEX
-
-    scale = np.full(len(vertices), np.nan)
-    if floor.offset <= 0:
-        return scale
-    normal = np.asarray(floor.normal, np.float64)
-    for side in ("left", "right"):
-        ids = model.contact_sets[f"{side}_sole"].cpu().numpy()
-        lowest = (-vertices[:, ids] @ normal).max(1) / floor.offset
-        seen = observed[:, JOINT_INDEX[f"{side}_ankle"]] & observed[:, JOINT_INDEX[f"{side}_foot"]]
-        scale = np.fmax(scale, np.where(seen & (lowest > 0), lowest, np.nan))
-    return scale
-
-
-def scale_from_torsos(vertices: FloatArray, model: BodyModel, hints: Hints, rays: int = 4000) -> FloatArray:
-    """Return the scale (N,), metres per unit, that makes the relative depth of each torso equal to its depth in metres.
-
-    Args:
-        vertices: (N, V, 3) metres, camera frame.
-        model: the body.
-        hints: with ``original``, its camera or ``intrinsics``, and ``people`` for the masks.
-        rays: pixels of each person to look at.
-
-    Returns:
-        (N,) NaN for people whose torso is not seen.
-    """
-
-    camera = hints.intrinsics or (hints.original.intrinsics if hints.original is not None else None)
-    if hints.original is None or hints.people is None or camera is None:
-        return np.full(len(vertices), np.nan)
-    faces = model.faces.cpu().numpy()
-    torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
-    return np.array(
-        [
-            _scale_from_torso(body, faces, torso, mask, hints.original, camera.matrix, rays)
-            for body, mask in zip(vertices, hints.people.masks, strict=True)
-        ]
-    )
-
-
-def _scale_from_torso(
-    body: FloatArray,
-    faces: NDArray[np.int64],
-    torso: NDArray[np.bool_],
-    mask: NDArray[np.bool_],
-    original: Pointmap,
-    camera: FloatArray,
-    rays: int,
-) -> float:
-    """Return the median ratio of body depth to map depth over the pixels of a mask whose ray hits the torso first."""
-    from physic_core.geometry.rays import RayCaster
-
-    inner = _erode(mask) & original.valid
-    rows, columns = np.nonzero(inner)
-    if len(rows) < 30:
-        return float("nan")
-    chosen = np.linspace(0, len(rows) - 1, min(rays, len(rows))).astype(int)
-    rows, columns = rows[chosen], columns[chosen]
-    directions = np.stack(
-        [(columns - camera[0, 2]) / camera[0, 0], (rows - camera[1, 2]) / camera[1, 1], np.ones(len(rows))], -1
-    )
-    hits = RayCaster(body, faces).first(np.zeros(3), directions)
-    on_torso = (hits.face >= 0) & torso[hits.face]
-    if on_torso.sum() < 20:
-        return float("nan")
-    # The ray's direction has z = 1, so the distance along it is the depth.
-    ratio = hits.distance[on_torso] / original.points[rows[on_torso], columns[on_torso], 2]
-    return float(np.median(ratio[np.isfinite(ratio)]))
-
-
-def _erode(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Erode a mask, because the depth of the background bleeds into its edge."""
-    import cv2
-
-    reach = max(1, round(0.004 * max(mask.shape)))
-    disc = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)

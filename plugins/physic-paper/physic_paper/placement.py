@@ -47,6 +47,7 @@ class PaperPlacement(PlacementMethod):
     """Not used."""
 
     detect_lifted_feet: bool = False
+    feet_by_picture: bool = False
 
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
 

@@ -57,7 +57,7 @@ class ContactTerm:
             for name in STATIC_CONTACT_PARTS:
                 static[model.contact_sets[name]] = True
             prior = torch.where(static[context.ids], prior.clamp(min=settings.static_weight), prior)
-        self.prior = prior
+        self.prior = prior * context.problem.weight_of_feet()[:, context.ids]
         self.weights: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(context.is_contact)
 

@@ -86,9 +86,13 @@ class SoleTerm:
             pulled = pulled & context.problem.grounded
         unseen = ~context.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M) & ~stepped
         dtype = context.area.dtype
+        touch, either = torch.ones_like(lowest), torch.ones_like(lowest[:, 0])
+        if context.problem.foot_touch is not None:
+            touch = context.problem.foot_touch.to(lowest)
+            either = 1 - (1 - touch).prod(1)
         self.weights = {
-            "soles": on_floor.to(dtype),
-            "lower_sole": pulled.to(dtype),
+            "soles": touch * on_floor,
+            "lower_sole": either * pulled,
             "unseen_soles": unseen.to(dtype),
         }
 

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from physic_core.body import JOINT_INDEX
+from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
@@ -46,8 +47,8 @@ class FitSettings:
             bend are far outside and are not pulled.
         trunk_lean_sigma: radians by which the landmarks above the hips lean more than those of the legs, where a floor
             is known.
-        level_sigma: metres between the lowest points of two feet that are both seen; a foot in the air is far outside
-            and is not pulled.
+        level_sigma: metres between the lowest points of two feet that are both seen, as far as the picture says that
+            both stand; a foot in the air is far outside and is not pulled.
         knee_sigma: radians by which knees of people who stand may bend more or less than where the fit starts;
             otherwise a body that is set upright bends them until it is as short as the leaning one looked.
         outline_sigma: of the distance between the outlines of body and mask, in sizes of the person.
@@ -327,7 +328,9 @@ def fit_problem(
         seen_up = np.einsum("nij,i->nj", observations.turn, up)
         up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
         ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
-        feet = (ankles > _SEEN).astype(float)
+        # The picture decides whether both feet stand: a raised foot looks like one that is farther away.
+        touches = foot_touch_probability(observations.points, list(index))
+        feet = (ankles > _SEEN) * touches.prod(1)
     stature = _stature_per_component(model)
     soles = _soles(model)
     z = start.transl[:, 2:]
