@@ -29,8 +29,6 @@ _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger 
 _MIN_IN_LINE_COSINE = 0.82  # 35 degrees between trunk and legs
 _STRAIGHT_HIP_COSINE = 0.707  # 45 degrees
 _MIN_UPRIGHT_COSINE = 0.5  # 60 degrees from the floor's normal; body estimators err by 20
-_MAX_SITTING_COSINE = 0.77  # 40 degrees of flexion of a hip; people perch on high seats
-_MAX_THIGH_COSINE = 0.9  # 25 degrees from down
 _MAX_KNEE_FLEXION = 0.7  # radians, 40 degrees
 _MIN_HOLD_PROBABILITY = 0.75  # of the contact prior, mean of a hand that holds something
 
@@ -136,23 +134,6 @@ def is_standing(rotations: Tensor, joints: Tensor, observed: Tensor, up: Tensor 
         in_line = in_line & (((trunk + leg) / 2) @ up > _MIN_UPRIGHT_COSINE)
     straight = hinge_angles(rotations)[:, :2].amin(-1) < _MAX_KNEE_FLEXION
     return in_line & straight & observed[:, _ANKLES].all(1)
-
-
-def is_sitting(rotations: Tensor, joints: Tensor, up: Tensor) -> Tensor:
-    """Return which people may sit: (B,) bool. Both hips are bent, and both knees are bent or both thighs raised.
-
-    People who squat are among them; people who bend over are not.
-
-    Args:
-        rotations: (B, 55, 3, 3).
-        joints: (B, 55, 3) metres.
-        up: (3,) unit.
-    """
-    trunk = torch.nn.functional.normalize(joints[:, _NECK] - joints[:, _PELVIS], dim=-1)
-    thighs = torch.nn.functional.normalize(joints[:, _KNEES] - joints[:, _HIPS], dim=-1)
-    bent = (thighs * trunk[:, None]).sum(-1).amin(1) > -_MAX_SITTING_COSINE
-    raised = (thighs @ up).amin(1) > -_MAX_THIGH_COSINE
-    return bent & (raised | (hinge_angles(rotations)[:, :2].amin(1) > _MAX_KNEE_FLEXION))
 
 
 def straight_hips(joints: Tensor) -> Tensor:

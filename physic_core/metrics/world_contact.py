@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.contact.probability import contact_model
+from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.errors import PhysicError
 from physic_core.types.skeletons import SIDES
@@ -55,8 +55,8 @@ def world_parts(model: BodyModel) -> dict[str, NDArray[np.int64]]:
 def world_contact(result: Reconstruction, person: Person, model: BodyModel) -> dict[str, float]:
     """Return the probability in [0, 1] that each part of a person touches the world.
 
-    It is that of all vertices of the part that touch nothing but the world, by the model that listed contacts have, and
-    no less than that of a listed contact of the part with the world.
+    It is the mean of the ten surest vertices of the part that touch nothing but the world, and no less than that of a
+    listed contact of the part with the world.
 
     Args:
         result: contains the person.
@@ -76,6 +76,6 @@ def world_contact(result: Reconstruction, person: Person, model: BodyModel) -> d
             name = contact.part.replace("lower_arm", "forearm")
             listed[name] = max(contact.probability or 0.0, listed.get(name, 0.0))
     return {
-        name: max(contact_model().part_probability(torch.from_numpy(likely[rows])), listed.get(name, 0.0))
+        name: max(mean_of_surest(torch.from_numpy(likely[rows])), listed.get(name, 0.0))
         for name, rows in world_parts(model).items()
     }

@@ -14,6 +14,7 @@ from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.visibility import depth_order_violations
 from physic_core.pipeline.measures import Ground, clearance, depth_ratio, sole_height, support_gap, visible_share
 from physic_core.pipeline.silhouettes import PhotoEvidence, compare_silhouettes
+from physic_core.types.contacts import ContactPartner
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,11 +129,14 @@ def depth_ratios(problem: JointProblem, result: JointResult) -> list[float | Non
 
 
 def _balance(support: Support) -> dict[str, float | None]:
-    """Return the distance of the centre of mass from the supports, metres, and whether a hidden one is assumed."""
+    """Return the distance of the centre of mass from the supports, metres, whether a hidden one is assumed, and the
+    probability of a hidden seat."""
     outside = support.outside_m
+    seats = [one.probability or 0.0 for one in support.contacts if one.partner == ContactPartner("hidden", "seat")]
     return {
         "balance_m": None if outside is None else max(0.0, outside),
         "assumed_support": float(bool(support.hidden)),
+        "hidden_seat": max(seats, default=0.0),
     }
 
 

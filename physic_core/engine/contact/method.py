@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor
 from physic_core.engine.bounds import Share
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
+from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
 from physic_core.engine.contact.probability import ContactModel, contact_model
 from physic_core.geometry.free_space import front_depth, in_free_space
 
@@ -46,10 +48,13 @@ class Touch:
     Attributes:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
         probability: (N, V) of contact with anything; None if the method estimates none.
+        parts: body part -> (N,) probability that it touches scene or floor; empty if the method estimates none. See
+            :mod:`physic_core.engine.contact.parts`.
     """
 
     kind: Tensor
     probability: Tensor | None
+    parts: Mapping[str, Tensor] = field(default_factory=dict)
 
     @staticmethod
     def of_rank(rank: Tensor, touches: Tensor, probability: Tensor | None) -> Touch:
@@ -81,13 +86,21 @@ class ContactMethod(ContactSettings):
 
 
 def touch_by_probability(given: ContactInput, near: Distances, model: ContactModel, settings: ContactSettings) -> Touch:
-    """Return the contacts of vertices whose probability is at least the threshold of the settings."""
+    """Return the contacts of vertices whose probability is at least the threshold of the settings.
+
+    A vertex touches scene or floor only if its body part does.
+    """
     probabilities = model.probabilities(feature_columns(given, near))
+    probabilities[0], parts = weigh_parts(given, probabilities[0])
+    apart = torch.zeros_like(given.prior, dtype=torch.bool)
+    for name, chosen in scene_parts_of_body(given.model).items():
+        apart |= (parts[name] < LEAST_PROBABILITY)[:, None] & chosen
     in_reach = torch.isfinite(near.by_kind)
     may_touch = given.model.outer & given.finite[:, None]
     likely = torch.where(may_touch, 1 - (1 - probabilities).prod(0), 0.0)
     rank = torch.where(in_reach, probabilities, -1.0)
     skin = torch.where(in_reach, probabilities, 0.0)[1 : KINDS.index("object")].amax(0)
     on_skin = (skin >= settings.skin_threshold) & (rank.argmax(0) > 0)
-    touches = ((likely >= settings.threshold) & in_reach.any(0)) | on_skin
-    return Touch.of_rank(rank, touches & may_touch, likely)
+    elsewhere = (rank.argmax(0) > 0) | ~apart
+    touches = ((likely >= settings.threshold) & in_reach.any(0) & elsewhere) | on_skin
+    return replace(Touch.of_rank(rank, touches & may_touch, likely), parts=parts)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Distances
-from physic_core.engine.contact.probability import ContactModel
+from physic_core.engine.contact.probability import ContactModel, mean_of_surest
 from physic_core.engine.contact.regions import Regions, are_adjacent, is_farther_out
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
 
@@ -104,7 +104,8 @@ def body_contacts(
         person: contacts of the vertices.
         table: partners.
         regions: body parts.
-        model: gives the probability of a part; None leaves it open.
+        model: gives the probability that a part touches skin or an object; None leaves all probabilities open. That of
+            contact with scene and floor is the mean of the ten surest vertices.
         least: smallest probability of a part that is listed.
     """
     touching = person.index >= 0
@@ -116,7 +117,9 @@ def body_contacts(
         partner, part = divmod(value, len(regions.names))
         here, sure = touching & (code == value), None
         if person.probability is not None and model is not None:
-            sure = round(model.part_probability(person.probability[here]), DECIMALS)
+            on_skin = table[partner].kind in ("person", "self", "object")
+            likely = person.probability[here]
+            sure = round(model.part_probability(likely) if on_skin else mean_of_surest(likely), DECIMALS)
         if sure is None or sure >= least:
             found.append(BodyContact(regions.names[part], table[partner], sure, count, _dent_of(person.dent[here])))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from physic_core.engine.contact.features import KINDS, Columns
 
-_SUREST_VERTICES = 10
+SUREST_VERTICES = 10
 """Vertices whose mean probability says whether their body part touches."""
 
 
@@ -53,10 +53,14 @@ class ContactModel:
         return torch.stack(found)
 
     def part_probability(self, vertices: Tensor) -> float:
-        """Return the probability that a body part touches, of the probabilities (n,) of its vertices."""
-        surest = vertices.double().topk(min(_SUREST_VERTICES, len(vertices))).values.mean()
-        odds = torch.logit(surest, 1e-6)
+        """Return the probability that a body part touches skin or an object, by those (n,) of its vertices."""
+        odds = torch.logit(torch.tensor(mean_of_surest(vertices), dtype=torch.float64), 1e-6)
         return float(torch.sigmoid(self.part["constant"] + self.part["log odds"] * odds))
+
+
+def mean_of_surest(vertices: Tensor) -> float:
+    """Return the mean of the ten largest of the probabilities (n,) of vertices, or of all if they are fewer."""
+    return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
 
 
 @cache

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
+from physic_core.engine.contact.parts import LEAST_PROBABILITY, SEAT
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
 from physic_core.engine.contact.support import ContactEvidence, PersonSupport, PosedPerson, find_support, support_record
+from physic_core.types.skeletons import SIDES
 
 _OWN_BODY, _OBJECT = KINDS.index("own body"), KINDS.index("object")
 
@@ -41,20 +45,28 @@ def _find_supports(
             prior=given.prior[i],
             lifted_feet=given.lifted_feet[i],
             seen=seen[i],
+            sits=float(touch.parts[SEAT][i]) if touch.parts else 0.0,
+            holds=torch.stack([touch.parts[f"{side}_hand"][i] for side in SIDES]) >= LEAST_PROBABILITY
+            if touch.parts
+            else None,
         )
         found.append(find_support(given.model, body, evidence, given.up, assume=method.assume_supports))
     return tuple(found)
 
 
 def _with_hidden(touch: Touch, carried: tuple[PersonSupport | None, ...], method: ContactMethod) -> Touch:
-    """Return the contacts with those of hidden supports, whose probability is at least the threshold."""
+    """Return the contacts with those of hidden supports.
+
+    The probability of a hidden seat is that of sitting; other hidden supports are more likely than not.
+    """
     kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = HIDDEN_SEAT if one.hidden_is_seat else HIDDEN
             if probability is not None:
-                probability[i, one.hidden] = probability[i, one.hidden].clamp(min=method.threshold)
-    return Touch(kind, probability)
+                least = float(touch.parts[SEAT][i]) if one.hidden_is_seat else LEAST_PROBABILITY
+                probability[i, one.hidden] = probability[i, one.hidden].clamp(min=least)
+    return replace(touch, kind=kind, probability=probability)
 
 
 def _describe_contacts(
@@ -75,7 +87,7 @@ def _describe_contacts(
         carrying = torch.zeros_like(given.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         person = VertexContacts(index[i], likely, dents[i])
-        contacts.append(body_contacts(person, partners, regions, contact_model(), least=method.threshold))
+        contacts.append(body_contacts(person, partners, regions, contact_model(), least=LEAST_PROBABILITY))
         own = VertexContacts(torch.where(carrying, index[i], -1), None, dents[i])
         parts = body_contacts(own, partners, regions)
         supports.append(None if one is None else support_record(one, parts, contacts[-1]))

@@ -18,7 +18,8 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.limbs import hands_may_hold, is_sitting
+from physic_core.engine.contact.parts import LEAST_PROBABILITY
+from physic_core.engine.limbs import hands_may_hold
 from physic_core.types.contacts import BodyContact
 from physic_core.types.skeletons import SIDES
 from physic_core.types.support import Support, SupportState
@@ -59,12 +60,16 @@ class ContactEvidence:
         prior: (V,) probability of the contact prior.
         lifted_feet: (2,) bool, left and right foot in the air.
         seen: (V,) bool, vertices on limbs that the photo shows.
+        sits: probability that buttocks or thighs rest on something.
+        holds: (2,) bool, left and right hand that touch the scene more likely than not; None if not known.
     """
 
     contact: Tensor
     prior: Tensor
     lifted_feet: Tensor
     seen: Tensor
+    sits: float = 0.0
+    holds: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -95,8 +100,9 @@ def find_support(
 
     Contacts whose skin faces down carry, and hands above the centre of mass. If they do not balance the body, all
     contacts carry, such as a back against a wall: an upright surface alone carries no weight. If they do not balance it
-    either, the hidden support is assumed over which the body is balanced best. A support that balances the body only
-    with contacts of limbs that the photo does not show is assumed, too.
+    either, the hidden support is assumed over which the body is balanced best. Under people who sit by their posture
+    and touch no seat, a seat is assumed before feet alone can carry them. A support that balances the body only with
+    contacts of limbs that the photo does not show is assumed, too.
 
     Args:
         model: body model.
@@ -108,6 +114,12 @@ def find_support(
     contact, vertices = evidence.contact, body.vertices
     centre = centre_of_mass(vertices, model.faces)
     none, outside = torch.zeros_like(contact), float("inf")
+    seat = _members(model, "thighs", "gluteus")
+    if assume and evidence.sits >= LEAST_PROBABILITY and not bool((contact & seat).any()):
+        patch = _lowest(body, seat, up)
+        if int(patch.sum()) >= _MIN_VERTICES:
+            outside = beside_hull(centre, vertices[contact | patch], up)
+            return PersonSupport(SupportState.ASSUMED, contact, patch, True, outside, centre)
     for state, carrying in _carrying(model, body, contact, (vertices - centre) @ up > 0, up):
         outside = beside_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
@@ -151,12 +163,12 @@ def _hidden_supports(
     in_air = bool(evidence.lifted_feet.all())
     if not in_air and not bool((evidence.seen & soles).any()):
         yield False, _lowest(body, soles, up)
-    if not in_air and bool(is_sitting(body.rotations[None], body.joints[None], up)[0]):
-        yield True, _lowest(body, _members(model, "thighs", "gluteus"), up)
     trunk = torch.nn.functional.normalize(body.joints[_NECK] - body.joints[_PELVIS], dim=0)
     if abs(float(trunk @ up)) < _LEVEL_TRUNK_COSINE:
         yield False, _lowest(body, model.outer, up)
     held = hands_may_hold(model, evidence.prior[None])[0]
+    if evidence.holds is not None:
+        held = held | evidence.holds
     if in_air and bool(held.any()):
         yield False, _members(model, *(f"{side}_hand" for side, holds in zip(SIDES, held, strict=True) if holds))
 

@@ -147,6 +147,12 @@ def _check_support(estimates: Estimates, solution: Solution, person: int) -> Ite
         unmeasured=assumed or "there is no floor, and no surface near the body",
     )
     yield check_value(
+        "seat",
+        measured(report, "hidden_seat"),
+        "this person sits by their posture, and the scene shows nothing under them: do not use their seat",
+        unmeasured="nothing carries this person",
+    )
+    yield check_value(
         "balance",
         measured(report, "balance_m"),
         "the centre of mass is beside what carries this person: they move, or the pose or a contact is wrong",
