@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 NUMBERS = ROOT / "docs" / "pictures" / "numbers"
 COST = ROOT / "benchmarks" / "run_cost.json"
 """What ``benchmarks/run_cost.py`` measured."""
+CODE = ("physic_core", "plugins")
 COMMAND = "make pictures"
 """What renews pictures, numbers and lines; messages name it."""
 
@@ -113,10 +115,16 @@ def read_numbers() -> dict[str, dict[str, Any]]:
 
 
 def write_numbers(name: str, source: str, pictures: Iterable[str], result: Reconstruction) -> None:
-    """Write the numbers of a result, with the photo or world that it is of and the pictures that show it."""
-    content = {"of": source, "pictures": sorted(pictures), **numbers_of(result)}
+    """Write the numbers of a result, with its photo or world, the commit, and the pictures that show it."""
+    content = {"of": source, "commit": commit_of_code(), "pictures": sorted(pictures), **numbers_of(result)}
     NUMBERS.mkdir(parents=True, exist_ok=True)
     (NUMBERS / f"{name}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def commit_of_code() -> str:
+    """Return the last commit that changed the code, which figures are of."""
+    command = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", *CODE]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def marked_lines(text: str) -> dict[str, str]:
