@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types import summarize_checks
+from physic_core.types.main_people import main_people
 from physic_core.visual.palette import (
     BODY_RGB,
     CAMERA_RGB,
@@ -18,8 +19,8 @@ from physic_core.visual.palette import (
     has_faint_contact,
 )
 from physic_viewer.report.packing import photo_jpeg
-from physic_viewer.report.people import main_people, people_records
-from physic_viewer.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_viewer.report.people import people_records
+from physic_viewer.report.surfaces import MAX_FULL_BODIES, is_posed, pack_bodies, pack_scene
 
 if TYPE_CHECKING:
     from physic_core.types import CameraView, CheckResult, Intrinsics, Reconstruction, StageRecord
@@ -30,7 +31,8 @@ _PHOTO_PX, _BACKGROUND_PX, _FURTHER_PX = 1600, 1280, 1000  # longer sides of the
 def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     """Return the data of the page. Lengths are metres in the camera frame; numbers that are not finite are None."""
     camera, scene = reconstruction.intrinsics, reconstruction.scene
-    crowd = len(reconstruction.people) > MAX_FULL_BODIES
+    people = reconstruction.people
+    crowd = len(people) > MAX_FULL_BODIES
     contents = {
         "title": title,
         "grade": None if reconstruction.grade is None else str(reconstruction.grade),
@@ -56,7 +58,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
         "people": people_records(reconstruction),
-        "main": main_people(reconstruction),
+        "main": [i for i in main_people([one.box for one in people]) if is_posed(people[i])],
         "unposed": [{"box": one.box, "score": one.score, "reason": one.reason} for one in reconstruction.unposed],
         "warnings": list(reconstruction.warnings),
         "notes": list(reconstruction.notes),

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 _MAX_COMPARED = 120_000  # vertices of all people between which gaps are measured; of a crowd, every n-th
 _PELVIS = 0
-_MAIN_SHARE = 0.5  # of the height of the highest person in the photo, from which another one is a main person
 _SPARSE = 32  # every n-th vertex bounds the distance of two people
 
 
@@ -96,14 +95,6 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
                 record = replace(record, stature=_stature(person, model), contact=contact)
         records.append(asdict(record))
     return records
-
-
-def main_people(reconstruction: Reconstruction) -> list[int]:
-    """Return the people with a body who are at least half as high in the photo as the highest; else all with a body."""
-    posed = [index for index, person in enumerate(reconstruction.people) if is_posed(person)]
-    heights = {index: float(np.ptp(reconstruction.people[index].box[[1, 3]])) for index in posed}
-    highest = max(heights.values(), default=0.0)
-    return [index for index in posed if heights[index] >= _MAIN_SHARE * highest]
 
 
 def _record(person: Person, index: int) -> PersonRecord:
