@@ -156,6 +156,9 @@ class ReferenceInput(ShortRepr):
             bodies=replace(estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed),
             contact=replace(estimates.contact, probability=padded(estimates.contact.probability)),
             missing_results=(*missing, *[()] * (len(self.shown) - before)),
+            standing=None
+            if estimates.standing is None
+            else np.append(estimates.standing, np.full(len(self.shown) - before, np.nan)),
         )
 
 
