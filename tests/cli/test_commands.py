@@ -81,10 +81,18 @@ SUMMARY = (
 )
 
 
+STEPS = (
+    "[1/2] people\n[2/2] scene\n"
+    "the focal length is an estimate, and so are all distances: if you know it, give --focal-px PX, in px of the photo "
+    "file, or --intrinsics fx,fy,cx,cy\n"
+)
+"""Progress of a run, and how to give what it did not know."""
+
+
 def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
-    assert (done.stdout, done.stderr) == (SUMMARY, "[1/2] people\n[2/2] scene\n")
+    assert (done.stdout, done.stderr) == (SUMMARY, STEPS)
     assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
     assert pipeline.calls[0][0] == Path("photo.jpg")
 
@@ -104,10 +112,10 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
         "`pip install -e plugins/physic-viewer` in a checkout of PhySIC"
     )
     assert (done.exit_code, done.stdout) == (0, SUMMARY)
-    assert done.stderr == f"no page: {line}\n[1/2] people\n[2/2] scene\n"
+    assert done.stderr == f"no page: {line}\n{STEPS}"
     assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
     assert physic(*default, "-q").stderr == "warning: no floor was found\n"
-    assert physic(*run()).stderr == "[1/2] people\n[2/2] scene\n"
+    assert physic(*run()).stderr == STEPS
     pipeline.calls.clear()
     for option in ("--report", "--open"):
         assert refusal(*default, option, code=4) == line
@@ -117,7 +125,7 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
 def test_json_is_one_object_on_stdout(pipeline):
     done = physic(*run("--json"))
     summary = json.loads(done.stdout)
-    assert done.stderr == "[1/2] people\n[2/2] scene\n"
+    assert done.stderr == STEPS
     assert (summary["folder"], summary["grade"], summary["people"]) == ("photo-physic", None, [])
     assert summary["files"] == ["reconstruction.json", "reconstruction.npz"]
     assert (summary["warnings"], summary["seconds"]) == (["no floor was found"], 3.25)

@@ -96,7 +96,8 @@ def test_closed_streams_cost_nothing_but_their_lines(closed: str):
     done = process("run", "a.png", "--preset", "mock", "--save", "numbers", "-o", "out", shell=closed)
     assert done.returncode == 0, done.stderr
     assert ("page: out/report.html" in done.stdout) is ("1>" not in closed)
-    assert {path.name for path in Path("out").iterdir()} == {"reconstruction.json", "reconstruction.npz", "report.html"}
+    names = {"reconstruction.json", "reconstruction.npz", "report.html", "people.csv"}
+    assert {path.name for path in Path("out").iterdir()} == names
 
 
 def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path: Path):

@@ -286,7 +286,7 @@ def judged(found: Reconstruction, world: World) -> Score:
 
 
 def require_files(folder: Path) -> None:
-    names = {"reconstruction.json", "reconstruction.npz", "combined.glb", "preview.png", "report.html"}
+    names = {"reconstruction.json", "reconstruction.npz", "combined.glb", "preview.png", "report.html", "people.csv"}
     assert {path.name for path in folder.iterdir()} == names
     assert (folder / "combined.glb").read_bytes()[:4] == b"glTF"
 
