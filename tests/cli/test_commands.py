@@ -87,13 +87,14 @@ STEPS = (
     "file, or --intrinsics fx,fy,cx,cy\n"
 )
 """Progress of a run, and how to give what it did not know."""
+ARRAYS = ("reconstruction.json", "reconstruction.npz")
 
 
 def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline):
     done = physic(*run())
     assert done.exit_code == 0, done.output
     assert (done.stdout, done.stderr) == (SUMMARY, STEPS)
-    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
+    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
     assert pipeline.calls[0][0] == Path("photo.jpg")
 
 
@@ -113,7 +114,7 @@ def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeyp
     )
     assert (done.exit_code, done.stdout) == (0, SUMMARY)
     assert done.stderr == f"no page: {line}\n{STEPS}"
-    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["reconstruction.json", "reconstruction.npz"]
+    assert sorted(path.name for path in Path("photo-physic").iterdir()) == ["people.csv", *ARRAYS]
     assert physic(*default, "-q").stderr == "warning: no floor was found\n"
     assert physic(*run()).stderr == STEPS
     pipeline.calls.clear()
@@ -127,7 +128,7 @@ def test_json_is_one_object_on_stdout(pipeline):
     summary = json.loads(done.stdout)
     assert done.stderr == STEPS
     assert (summary["folder"], summary["grade"], summary["people"]) == ("photo-physic", None, [])
-    assert summary["files"] == ["reconstruction.json", "reconstruction.npz"]
+    assert summary["files"] == [*ARRAYS, "people.csv"]
     assert (summary["warnings"], summary["seconds"]) == (["no floor was found"], 3.25)
     assert physic("show", "photo-physic", "--json").stdout == done.stdout
 
