@@ -161,6 +161,7 @@ def make_person(x: float, z: float, camera: Intrinsics, turn_deg: float = 180.0)
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
         contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
         support=Support("balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)),
+        world_contact={"left_foot": 0.9, "left_hand": 0.02},
     )
     return person, faces
 

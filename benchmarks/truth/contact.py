@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.types.skeletons import SIDES
+
 from .measures import SCORES, match_boxes, probability_scores
 from .sets import FILMS_APART, FILMS_OF_FITS, Sample
 from .statistics import Figure, Record, Strata, figure, pooled
@@ -21,7 +23,11 @@ WORLD, OTHER = ("floor", "seat", "wall", "support"), ("none", "own", "object", "
 TOUCHES = dict.fromkeys(WORLD, True) | dict.fromkeys(OTHER, False)
 """Label of a body part -> whether it touches the world."""
 
+_WORDS = {"forearm": "lower_arm", "knee": "lower_leg"}
 KINDS = {"foot": "feet", "hand": "hands", "seat": "seat", "back": "back", "knee": "knees", "forearm": "forearms"}
+
+OF_RESULTS = {f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, other in _WORDS.items()}
+"""Label of a body part -> the part of ``Person.world_contact``, where they differ."""
 
 MIN_IOU = 0.4
 """Overlap of the boxes of a labelled and a found person from which they are one."""
@@ -44,11 +50,14 @@ def score_labelled(sample: Sample, answer: Answer) -> tuple[list[dict[str, Any]]
     people, parts = [], []
     for i, one in enumerate(truth):
         person = found[matched[i]] if i in matched else None
-        likely = person["parts"] if person else dict.fromkeys(one["parts"], 0.0)
+        likely = {
+            part: (person["parts"].get(OF_RESULTS.get(part, part), math.nan) if person else 0.0)
+            for part in one["parts"]
+        }
         mine = [
             part_record(sample, str(i), part, likely[part], TOUCHES[label])
             for part, label in one["parts"].items()
-            if label is not None and part in likely
+            if label is not None and math.isfinite(likely[part])
         ]
         parts += mine
         feet = [part["probability"] >= 0.5 for part in mine if part["kind"] == "feet"]

@@ -91,13 +91,10 @@ def _size(photo: Path) -> tuple[int, int]:
 
 def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sample) -> dict[str, Any]:
     """What is measured of a result, in px of the photo of ``size`` (width, height)."""
-    from physic_core.body import load_body
-    from physic_core.metrics.world_contact import world_contact
     from physic_core.types import skeleton_named
 
     camera = result.intrinsics.resized(*size)
     factor = np.array([size[0] / result.intrinsics.width, size[1] / result.intrinsics.height])
-    model = load_body(result.body_model) if result.body_model == "embedded" else None
     names = list(skeleton_named(result.skeleton).names)
     people = []
     for person in result.people:
@@ -112,7 +109,7 @@ def measured_fields(result: Reconstruction, size: tuple[int, int], sample: Sampl
                 "score": float(person.score),
                 "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
                 "keypoints": np.round(keypoints, 4).tolist(),
-                "parts": {} if model is None else world_contact(result, person, model),
+                "parts": dict(person.world_contact or {}),
                 "failed_checks": list(person.failed_checks),
                 "grade": person.grade,
             }

@@ -171,6 +171,7 @@ def _person(index: int, person: Person) -> dict[str, Any]:
         "contact_vertices": int(np.sum(person.contact)),
         "contacts": None if person.contact_partner is None else to_record(person.contacts),
         "support": to_record(person.support),
+        "world_contact": person.world_contact,
         "age": person.age,
         "stature": person.stature,
         "vertices": len(person.vertices),

@@ -478,6 +478,7 @@ def _person(record: Mapping[str, Any], index: int, arrays: Mapping[str, NDArray[
         contacts=from_records(BodyContact, record["contacts"]),
         support=from_record_or_none(Support, record["support"]),
         age=record["age"],
+        world_contact=record.get("world_contact"),
         stature=from_json(record.get("stature")),
     )
 

@@ -446,6 +446,7 @@ def _result(
                 contact_partner=solution.contact_partner[i],
                 contacts=solution.contacts[i],
                 support=solution.supports[i],
+                world_contact=solution.world_contact[i],
                 failed_checks=failed_checks(checks, i),
                 unknown_checks=unknown_checks(checks, i),
                 grade=grades[i],

@@ -11,6 +11,7 @@ import torch
 
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import parameters_from_rotations
+from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.geometry.tensors import tensor
 from physic_core.pipeline.measures import moved_scene
@@ -48,6 +49,8 @@ class Solution(ShortRepr):
         partners: everything that people touch.
         contacts: per person, contacts by body part.
         supports: per person, what carries them; None without a finite body.
+        world_contact: per person, body part -> probability that it touches floor, scene or a hidden support; None
+            without a finite body, and if the preset estimates none.
         people: per person, measured numbers by name.
         failures: per person, reason why stage 3 left pose and position unchanged, or "".
         diagnostics: numbers by stage; without people of the scene alone.
@@ -65,6 +68,7 @@ class Solution(ShortRepr):
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
+    world_contact: tuple[Mapping[str, float] | None, ...]
     people: tuple[Mapping[str, Any], ...]
     failures: tuple[str, ...]
     diagnostics: Mapping[str, Any]
@@ -111,6 +115,10 @@ def assemble_solution(
         partners=touch.partners,
         contacts=touch.contacts,
         supports=touch.supports,
+        world_contact=tuple(
+            {name: round(float(values[i]), DECIMALS) for name, values in touch.parts.items()} or None if one else None
+            for i, one in enumerate(touch.supports)
+        ),
         people=people,
         failures=result.failures,
         diagnostics={
@@ -143,6 +151,7 @@ def scene_alone(estimates: Estimates, scene: SceneState, model: BodyModel, scale
         partners=(),
         contacts=(),
         supports=(),
+        world_contact=(),
         people=(),
         failures=(),
         diagnostics={"scene": dict(scene.diagnostics)},

@@ -78,6 +78,10 @@ class Person(ShortRepr):
             that are not in contact. None if the contacts were not assigned to partners.
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
+        world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene, or a support that the
+            photo does not show. Own body, other people and held objects do not count. Parts that ``contacts`` does not
+            list are included; "seat" is the buttocks and both thighs. None without a body, and if the preset estimates
+            none.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         grade: how far the body can be trusted, or None without grades.
@@ -104,6 +108,7 @@ class Person(ShortRepr):
     contact_partner: NDArray[np.int16] | None = None
     contacts: tuple[BodyContact, ...] = ()
     support: Support | None = None
+    world_contact: Mapping[str, float] | None = None
     age: float | None = None
     stature: float | None = None
 

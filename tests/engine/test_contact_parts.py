@@ -8,8 +8,12 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.contact.parts import part_features, scene_parts_of_body, weigh_parts
+from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.parts import LEAST_PROBABILITY, part_features, scene_parts_of_body, weigh_parts
 from physic_core.engine.contact.probability import mean_of_surest
+from physic_core.engine.contact.solve import solve_contact
+from physic_core.types import ContactPartner
+from physic_core.types.skeletons import SIDES
 
 from .test_contact_probability import alone
 
@@ -69,6 +73,23 @@ def test_level_thighs_make_a_seat_likely_even_where_the_depth_has_lost_it(person
     assert seated > 0.4
     assert seated == float(weigh_parts(sits, likely(sits, 0.3))[1]["seat"])
     assert float(weigh_parts(sits, likely(sits, 0.9))[1]["seat"]) > seated
+
+
+def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):
+    """A person in the air who sits: the seat is hidden, and a part with one half or more is listed."""
+    bends = {f"{side}_{joint}": (sign * 1.45, 0, 0) for side in SIDES for joint, sign in (("hip", -1), ("knee", 1))}
+    stage = make_stage([(bends, (0.0, 0.0, 3.0))])
+    sits = replace(
+        alone(body, plane=(torch.tensor([0.0, -1.0, 0.0]), 3.0)),
+        vertices=stage.vertices,
+        joints=stage.joints,
+        rotations=stage.problem.rotations0,
+    )
+    found = solve_contact(sits, ContactMethod())
+    assert set(found.parts) == set(scene_parts_of_body(body))
+    assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
+    assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
+    assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
 
 
 def test_features_are_those_of_the_kind_of_the_part(person):

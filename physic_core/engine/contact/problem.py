@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -98,6 +99,8 @@ class ContactResult:
         partners: everything that people touch.
         contacts: per person, contacts by body part, most probable first.
         supports: per person, what carries them; None for non-finite vertices.
+        parts: body part -> (N,) probability that it touches scene, floor or a hidden support; empty if the method
+            estimates none.
     """
 
     contact: Tensor
@@ -108,3 +111,4 @@ class ContactResult:
     partners: tuple[ContactPartner, ...]
     contacts: tuple[tuple[BodyContact, ...], ...]
     supports: tuple[Support | None, ...]
+    parts: Mapping[str, Tensor] = field(default_factory=dict)

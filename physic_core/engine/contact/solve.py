@@ -10,7 +10,7 @@ from physic_core.engine.contact.dents import dent_depths, largest_dents
 from physic_core.engine.contact.features import KINDS, Distances, measure_distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN, HIDDEN_SEAT, VertexContacts, assign_partners, body_contacts
-from physic_core.engine.contact.parts import LEAST_PROBABILITY, SEAT
+from physic_core.engine.contact.parts import LEAST_PROBABILITY, SEAT, scene_parts_of_body
 from physic_core.engine.contact.probability import contact_model
 from physic_core.engine.contact.problem import ContactInput, ContactResult
 from physic_core.engine.contact.regions import contact_regions
@@ -25,7 +25,7 @@ def solve_contact(given: ContactInput, method: ContactMethod) -> ContactResult:
     near = measure_distances(given, method.measure, skin=method.people)
     touch = method.touch(given, near)
     carried = _find_supports(given, near, touch, method)
-    return _describe_contacts(given, near, _with_hidden(touch, carried, method), carried, method)
+    return _describe_contacts(given, near, _with_hidden(given, touch, carried), carried, method)
 
 
 def _find_supports(
@@ -54,19 +54,24 @@ def _find_supports(
     return tuple(found)
 
 
-def _with_hidden(touch: Touch, carried: tuple[PersonSupport | None, ...], method: ContactMethod) -> Touch:
+def _with_hidden(given: ContactInput, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
     """Return the contacts with those of hidden supports.
 
     The probability of a hidden seat is that of sitting; other hidden supports are more likely than not.
     """
     kind, probability = touch.kind.clone(), None if touch.probability is None else touch.probability.clone()
+    likely = {name: values.clone() for name, values in touch.parts.items()}
+    vertices = scene_parts_of_body(given.model) if likely else {}
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = HIDDEN_SEAT if one.hidden_is_seat else HIDDEN
             if probability is not None:
                 least = float(touch.parts[SEAT][i]) if one.hidden_is_seat else LEAST_PROBABILITY
                 probability[i, one.hidden] = probability[i, one.hidden].clamp(min=least)
-    return replace(touch, kind=kind, probability=probability)
+                for name, chosen in vertices.items():
+                    if bool((chosen & one.hidden).any()):
+                        likely[name][i] = likely[name][i].clamp(min=least)
+    return replace(touch, kind=kind, probability=probability, parts=likely)
 
 
 def _describe_contacts(
@@ -100,4 +105,5 @@ def _describe_contacts(
         partners=partners,
         contacts=tuple(contacts),
         supports=tuple(supports),
+        parts=touch.parts,
     )
