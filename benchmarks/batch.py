@@ -3,7 +3,7 @@
     python benchmarks/batch.py PHOTOS [--count 200] [--broken 20] [--ways run,pipeline,batch-1,batch-2]
 
 PHOTOS is a folder. Its photos are repeated with flips and crops up to ``--count``, and ``--broken`` files are added
-that are no photos. Ways: ``run`` starts ``physic run`` for each photo, ``pipeline`` keeps one ``Pipeline`` loaded in
+that are not photos. Ways: ``run`` starts ``physic run`` for each photo, ``pipeline`` keeps one ``Pipeline`` loaded in
 one process, ``batch-N`` is ``physic batch --workers N``, ``ray-N`` the same on Ray (``contrib/physic-ray``) with N
 actors on a cluster that it starts here. None uses the cache. ``run`` has the threads and writes the
 pictures that it always does; the others have one thread per process and write ``--save numbers``.
@@ -68,7 +68,7 @@ class Cost:
 
 
 def make_photos(source: Path, folder: Path, count: int, broken: int) -> None:
-    """Write ``count`` variants of the photos of a folder, and files that are no photos."""
+    """Write ``count`` variants of the photos of a folder, and files that are not photos."""
     from PIL import Image, ImageOps
 
     found = sorted(path for path in source.rglob("*") if path.suffix.lower() in SUFFIXES)

@@ -41,7 +41,7 @@ class Sample:
     Attributes:
         set: name of the data set.
         name: of the photo in it, fit for a file.
-        group: what shares a scene: photos of one moment or one film are no independent evidence.
+        group: what shares a scene: photos of one moment or one film are not independent evidence.
         source: file of the photo or film.
         frame: of a film, or None.
         crop: (x0, y0, x1, y1) px that show something, or None.

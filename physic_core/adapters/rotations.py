@@ -35,7 +35,7 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
     valid: BoolArray = np.asarray(np.isfinite(flat).all(axis=(1, 2)))
-    valid[valid] = np.linalg.det(flat[valid]) > 1e-3  # a reflection or a collapse is no rotation
+    valid[valid] = np.linalg.det(flat[valid]) > 1e-3  # a reflection or a collapse is not a rotation
     if valid.any():
         out[valid] = Rotation.from_matrix(flat[valid]).as_rotvec()
     return out.reshape(rows, joints, 3)

@@ -147,7 +147,7 @@ def parse_shard(text: str) -> tuple[int, int]:
     """Parse "3/16", the third of sixteen shards.
 
     Raises:
-        ConfigError: it is no shard.
+        ConfigError: it is not a shard.
     """
     match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
     shard, count = (int(part) for part in match.groups()) if match else (0, 0)
@@ -222,7 +222,7 @@ def _raise(error: OSError) -> None:
 
 
 def _reason(name: str) -> str:
-    """Return why a file of a folder is no photo; "" for a photo."""
+    """Return why a file of a folder is not a photo; "" for a photo."""
     suffix = os.path.splitext(name)[1].lower()
     if name.startswith("."):
         return "hidden"
@@ -323,7 +323,7 @@ def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[st
 
 
 def _numbers(text: str) -> list[float]:
-    """Return the numbers of a list such as "1.7, 1.8"; none if a part is no finite number."""
+    """Return the numbers of a list such as "1.7, 1.8"; none if a part is not a finite number."""
     try:
         numbers = [float(part) for part in re.split(r"[,\s]+", text.strip("[]() "))]
     except ValueError:

@@ -25,7 +25,7 @@ def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu
         device: where its tensors go.
 
     Raises:
-        BodyModelError: there is no such file, or it is no SMPL-X model.
+        BodyModelError: there is no such file, or it is not an SMPL-X model.
     """
     if source == "embedded":
         from physic_core.body.embedded import load_embedded

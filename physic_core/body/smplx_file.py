@@ -35,7 +35,7 @@ def load_smplx(
         num_expression: expression components to use, at most 10 (v1.0) or 100 (v1.1).
 
     Raises:
-        BodyModelError: there is no such file, it is no SMPL-X model, or it has fewer components.
+        BodyModelError: there is no such file, it is not an SMPL-X model, or it has fewer components.
     """
     arrays = read_model_file(Path(path), SMPLX)
     columns = arrays["shapedirs"].shape[2]

@@ -24,7 +24,7 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return landmark name -> vertex ids, for each name in SURFACE_POINTS. A landmark is the mean of its vertices."""
     part = label_parts(mesh.weights)
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
-    whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are no outer surface
+    whole_head = part == PART_NAMES.index("head")  # with the lids or eyeballs, which are not part of the outer surface
     head = mesh.outer & whole_head
     picks: dict[str, NDArray[np.int64]] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)

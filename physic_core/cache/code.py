@@ -70,7 +70,7 @@ def _package(module: Path) -> Path:
 
 
 def _files(root: Path) -> list[Path]:
-    """Return the files of a package, none if it is too large; the modules of a folder that is no package."""
+    """Return the files of a package, none if it is too large; the modules of a folder that is not a package."""
     if not (root / "__init__.py").is_file():
         return sorted(root.glob("*.py"))
     files: list[Path] = []

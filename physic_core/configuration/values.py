@@ -40,7 +40,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 def check_values(table: Mapping[Any, Any]) -> list[Problem]:
     """Return the problems of a layer that no later check expects, and that would make one fail or take for ever.
 
-    These are keys that are no texts, integers of more than 64 bits (TOML has none), texts that no path or terminal can
+    These are keys that are not texts, integers of more than 64 bits (TOML has none), texts that no path or terminal can
     hold, and layers that are too deep or too large.
     """
     problems: list[Problem] = []

@@ -1,6 +1,6 @@
 """Run code of plugins: some of what it does to the process is undone, and it cannot end the process with an exception.
 
-This is no sandbox: a plugin is code that the user has installed. It protects a run from plugins that are careless.
+This is not a sandbox: a plugin is code that the user has installed. It protects a run from plugins that are careless.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def plugin_code() -> Iterator[None]:
     whenever it decodes. Inside :func:`own_stdout`, ``print`` writes to stderr.
 
     Raises:
-        PluginExit: the plugin raised a BaseException that is no Exception.
+        PluginExit: the plugin raised a BaseException that is not an Exception.
         KeyboardInterrupt: the user pressed Ctrl-C, or a handler of a signal raised one.
     """
     folder, before = _current_folder(), _torch_settings()

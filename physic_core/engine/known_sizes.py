@@ -23,7 +23,7 @@ from physic_core.types.short_repr import ShortRepr
 _SEARCH_SHARE = 0.01  # of the long side: radius in which a pixel without a scene point takes the nearest one
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
-_CERTAIN = 0.2  # log factor beyond which a person is no adult of the prior, such as a child
+_CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
 FACTOR_SPREAD = 0.05
 """Standard deviation of the logarithm of one size in the photo by another."""
 CONTRADICTION = 3 * FACTOR_SPREAD

@@ -13,7 +13,7 @@ def open_regular(path: Path) -> BufferedReader:
     """Open a regular file, or a link to one, for reading.
 
     Raises:
-        OSError: the file is missing, is no regular file, or cannot be read.
+        OSError: the file is missing, is not a regular file, or cannot be read.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
@@ -28,7 +28,7 @@ def read_regular(path: Path, limit: int) -> bytes:
         limit: largest size, bytes.
 
     Raises:
-        OSError: the file is missing, is no regular file, is larger than the limit, or cannot be read.
+        OSError: the file is missing, is not a regular file, is larger than the limit, or cannot be read.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size

@@ -27,7 +27,7 @@ from physic_core.geometry.tensors import all_finite, select_pixels
 
 FloorReason = Literal["found", "no_pixels", "no_consensus", "below_plane", "switched_off"]
 """Reason why a search ended: "found"; "no_pixels": too few pixels; "no_consensus": too few inliers; "below_plane": too
-many pixels below the best plane, so that it is no floor; "switched_off" by the settings."""
+many pixels below the best plane, so that it is not floor; "switched_off" by the settings."""
 
 _TOLERANCE = 0.02
 """Largest error of an inlier, as a share of the range of inverse depth."""
@@ -46,7 +46,7 @@ MAX_BELOW_SHARE = 0.1
 
 _PICTURE_SHARE = 0.3  # least inlier share in the lower part of the image
 _MASK_SHARE = 0.5  # least inlier share in the floor mask
-_MASK_BELOW_SHARE = 0.15  # as ``MAX_BELOW_SHARE``, for a floor mask: depth networks bend floors, tables are no floor
+_MASK_BELOW_SHARE = 0.15  # as ``MAX_BELOW_SHARE``, for a floor mask: networks bend floors, and a table is not a floor
 _MASK_SLACK = 2.5  # factor on the tolerance of a second fit to the mask, as depth networks bend floors
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 _FEET_NEAR = 0.006  # as ``FEET_WINDOW``, to confirm a plane

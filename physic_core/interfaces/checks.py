@@ -40,7 +40,7 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Ite
     """Check the type, shape and dtype of a numpy array; dtype "float" accepts a float of any width."""
     import numpy as np
 
-    # Subclasses change the meaning of operators, and a masked array has values that are no results.
+    # Subclasses change the meaning of operators, and a masked array has values that are not results.
     if type(value) not in (np.ndarray, np.memmap):
         yield f"{name} must be a numpy array {_text(shape)}, got {type(value).__name__}{_array_advice(value)}"
         return

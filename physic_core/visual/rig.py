@@ -71,7 +71,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyMode
 
     Raises:
         InputError: the result has SMPL-X bodies and no file is known, or bodies of another model.
-        BodyModelError: the file is no SMPL-X model.
+        BodyModelError: the file is not an SMPL-X model.
     """
     if result.body_model == "embedded":
         return load_body("embedded").to(dtype=torch.float64)

@@ -23,7 +23,7 @@ NAME = "truth_benchmark"
 
 @pytest.fixture(scope="module")
 def truth() -> Iterator[SimpleNamespace]:
-    """The modules of the package, under a name of their own: ``benchmarks`` is no package that is installed."""
+    """The modules of the package, under a name of their own: ``benchmarks`` is not a package that is installed."""
     spec = importlib.util.spec_from_file_location(
         NAME, FOLDER / "__init__.py", submodule_search_locations=[str(FOLDER)]
     )
@@ -176,7 +176,7 @@ def test_contact_is_five_percent_of_the_largest_force_of_the_film(truth):
     forces[0, 0, 2] = 1000
     forces[1, 1, :3] = 0, 30, 41
     forces[1, 2, :3] = 0, 30, 39
-    forces[1, 3, 3:] = 900  # moments are no forces
+    forces[1, 3, 3:] = 900  # moments are not forces
     assert truth.measures.true_contact(forces).tolist() == [[True, False, False, False], [False, True, False, False]]
 
 

@@ -214,7 +214,7 @@ def maps(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 def embedded_outer() -> np.ndarray:
-    """(V,) 1.0 where the embedded body is no cavity."""
+    """(V,) 1.0 where the embedded body is not a cavity."""
     return load_body("embedded").outer.double().numpy()
 
 

@@ -204,7 +204,7 @@ WITH_WEIGHTS = (
 def test_a_list_of_weights_is_known_and_not_read(site):
     site.install("physic-own", WITH_WEIGHTS + "    return Path(__file__).parent / 'own.toml'\n")
     path = site.folder / "own.toml"
-    path.write_text("this is no TOML")
+    path.write_text("this is not TOML")
     registry = discover(site.entries())
     assert [(m.origin.distribution, m.path) for m in registry.manifests] == [("physic-own", path)]
     assert registry.broken == ()

@@ -26,7 +26,7 @@ from physic_core.io.results import load_reconstruction, save_reconstruction
 
 def strict(text: bytes):
     def refuse(word):
-        raise AssertionError(f"{word} is no JSON")
+        raise AssertionError(f"{word} is not JSON")
 
     return json.loads(text, parse_constant=refuse)
 

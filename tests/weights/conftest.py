@@ -62,7 +62,7 @@ class Page:
     Attributes:
         content: of the file.
         etag: its tag; none where empty.
-        status: of every answer, where it is no file.
+        status: of every answer, where it is not a file.
         headers: more of them.
         cut: bytes after which a connection is dropped, once for each number.
         length: whether it says how long the file is.

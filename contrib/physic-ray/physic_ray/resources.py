@@ -35,7 +35,7 @@ class Resources:
         """Return the resources that ``--executor-set`` names.
 
         Raises:
-            ConfigError: a name is unknown, or a value is no number.
+            ConfigError: a name is unknown, or a value is not a number.
         """
         known = [field.name for field in fields(cls)]
         values = {}

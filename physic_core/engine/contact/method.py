@@ -34,7 +34,7 @@ class ContactSettings:
     people: bool = True
     """Contact with other people and with the own body too."""
     objects: bool = True
-    """Small objects in hands and on laps are no part of the scene, and people touch them
+    """Small objects in hands and on laps are not part of the scene, and people touch them
     (:mod:`physic_core.engine.contact.objects`)."""
     assume_supports: bool = True
     """People whom nothing in the scene carries touch a hidden support, such as a seat or what their hands hold

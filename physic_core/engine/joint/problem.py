@@ -84,7 +84,7 @@ class JointProblem(ShortRepr):
         human_points: per person (M_i, 3) metres, aligned to the scene; or None.
         scale_sigma: standard deviation of log(scale) given with the metric depth, or None.
         grounded: (B,) bool, people who may stand on the floor, not on or in an object; None is all people.
-        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None is no foot.
+        lifted_feet: (B, 2) bool, left and right feet in the air, which touch nothing; None is not a foot.
         foot_touch: (B, 2) probability by the picture that the left and right foot touch something, which weighs what
             pulls them to the ground; None is 1.
         estimated_transl: (B, 3) metres, by the body estimator; None is ``transl0``. Used by preset "release".

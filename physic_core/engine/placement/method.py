@@ -87,7 +87,7 @@ class PlacementMethod(PlacementSettings):
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
 
     def grow_mask(self, people: Tensor) -> Tensor:
-        """Return the pixels (H, W) bool that are no background, from the mask of all people."""
+        """Return the pixels (H, W) bool that are not background, from the mask of all people."""
         return dilate(people, round(_MASK_GROWTH * max(people.shape)))
 
     def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:

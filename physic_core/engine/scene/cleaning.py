@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 EDGE_RATIO = 1.05
-"""Largest depth ratio within 3 x 3 pixels that is no depth edge, for an image of 1024 px."""
+"""Largest depth ratio within 3 x 3 pixels that is not a depth edge, for an image of 1024 px."""
 
 _REFERENCE_SIDE = 1024
 

@@ -1,4 +1,4 @@
-"""DeepLabv3 on ADE20K: surfaces lie where the network has its logits, and people are no surface of their own."""
+"""DeepLabv3 on ADE20K: surfaces lie where the network has its logits, and people are not a surface of their own."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Network:
         self.input = inputs["image"][0]
         red = self.input[::4, ::4, 0] > 200
         logits = np.zeros((1, 128, 128, 32), np.float32)
-        logits[..., 0] = 100  # is no class
+        logits[..., 0] = 100  # is not a class
         logits[0, ..., 4] = np.where(red, self.margin, 0)
         logits[0, ..., 1] = np.where(red, 0, self.margin)
         return [logits]

@@ -35,7 +35,7 @@ def unreadable(path: Path, error: BaseException, what: str = "") -> DamagedFileE
 
     Args:
         path: of the file.
-        error: of the library or the operating system, which gives the reason if it is no damage.
+        error: of the library or the operating system, which gives the reason if it is not damage.
         what: before the path, such as "the picture ".
     """
     if isinstance(error, OSError) and error.errno in _SYSTEM_ERRORS:

@@ -39,7 +39,7 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
 
     Raises:
         InputError: no SMPL-X file is given.
-        BodyModelError: the file is no SMPL-X model.
+        BodyModelError: the file is not an SMPL-X model.
     """
     file = _smplx_file(request)
     model, parameters, errors = _smplx_parameters(request, file)

@@ -43,7 +43,7 @@ def open_smpl(path: str) -> SmplBody:
 
     Raises:
         WeightsMissingError: it is not given, or not there.
-        BodyModelError: it is no SMPL file.
+        BodyModelError: it is not an SMPL file.
     """
     if lacking := smpl_missing(path):
         raise WeightsMissingError(lacking[0])
@@ -57,7 +57,7 @@ def load_rest_mesh(path: str) -> RestMesh | None:
 
     Raises:
         WeightsMissingError: it is not there.
-        BodyModelError: it is no SMPL file.
+        BodyModelError: it is not an SMPL file.
     """
     return open_smpl(path).rest if path else None
 

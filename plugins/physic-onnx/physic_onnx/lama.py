@@ -90,7 +90,7 @@ class Lama(OnnxBackend, Inpainter):
         """Store an open network and read its input size.
 
         Raises:
-            BackendError: it is not LaMa, or its pictures are no squares.
+            BackendError: it is not LaMa, or its pictures are not squares.
         """
         super().bind(network)
         side = self.loaded().input_shape("image")[2:]

@@ -144,7 +144,7 @@ def _ground_score(ground: BoolArray, mask: BoolArray, points: FloatArray, people
     """Score how likely a mask is the floor; 0 if it cannot be.
 
     It holds the points beside the feet and hardly any of the people, hardly rises above their chests, and is large:
-    a shoe's shadow is no floor.
+    a shoe's shadow is not floor.
     """
     x, y = np.rint(points).astype(int).T
     held, area = float(ground[y, x].mean()), int(ground.sum())

@@ -82,7 +82,7 @@ def lama(graph, node, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def script(tmp_path_factory):
-    """LaMa as TorchScript, which refuses sizes that are no multiples of 8, and masks that are not 0 or 1."""
+    """LaMa as TorchScript, which refuses sizes that are not multiples of 8, and masks that are not 0 or 1."""
     import torch
 
     class Stand(torch.nn.Module):

@@ -118,7 +118,7 @@ def background_turn(
     """Return the rotation between two cameras that most matches agree with, in front of both; None with too few.
 
     Its LLR is the negative logarithm of the number of false alarms: the number of motions that were tried, times the
-    binomial probability that as many of the matches would agree if each did with the share of pixels that are no match.
+    binomial probability that as many of the matches would agree if each did with the share of pixels that do not match.
 
     Args:
         one: background of the first photo.

@@ -57,7 +57,7 @@ class CameraPose(ShortRepr):
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A photo that is no part of the solution.
+    """A photo that is not part of the solution.
 
     Attributes:
         photo: name of the photo.
@@ -111,7 +111,7 @@ class SceneResult(ShortRepr):
         cameras: of the photos in the solution, in the order in which they were given.
         people: whom at least two photos show, then whom one photo but the reference shows; ``row`` joins them to
             ``reconstruction.people``.
-        left_out: photos that are no part of the solution.
+        left_out: photos that are not part of the solution.
         points: (M, 3) float32 of the scenes of all photos, without people.
         colors: (M, 3) uint8 of the points.
         notes: sentences for the user.

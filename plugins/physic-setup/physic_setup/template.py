@@ -110,7 +110,7 @@ def _engine_meanings(kind: type) -> dict[str, str]:
     schema = settings_model(kind).model_json_schema()
     parts, meanings = schema.get("$defs", {}), texts_of_fields(kind)
     return {
-        # All keys are optional in the model, but "unset" is no allowed value.
+        # All keys are optional in the model, but "unset" is not an allowed value.
         name: _with_kind(meanings.get(name, ""), describe_schema(one, parts).removesuffix(" or unset"))
         for name, one in schema["properties"].items()
     }

@@ -172,7 +172,7 @@ def decode_text_boxes(
     """Decode GroundingDINO's queries to boxes, scores and matching tokens.
 
     Args:
-        logits: (Q, T), how well each query fits each token, of which the first begins the text and is no word.
+        logits: (Q, T), how well each query fits each token, of which the first begins the text and is not a word.
         boxes: (Q, 4) centre x, centre y, width, height, shares of the photo.
         box_threshold: of the best token's score.
         text_threshold: of the score of reported tokens.

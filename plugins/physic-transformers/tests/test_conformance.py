@@ -37,7 +37,7 @@ class StandIn:
     """A stand-in of a network that is given the photo which it is about to see.
 
     Attributes:
-        world: what the photo shows; None where it is no world's.
+        world: what the photo shows; None where it is not a world's.
         people: whether its people are in the photo.
     """
 
@@ -55,7 +55,7 @@ class StandIn:
 
     @property
     def depth(self) -> np.ndarray:
-        """(H, W) metres, inf in the sky; a made-up ground where the photo is no world's."""
+        """(H, W) metres, inf in the sky; a made-up ground where the photo is not a world's."""
         if self.world is None:
             rows = np.linspace(1.0, 0.2, self.size[0])
             return np.broadcast_to(2 * rows[:, None], self.size)

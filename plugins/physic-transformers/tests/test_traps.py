@@ -226,7 +226,7 @@ class TestGroundedSam2:
         prompts = sam.asked[1][1]["input_boxes"]
         np.testing.assert_allclose(prompts[0, 0], [0.1 * 1024, 0.1 * 1024, 0.4 * 1024, 0.9 * 1024], atol=0.01)
         np.testing.assert_allclose(prompts[0, 1], [0.4 * 1024, 0.5 * 1024, 0.6 * 1024, 1024], atol=0.01)
-        assert prompts.shape == (1, 3, 4), "who scores 0.4 is nobody, what scores 0.2 is no floor"
+        assert prompts.shape == (1, 3, 4), "who scores 0.4 is nobody, what scores 0.2 is not floor"
         assert prompts.dtype == np.float32
         assert sam.asked[1][1]["multimask_output"] is False
         assert len(answer) == 1

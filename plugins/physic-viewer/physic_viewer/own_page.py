@@ -61,7 +61,7 @@ def _guarded(names: frozenset[str]) -> Iterator[None]:
 
     def guarded_serve(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
         def refuse_or_process(connection: ServerConnection, request: Request) -> Any:
-            host = ", ".join(request.headers.get_all("Host"))  # two of them are no name
+            host = ", ".join(request.headers.get_all("Host"))  # two of them are not a name
             origin = ", ".join(request.headers.get_all("Origin")) or None
             if refusal := refuse_foreign(host, origin, names):
                 return connection.respond(HTTPStatus(refusal[0]), f"{refusal[1]}\n")

@@ -41,7 +41,7 @@ ADE20K_CLASSES = {
     "object": (17,),  # mountain
     "person": (13,),
 }
-"""Name in :data:`SURFACE_NAMES` -> classes of ADE20K, numbered from 1 as in its list of 150. Class 0 is no class."""
+"""Name in :data:`SURFACE_NAMES` -> classes of ADE20K, numbered from 1 as in its list of 150. Class 0 is not a class."""
 
 
 def predict_surfaces(session: OnnxSession, image: NDArray[np.uint8]) -> tuple[Float, Float]:

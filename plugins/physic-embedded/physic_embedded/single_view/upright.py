@@ -31,7 +31,7 @@ _SIDE = 160  # px, long side of the grid on which walls are looked at
 _FEWEST = 100
 _LARGEST_SLOPES = 90  # percentile of the slopes of wall pixels; the steepest are depth edges
 _WALL_SIGMA_DEG = 5.0  # error of a wall's normal
-_MAX_WALL_DEG = 30.0  # a larger deviation is no wall
+_MAX_WALL_DEG = 30.0  # a larger deviation is not a wall
 _WALLS = 6.0  # number of independent observations that the pixels of all walls are worth
 
 

@@ -139,7 +139,7 @@ def read_json(path: Path) -> Any:
     """Return the content of a JSON file.
 
     Raises:
-        DamagedFileError: it cannot be read, or is no JSON.
+        DamagedFileError: it cannot be read, or is not JSON.
     """
     try:
         return json.loads(path.read_text(encoding="utf-8"))

@@ -119,7 +119,7 @@ def contact_of(given: Any) -> NDArray[np.bool_] | None:
     """Return contact (V,) bool of probabilities, or None.
 
     Raises:
-        DamagedFileError: they are no finite numbers.
+        DamagedFileError: they are not finite numbers.
     """
     if given is None:
         return None

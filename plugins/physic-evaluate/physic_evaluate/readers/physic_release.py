@@ -137,7 +137,7 @@ def rotations_from_6d(given: Any, joints: int, name: str, path: Path) -> Array:
     Rotation vectors and matrices are taken too.
 
     Raises:
-        DamagedFileError: it has another size, or is no rotation.
+        DamagedFileError: it has another size, or is not a rotation.
     """
     values = require_finite(as_numbers(given, f"{path}: '{name}'").reshape(-1), f"{path}: '{name}'")
     if values.size != 6 * joints:

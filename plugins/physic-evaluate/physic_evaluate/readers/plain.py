@@ -117,7 +117,7 @@ def _classes(arrays: Mapping[str, Any], row: int, person: PredictedPerson, path:
     """Return the contact vertices of each class.
 
     Raises:
-        DamagedFileError: the classes are no known names, or not of the contact's vertices.
+        DamagedFileError: the classes are not known names, or not of the contact's vertices.
     """
     if "contact_class" not in arrays or person.contact is None:
         return None

@@ -31,7 +31,7 @@ def check_accepts_several_people(subject: BackendUnderTest) -> None:
 
 
 def check_accepts_an_odd_size(subject: BackendUnderTest) -> None:
-    """For a photo of 131 x 97 px, which is no multiple of a patch size, the output is valid."""
+    """For a photo of 131 x 97 px, which is not a multiple of a patch size, the output is valid."""
     _expect_valid_output(
         subject, "odd size", "Does it pad or crop to a multiple of 14, 16 or 32, and not resize the output back?"
     )

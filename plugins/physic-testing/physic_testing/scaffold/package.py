@@ -157,7 +157,7 @@ def write_plugin(folder: Path, names: PluginNames, core: str, api: int) -> list[
     """Write the files of a new plugin into a new folder, and return their paths.
 
     Raises:
-        ConfigError: the name is no valid name of a backend.
+        ConfigError: the name is not a valid name of a backend.
         OutputError: the folder exists already, or cannot be created.
     """
     if not re.fullmatch(r"[a-z0-9]+([.-][a-z0-9]+)*", names.backend) or names.backend == "none":

@@ -36,7 +36,7 @@ _STEADY = 0.02  # m by which the centre of mass may lie outside its supports
 def touched_own_part(model: BodyModel, vertices: FloatArray, reach: float) -> NDArray[np.int16]:
     """Return the part of the own body that each outer vertex touches: (N, V), index of the part, or NONE.
 
-    A vertex touches another part if the skin there does not look the same way, is no neighbour in the T-pose, and is
+    A vertex touches another part if the skin there does not look the same way, is not a neighbour in the T-pose, and is
     within ``reach`` or contains the vertex.
 
     Args:

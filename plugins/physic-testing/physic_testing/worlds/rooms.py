@@ -93,7 +93,7 @@ class Room:
     def signed_distance(self, points: FloatArray, *, dented: bool = True) -> FloatArray:
         """Return the signed distance (...) of points (..., 3) to the nearest surface, negative inside solids.
 
-        Small objects are no surface of the room. Soft blocks have their dents, unless ``dented`` is False.
+        Small objects are not a surface of the room. Soft blocks have their dents, unless ``dented`` is False.
         """
         bent = {dent.block: dent for dent in self.dents} if dented else {}
         rigid = [block for i, block in enumerate(self.blocks) if not block.item and i not in bent]

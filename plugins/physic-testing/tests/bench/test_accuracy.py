@@ -148,7 +148,7 @@ def test_results_hold_everything_and_are_plain_json(config, tmp_path):
     results = summarise_records([run_world(CASE, work)], [CASE, WorldCase("lie", 0, SIZE)], work, {"seed": 0})
     paths = write_results(results, tmp_path)
     assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
-    document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is no JSON"))
+    document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
     assert {"physic-core", "physic-mock", "physic-mock noise", "torch"} <= set(document["versions"])
     assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
