@@ -27,7 +27,7 @@ from physic_core.cache.lru_folder import GRAPH_SUFFIX, mark_used, trim_folder
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-MAX_BYTES = 1 << 30
+MAX_GRAPH_BYTES = 1 << 30
 """All kept graphs have at most this size; those of all packaged networks have .2 GB."""
 _END = struct.Struct("<QI")
 """Size of the graph and checksum of weights and graph, at the end of a file."""
@@ -94,7 +94,7 @@ class KeptGraph:
                     _append_graph(weights, graph.read_bytes())
                     weights.chmod(0o600)
                     weights.rename(complete)
-                trim_folder(self.folder, MAX_BYTES, GRAPH_SUFFIX)
+                trim_folder(self.folder, MAX_GRAPH_BYTES, GRAPH_SUFFIX)
             return session
         except Exception:  # onnxruntime raises it for a full disk, too; the caller opens the graph again
             return None

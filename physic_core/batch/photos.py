@@ -18,10 +18,10 @@ from urllib.parse import quote
 from physic_core.batch.table import import_pyarrow
 from physic_core.configuration.quoting import printable, quoted, shorten
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.image_file import SUFFIXES
+from physic_core.files.image_file import IMAGE_SUFFIXES
 from physic_core.io.result_folder import DOCUMENT_FILE
 
-_PHOTO_SUFFIXES = frozenset(suffix for suffixes in SUFFIXES.values() for suffix in suffixes)
+_PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _TABLE_SUFFIXES = (".csv", ".parquet")
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _OF_RESULTS, _LINK = "in folders of results", "link to a folder"

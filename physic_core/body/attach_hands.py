@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import BoneOffsets, local_from_world, world_from_local
+from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
 from physic_core.body.joints import FINGER_JOINTS, joint_pair
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat, slerp, unit
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, slerp, unit
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -66,16 +66,16 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel, wri
     if not len(rows):
         return parameters
     some = parameters[rows]
-    world = world_from_local(rotations_from_parameters(some).double().numpy())
+    world = rotations_from_tpose(rotations_from_parameters(some).double().numpy())
     given = (share[rows] > 0)[..., None]
-    wanted = rotvec_to_rotmat(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
+    wanted = rotvec_to_rotmat_numpy(np.where(given, hands.wrists[rows], 0.0).astype(np.float64))
     wanted = np.where(given[..., None], wanted, world[:, _WRISTS])
     axes = unit(BoneOffsets.of(model).for_betas(some.betas.astype(np.float64))[:, _WRISTS])
     elbows, wrists = _rotate_towards(world[:, _ELBOWS], world[:, _WRISTS], wanted, share[rows], axes, wrist_range)
-    local = local_from_world(world)
+    local = rotations_from_parents(world)
     local[:, _ELBOWS] = np.swapaxes(world[:, _SHOULDERS], -1, -2) @ elbows
     local[:, _WRISTS] = np.swapaxes(elbows, -1, -2) @ wrists
-    fingers = rotvec_to_rotmat(np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64))
+    fingers = rotvec_to_rotmat_numpy(np.where(given[..., None], hands.rotvecs[rows], 0.0).astype(np.float64))
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, given[..., 0])
@@ -93,8 +93,8 @@ def _rotate_towards(
 
     def at(step: _Array) -> tuple[_Array, _Array]:
         turn = way * step[..., None]
-        hand = rotvec_to_rotmat(turn) @ wrists
-        forearm = elbows @ rotvec_to_rotmat(_pronation(elbows, turn, axes)[..., None] * axes)
+        hand = rotvec_to_rotmat_numpy(turn) @ wrists
+        forearm = elbows @ rotvec_to_rotmat_numpy(_pronation(elbows, turn, axes)[..., None] * axes)
         return forearm, hand
 
     steps = np.linspace(0.0, 1.0, _STEPS + 1)[:, None, None] * np.ones_like(share)

@@ -115,7 +115,7 @@ def fit_shape(
     return betas, mean_gap - (mean_slope @ betas[..., None])[..., 0]
 
 
-def world_from_local(local: _Array) -> _Array:
+def rotations_from_tpose(local: _Array) -> _Array:
     """Convert rotations (B, 55, 3, 3) relative to the parents to rotations relative to the T-pose."""
     world = local.copy()
     for joint in range(1, NUM_JOINTS):
@@ -123,7 +123,7 @@ def world_from_local(local: _Array) -> _Array:
     return world
 
 
-def local_from_world(world: _Array) -> _Array:
+def rotations_from_parents(world: _Array) -> _Array:
     """Convert rotations (B, 55, 3, 3) relative to the T-pose to rotations relative to the parents."""
     local = np.swapaxes(world[:, _UP], -1, -2) @ world
     local[:, 0] = world[:, 0]

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import BoneOffsets, local_from_world, world_from_local
+from physic_core.body.bones import BoneOffsets, rotations_from_parents, rotations_from_tpose
 from physic_core.body.correspondence import Correspondence, find_correspondence
 from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS
@@ -108,7 +108,9 @@ def convert_with_residuals(
     else:
         world = None
         if bodies.body_model in _SHARED:
-            world = world_from_local(rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy())
+            world = rotations_from_tpose(
+                rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy()
+            )
         fit = fit_joints(BoneOffsets.of(model), joints[usable], world)
     posed = BoneOffsets.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
     apart = np.linalg.norm(posed - np.nan_to_num(joints[usable][:, _BODY]), axis=-1)
@@ -218,7 +220,7 @@ def _pose_vector(parameters: BodyParameters) -> _Array:
 def _fit_to_parameters(fit: BodyFit, model: BodyModel, rows: _Bools) -> BodyParameters:
     """Convert a fit to parameters of all people, NaN for those that were not fitted."""
     some = parameters_from_rotations(
-        torch.from_numpy(local_from_world(fit.world)),
+        torch.from_numpy(rotations_from_parents(fit.world)),
         torch.from_numpy(fit.betas),
         torch.zeros(len(fit.betas), model.num_expression),
         torch.from_numpy(fit.transl),

@@ -35,7 +35,7 @@ def cross(first: _Array, second: _Array) -> _Array:
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], -1)
 
 
-def rotvec_to_rotmat(rotvecs: _Array) -> _Array:
+def rotvec_to_rotmat_numpy(rotvecs: _Array) -> _Array:
     """Convert rotation vectors (..., 3) in radians to matrices (..., 3, 3)."""
     matrices: _Array = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(*rotvecs.shape, 3)
     return matrices
@@ -62,7 +62,7 @@ def slerp(first: _Array, second: _Array, share: _Array | float) -> _Array:
         share: (...) of the arc.
     """
     way = rotmat_to_rotvec(np.swapaxes(first, -1, -2) @ second)
-    return first @ rotvec_to_rotmat(way * np.asarray(share)[..., None])
+    return first @ rotvec_to_rotmat_numpy(way * np.asarray(share)[..., None])
 
 
 def rotation_between(first: _Array, second: _Array) -> _Array:

@@ -19,7 +19,7 @@ from physic_core.body.rotations import (
     nearest_rotation,
     rotate,
     rotation_between,
-    rotvec_to_rotmat,
+    rotvec_to_rotmat_numpy,
     slerp,
     swing_twist,
     unit,
@@ -123,7 +123,9 @@ def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> Non
     # The neck takes half of the twist between chest and head.
     bone = rest[:, head] - rest[:, neck]
     _, angle = swing_twist(np.swapaxes(world[:, neck], -1, -2) @ world[:, head], bone)
-    world[:, neck] = world[:, neck] @ rotvec_to_rotmat(0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone))
+    world[:, neck] = world[:, neck] @ rotvec_to_rotmat_numpy(
+        0.5 * np.where(looks[..., 0], angle[:, None], 0.0) * unit(bone)
+    )
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
@@ -178,7 +180,7 @@ def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     # The forearm takes half of the twist of the hand.
     forearm = rest[:, _WRISTS] - rest[:, _ELBOWS]
     _, angle = swing_twist(np.swapaxes(arms, -1, -2) @ hand, forearm)
-    world[:, _ELBOWS] = arms @ rotvec_to_rotmat(0.5 * angle[..., None] * unit(forearm))
+    world[:, _ELBOWS] = arms @ rotvec_to_rotmat_numpy(0.5 * angle[..., None] * unit(forearm))
     world[:, _WRISTS] = hand
     above = np.repeat(hand[:, :, None], 5, axis=2)
     for joint in range(3):

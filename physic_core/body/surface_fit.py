@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from physic_core.body.bones import ANCESTOR_MATRIX, BoneOffsets, fit_shape, local_from_world
+from physic_core.body.bones import ANCESTOR_MATRIX, BoneOffsets, fit_shape, rotations_from_parents
 from physic_core.body.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.body.linalg import cholesky_solve, matmul
-from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat
+from physic_core.body.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -107,7 +107,7 @@ class SampledBodyModel:
         shifts = places - (turns @ self.joints[..., None])[..., 0]
         template = self.template
         if self.correctives is not None:
-            bent = (local_from_world(world)[:, 1:] - np.eye(3)).reshape(batch, -1).astype(np.float32)
+            bent = (rotations_from_parents(world)[:, 1:] - np.eye(3)).reshape(batch, -1).astype(np.float32)
             moved = matmul(bent, self.correctives.reshape(len(self.correctives), -1))
             template = template + moved.reshape(batch, points, 3)
         start = (by_vertex @ template[..., None])[..., 0] + matmul(self.weights, shifts)
@@ -223,7 +223,9 @@ def fit_surface(
             normal, pull = _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
         pull[:, -shapes - 3 : -3] -= betas
         step = cholesky_solve(normal + np.diag(stay), pull)
-        world = _follow_parents(rotvec_to_rotmat(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held)
+        world = _follow_parents(
+            rotvec_to_rotmat_numpy(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world, held
+        )
         betas, transl = betas + step[:, -shapes - 3 : -3], transl + step[:, -3:]
     return BodyFit(world, betas, transl)
 

@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from physic_core.cache.folders import CACHE_VARIABLE
-from physic_core.cache.lru_folder import SUFFIXES, clear_folder
+from physic_core.cache.lru_folder import CACHE_SUFFIXES, clear_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,7 +45,7 @@ def claim_folder(folder: Path | None) -> Path | None:
         if folder.stat().st_mode & _OTHERS_WRITE:
             _warn(f"the cache in {folder.parent} is not used, since others can write to it: {_ADVICE}")
             return None
-        for suffix in SUFFIXES:
+        for suffix in CACHE_SUFFIXES:
             clear_folder(folder, suffix)
         _warn(f"others could write to the cache in {folder.parent}: now only you can, and its content was discarded")
     return folder

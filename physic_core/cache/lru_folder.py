@@ -17,7 +17,7 @@ GRAPH_SUFFIX = ".graph.onnx"
 """Suffix of optimised graphs of networks (:mod:`physic_core.adapters.optimised_graphs`)."""
 HASH_SUFFIX = ".sha256"
 """Suffix of SHA-256s of the user's files (:mod:`physic_core.cache.file_hashes`)."""
-SUFFIXES = (RESULT_SUFFIX, MAP_SUFFIX, GRAPH_SUFFIX, HASH_SUFFIX)
+CACHE_SUFFIXES = (RESULT_SUFFIX, MAP_SUFFIX, GRAPH_SUFFIX, HASH_SUFFIX)
 """Suffixes of all caches."""
 
 _INCOMPLETE_AGE_S = 3600.0

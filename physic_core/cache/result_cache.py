@@ -32,7 +32,7 @@ from physic_core.cache.lru_folder import RESULT_SUFFIX, mark_used, trim_folder
 from physic_core.discovery.plugins import required_versions
 from physic_core.errors import OutputError
 from physic_core.files.archive import DamagedFileError, join_arrays, read_archive, split_arrays, write_archive
-from physic_core.files.npz import MAX_BYTES
+from physic_core.files.npz import MAX_ARRAY_BYTES
 from physic_core.interfaces import INTERFACES
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class ResultCache:
             arrays, document = _pack(result)
         except TypeError:
             return
-        if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_BYTES // 2):
+        if sum(array.nbytes for array in arrays.values()) > min(self._limit, MAX_ARRAY_BYTES // 2):
             return
         document = {"name": key.name, "answer": document, "backend": key.backend}
         try:

@@ -89,7 +89,7 @@ _COMMANDS = {
     "report": ("physic_core.cli.report:report", "Write a page of a result that opens in a browser."),
     "run": ("physic_core.cli.run:run", "Reconstruct people, scene and contact from PHOTO."),
     "schema": ("physic_core.cli.schema:schema", "Print where the JSON Schema of reconstruction.json is."),
-    "show": ("physic_core.cli.result_summary:show", "Print the people, grade and warnings of a saved result."),
+    "show": ("physic_core.cli.result_summary:show_result", "Print the people, grade and warnings of a saved result."),
     "weights": ("physic_core.cli.weights:weights", "List, download and verify the weights that plugins need."),
 }
 

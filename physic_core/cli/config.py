@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _COMMANDS = {
     "check": ("physic_core.cli.config:check", "Check a configuration, and list what is missing on this machine."),
-    "show": ("physic_core.cli.config:show", "Print the resolved configuration and the source of each value."),
+    "show": ("physic_core.cli.config:show_config", "Print the resolved configuration and the source of each value."),
 }
 
 
@@ -77,10 +77,10 @@ def check(ctx: click.Context, file: Path | None, preset: str | None, overrides: 
     ctx.exit(WEIGHTS if files else USAGE if device else 0)
 
 
-@click.command()
+@click.command("show")
 @_source_arguments
 @click.option("--all", "with_defaults", is_flag=True, help="Also print the default values of backends and engine.")
-def show(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
+def show_config(file: Path | None, preset: str | None, overrides: tuple[str, ...], with_defaults: bool) -> None:
     """Print the resolved configuration of FILE and the source of each value."""
     found = _load(file, preset, overrides)
     if with_defaults:

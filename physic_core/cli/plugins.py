@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from physic_core.discovery.registry import Registry
 
 _COMMANDS = {
-    "list": ("physic_core.cli.plugins:list_", "List installed backends, as `physic plugins` does."),
-    "show": ("physic_core.cli.plugins:show", "Show the options, licence and source of a backend."),
+    "list": ("physic_core.cli.plugins:list_plugins", "List installed backends, as `physic plugins` does."),
+    "show": ("physic_core.cli.plugins:show_plugin", "Show the options, licence and source of a backend."),
 }
 
 
@@ -36,7 +36,7 @@ def plugins(ctx: click.Context, interface: str | None, as_json: bool) -> None:
 @click.command("list")
 @_INTERFACE
 @_JSON
-def list_(interface: str | None, as_json: bool) -> None:
+def list_plugins(interface: str | None, as_json: bool) -> None:
     """List installed backends, as `physic plugins` does."""
     _list(interface, as_json)
 
@@ -53,9 +53,9 @@ def _list(interface: str | None, as_json: bool) -> None:
         echo(plugins_table(found, interface))
 
 
-@click.command()
+@click.command("show")
 @click.argument("name")
-def show(name: str) -> None:
+def show_plugin(name: str) -> None:
     """Show the options, licence and source of the backends called NAME."""
     from physic_core.discovery.plugins import discover
 

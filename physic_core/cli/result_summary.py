@@ -25,11 +25,11 @@ _HEAD = ("person", "grade", "distance", "likely contact", "why")
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
-@click.command()
+@click.command("show")
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("-v", "--verbose", is_flag=True, help="Also the time of each stage, and each check that is not ok.")
 @click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
-def show(out: Path, verbose: bool, as_json: bool) -> None:
+def show_result(out: Path, verbose: bool, as_json: bool) -> None:
     """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its end."""
     print_summary(out, verbose=verbose, as_json=as_json)
 

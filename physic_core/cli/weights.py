@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from physic_core.weights.library import ListedWeights, WeightLibrary
 
 _COMMANDS = {
-    "list": ("physic_core.cli.weights:list_", "List all weight sets: size, licence, and whether they are here."),
-    "show": ("physic_core.cli.weights:show", "Show the licence, files and sources of a weight set."),
+    "list": ("physic_core.cli.weights:list_weights", "List all weight sets: size, licence, and whether they are here."),
+    "show": ("physic_core.cli.weights:show_weights", "Show the licence, files and sources of a weight set."),
     "verify": ("physic_core.cli.weights:verify", "Compare files with their published size and SHA-256."),
     "where": ("physic_core.cli.weights:where", "Print only the path of a weight set, or of one of its files."),
 }
@@ -36,7 +36,7 @@ def weights() -> None:
 @click.command("list")
 @click.option("--missing", is_flag=True, help="Only sets that are missing, incomplete or of unexpected size.")
 @_JSON
-def list_(missing: bool, as_json: bool) -> None:
+def list_weights(missing: bool, as_json: bool) -> None:
     """List all weight sets: plugin, size, licence, and whether they are on this machine."""
     library = _library()
     sets = [one for one in library.sets if not (missing and _state(one) == "here")]
@@ -59,10 +59,10 @@ def list_(missing: bool, as_json: bool) -> None:
     echo(format_table(rows) if len(rows) > 1 else "nothing is missing" if missing else "no plugin lists weights")
 
 
-@click.command()
+@click.command("show")
 @click.argument("name")
 @_JSON
-def show(name: str, as_json: bool) -> None:
+def show_weights(name: str, as_json: bool) -> None:
     """Show the weight set NAME: licence, files, sources, and their paths or the searched folders."""
     one = _library().get(name)
     if as_json:

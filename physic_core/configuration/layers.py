@@ -23,7 +23,7 @@ from physic_core.errors import ConfigError
 from physic_core.files.strict_json import from_json, parse_json
 from physic_core.interfaces import INTERFACES
 
-Layer = tuple[str, Mapping[str, Any]]
+SettingsLayer = tuple[str, Mapping[str, Any]]
 """One source of settings: its label, and its tables as nested dictionaries."""
 
 _VARIABLE_PREFIX = "PHYSIC__"
@@ -50,7 +50,7 @@ def is_path(name: str) -> bool:
     return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
 
 
-def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
+def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[SettingsLayer]:
     """Read the layers of a configuration file and of the files that it extends, or of a preset.
 
     Args:
@@ -63,13 +63,13 @@ def read_layers(file: str | os.PathLike[str] | None, base: str) -> list[Layer]:
     return _read_preset(base) if file is None else _read_file(_path(os.fspath(file)), base)
 
 
-def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
+def environment_layers(environment: Mapping[str, str]) -> list[SettingsLayer]:
     """Return a layer for each environment variable such as ``PHYSIC__INPAINTER__BACKEND=telea``; ignore empty ones.
 
     Raises:
         ConfigError: the name of a variable is not a valid setting.
     """
-    layers: list[Layer] = []
+    layers: list[SettingsLayer] = []
     for name in sorted(n for n, value in environment.items() if n.startswith(_VARIABLE_PREFIX) and value.strip()):
         path = name.removeprefix(_VARIABLE_PREFIX).lower().replace("__", ".")
         if not re.fullmatch(r"[a-z0-9]\w*(\.[a-z0-9]\w*)*", path, re.ASCII):
@@ -79,7 +79,7 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
     return layers
 
 
-def override_layers(overrides: Sequence[str]) -> list[Layer]:
+def override_layers(overrides: Sequence[str]) -> list[SettingsLayer]:
     """Return a layer for each text "a.b=c" of the option ``--set``; c is TOML, or a string without quotes.
 
     Raises:
@@ -88,7 +88,7 @@ def override_layers(overrides: Sequence[str]) -> list[Layer]:
     return [("--set", _add_folder(_parse_override(text), Path())) for text in overrides]
 
 
-def merge_layers(layers: Iterable[Layer]) -> tuple[dict[str, Any], dict[str, str]]:
+def merge_layers(layers: Iterable[SettingsLayer]) -> tuple[dict[str, Any], dict[str, str]]:
     """Merge layers into one nested dictionary; later layers override earlier ones.
 
     Returns:
@@ -121,7 +121,7 @@ def _presets() -> Any:
     return resources.files("physic_core.configuration") / "presets"
 
 
-def _read_preset(name: str) -> list[Layer]:
+def _read_preset(name: str) -> list[SettingsLayer]:
     if name not in preset_names():
         names = preset_names()
         raise ConfigError(f"no preset named '{_show(name)}'; there are: {', '.join(names)}{did_you_mean(name, names)}")
@@ -130,7 +130,7 @@ def _read_preset(name: str) -> list[Layer]:
     return [*(_read_preset(base) if base else []), (f"preset {name}", table)]
 
 
-def _read_file(path: Path, base: str, seen: tuple[str, ...] = ()) -> list[Layer]:
+def _read_file(path: Path, base: str, seen: tuple[str, ...] = ()) -> list[SettingsLayer]:
     """Read the layers of a file, preceded by those of the file that it extends."""
     seen = (*seen, os.path.realpath(path))
     if seen[-1] in seen[:-1]:

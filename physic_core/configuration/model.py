@@ -31,7 +31,7 @@ from pydantic import (
 from physic_core.adapters.devices import DEVICE_PATTERN
 from physic_core.configuration.energies import check_engine_preset, engine_preset
 from physic_core.configuration.layers import (
-    Layer,
+    SettingsLayer,
     environment_layers,
     is_path,
     merge_layers,
@@ -40,7 +40,7 @@ from physic_core.configuration.layers import (
     read_layers,
     source_of,
 )
-from physic_core.configuration.problems import CheckResult, Problem, config_error, problems_from_pydantic
+from physic_core.configuration.problems import Problem, ProblemReport, config_error, problems_from_pydantic
 from physic_core.configuration.quoting import quoted
 from physic_core.engine.settings import EngineSettings, with_overrides
 from physic_core.errors import ConfigError
@@ -373,7 +373,7 @@ def load_config(
     overrides: Sequence[str] = (),
     flags: Mapping[str, Mapping[str, Any]] | None = None,
     environment: Mapping[str, str] | None = None,
-    check_tables: Callable[[Mapping[str, Any]], CheckResult] | None = None,
+    check_tables: Callable[[Mapping[str, Any]], ProblemReport] | None = None,
 ) -> Config:
     """Read, merge and validate a configuration.
 
@@ -428,11 +428,11 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
 
 
 def _validate_layers(
-    layers: Iterable[Layer], title: str, check_tables: Callable[[Mapping[str, Any]], CheckResult] | None
+    layers: Iterable[SettingsLayer], title: str, check_tables: Callable[[Mapping[str, Any]], ProblemReport] | None
 ) -> Config:
     """Merge layers and validate the result, or raise one ConfigError with all problems."""
     merged, sources = merge_layers(layers)
-    found = check_tables(merged) if check_tables is not None else CheckResult()
+    found = check_tables(merged) if check_tables is not None else ProblemReport()
     problems = [*_check_choices(merged), *_check_engine(merged.get("engine")), *found.problems]
     try:
         config = Config.model_validate(merged)

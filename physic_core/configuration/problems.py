@@ -14,7 +14,7 @@ from physic_core.errors import BackendError, ConfigError
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
-__all__ = ["CheckResult", "Problem", "config_error", "did_you_mean", "problems_from_pydantic"]
+__all__ = ["Problem", "ProblemReport", "config_error", "did_you_mean", "problems_from_pydantic"]
 
 _COMPARISON_SIGNS = {
     "less than inf": "a finite number",
@@ -53,7 +53,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class CheckResult:
+class ProblemReport:
     """Problems that one check of a configuration found.
 
     Attributes:

@@ -15,8 +15,8 @@ from pydantic import BaseModel, ValidationError
 from physic_core.adapters.devices import check_device
 from physic_core.configuration.model import load_config
 from physic_core.configuration.problems import (
-    CheckResult,
     Problem,
+    ProblemReport,
     config_error,
     did_you_mean,
     problems_from_pydantic,
@@ -315,7 +315,7 @@ def _choose_given(interface: str, given: object, registry: Registry) -> _Choice:
         ) from error
 
 
-def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], CheckResult]:
+def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dict[str, _Choice], ProblemReport]:
     """Import the chosen backend of each interface, and check its options; return the backends and the problems.
 
     A value that is not a table, or has no backend name, is skipped: the check of the structure reports it.
@@ -344,7 +344,7 @@ def _select_backends(tables: Mapping[str, Any], registry: Registry) -> tuple[dic
             cause = cause or error
         except _InvalidOptions as error:
             problems += error.problems
-    return chosen, CheckResult(tuple(problems), footer, cause)
+    return chosen, ProblemReport(tuple(problems), footer, cause)
 
 
 class _InvalidOptions(Exception):

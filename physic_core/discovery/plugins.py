@@ -11,10 +11,10 @@ from importlib.metadata import EntryPoint, PackageNotFoundError, requires, versi
 
 from physic_core.discovery.entry_points import find_plugins
 from physic_core.discovery.offers import canonicalize_name
-from physic_core.discovery.registration import GROUPS, PLUGINS_GROUP
+from physic_core.discovery.registration import ENTRY_POINT_GROUPS, PLUGINS_GROUP
 from physic_core.discovery.registry import Registry
 
-__all__ = ["GROUPS", "PLUGINS_GROUP", "core_version", "discover", "required_versions"]
+__all__ = ["ENTRY_POINT_GROUPS", "PLUGINS_GROUP", "core_version", "discover", "required_versions"]
 
 _REQUIREMENT_NAME = re.compile(r"[\w.-]+")
 

@@ -22,7 +22,7 @@ ENERGIES_GROUP = "physic.energies"
 EXECUTORS_GROUP = "physic.executors"
 MOMENTS_GROUP = "physic.moments"
 PAGES_GROUP = "physic.pages"
-GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, MOMENTS_GROUP, PAGES_GROUP)
+ENTRY_POINT_GROUPS = (PLUGINS_GROUP, ENERGIES_GROUP, EXECUTORS_GROUP, MOMENTS_GROUP, PAGES_GROUP)
 """All groups of entry points that are read; only modules of the first have hooks."""
 
 PLUGINS_VARIABLE = "PHYSIC_PLUGINS"
@@ -54,13 +54,13 @@ def select_entry_points(
     """Return the entry points of a group, and the names in ``PHYSIC_PLUGINS`` that are not installed.
 
     Args:
-        group: one of :data:`GROUPS`.
+        group: one of :data:`ENTRY_POINT_GROUPS`.
         installed: entry points; None for those of this Python.
         environment: if it has ``PHYSIC_PLUGINS=a,b``, only distributions of which the name, a package or an entry
             point has one of these names are kept; none if it is empty.
     """
     names = requested_plugins(environment)
-    read = (group,) if names is None else GROUPS
+    read = (group,) if names is None else ENTRY_POINT_GROUPS
     if installed is None:
         found = [entry for each in read for entry in entry_points(group=each)]
     else:

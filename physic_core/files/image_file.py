@@ -28,7 +28,7 @@ MAX_PIXELS = 150_000_000
 MAX_DECODING_BYTES = 1_300_000_000
 """Most memory that decoding may take, by the header of the file."""
 
-SUFFIXES = {
+IMAGE_SUFFIXES = {
     "JPEG": (".jpg", ".jpeg", ".jpe", ".jfif"),
     "MPO": (".mpo",),
     "PNG": (".png", ".apng"),

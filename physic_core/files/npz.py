@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-MAX_BYTES = 1 << 32
+MAX_ARRAY_BYTES = 1 << 32
 """Maximum size in memory of all arrays of one file, bytes; a damaged header can state any size."""
 
 _SUFFIX = ".npy"
@@ -81,7 +81,7 @@ def read_arrays(
     Args:
         stream: of the file.
         names: of the arrays; None for all.
-        limit: largest size in memory of these arrays, bytes; None for :data:`MAX_BYTES`.
+        limit: largest size in memory of these arrays, bytes; None for :data:`MAX_ARRAY_BYTES`.
 
     Raises:
         ValueError, zipfile.BadZipFile, and other errors of zipfile: the file is damaged, or is not an npz file.
@@ -89,7 +89,7 @@ def read_arrays(
     """
     with zipfile.ZipFile(stream) as archive:
         entries = _entries(archive, names)
-        size, limit = sum(entry.file_size for entry in entries.values()), MAX_BYTES if limit is None else limit
+        size, limit = sum(entry.file_size for entry in entries.values()), MAX_ARRAY_BYTES if limit is None else limit
         if size > limit:
             raise ValueError(f"its arrays claim {size / 1e6:,.0f} MB, more than {limit / 1e6:,.0f}")
         return {name: _array(archive, entry) for name, entry in entries.items()}

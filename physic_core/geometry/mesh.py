@@ -24,7 +24,7 @@ def vertex_normals(vertices: _Array, faces: _Array, around: Tensor | None = None
         vertices: (..., V, 3) of any unit.
         faces: (F, 3) integers, of the same library as ``vertices``.
         around: from :func:`faces_of_vertices`, for tensors of a mesh used repeatedly. A subset of its rows returns the
-            normals of those vertices only, faster with the faces of :func:`select_faces`.
+            normals of those vertices only, faster with the faces of :func:`faces_around_vertices`.
 
     Returns:
         (..., V, 3), or as many as ``around`` has rows, of tensors in their dtype, else float64; zero at a vertex
@@ -79,7 +79,7 @@ def faces_of_vertices(faces: Tensor, count: int) -> Tensor:
     return table
 
 
-def select_faces(faces: Tensor, around: Tensor) -> tuple[Tensor, Tensor]:
+def faces_around_vertices(faces: Tensor, around: Tensor) -> tuple[Tensor, Tensor]:
     """Select the faces of some rows of a table of :func:`faces_of_vertices`.
 
     Args:

@@ -26,7 +26,6 @@ from physic_core.interfaces.backend import (
     Repository,
     Request,
     Requirement,
-    Share,
     UserFile,
 )
 from physic_core.interfaces.body_estimator import BodyEstimator, BodyEstimatorRequest
@@ -37,6 +36,7 @@ from physic_core.interfaces.keypoint_detector import KeypointDetector, KeypointD
 from physic_core.interfaces.metric_depth import MetricDepth, MetricDepthRequest
 from physic_core.interfaces.relative_pointmap import RelativePointmap, RelativePointmapRequest
 from physic_core.interfaces.segmenter import Segmenter, SegmenterRequest
+from physic_core.types.bounds import Share
 
 __all__ = [
     "INTERFACES",

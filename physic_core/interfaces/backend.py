@@ -6,9 +6,9 @@ import inspect
 from abc import ABC, ABCMeta, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from physic_core.errors import BackendOutputError, ConfigError, InputError
 from physic_core.interfaces.checks import check_type, require_image
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import UInt8Array
 
 Result = TypeVar("Result")
-
-Share = Annotated[float, Field(ge=0, le=1)]
-"""Type of an option from 0 to 1."""
 
 
 class Options(BaseModel):

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.npz import MAX_BYTES, read_arrays, read_headers, write_arrays
+from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers, write_arrays
 from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
@@ -344,7 +344,7 @@ def _verified_arrays(
     try:
         headers = read_headers(stream)
         wanted = _wanted(path, headers, document)
-        limit = min(MAX_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
+        limit = min(MAX_ARRAY_BYTES, _SMALL + _MAX_RATIO * os.fstat(stream.fileno()).st_size)
         arrays = read_arrays(stream, wanted if only is None else only, limit=limit)
         if only is None:
             _check_values(arrays, document)

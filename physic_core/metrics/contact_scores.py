@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.metrics.shapes import require_bool, require_same_shape
+from physic_core.metrics.shapes import require_bool_dtype, require_same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,7 +72,7 @@ def contact_counts(predicted: BoolArray, truth: BoolArray) -> ContactCounts:
         PhysicError: the shapes differ, or an array is not bool.
     """
     require_same_shape("contact maps", predicted, truth)
-    predicted, truth = require_bool("predicted contact", predicted), require_bool("true contact", truth)
+    predicted, truth = require_bool_dtype("predicted contact", predicted), require_bool_dtype("true contact", truth)
     return ContactCounts(
         hits=np.asarray((predicted & truth).sum(-1), np.int64),
         false_alarms=np.asarray((predicted & ~truth).sum(-1), np.int64),

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.shapes import require_bool, require_same_shape
+from physic_core.metrics.shapes import require_bool_dtype, require_same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,7 +97,7 @@ def geodesic_error(
         PhysicError: the shapes do not match, or a map is not bool.
     """
     require_same_shape("contact maps", predicted, truth)
-    predicted, truth = require_bool("predicted contact", predicted), require_bool("true contact", truth)
+    predicted, truth = require_bool_dtype("predicted contact", predicted), require_bool_dtype("true contact", truth)
     if predicted.shape[-1] != graph.shape[0]:
         raise PhysicError(
             f"The contact maps have {predicted.shape[-1]} vertices and the graph {graph.shape[0]}: "

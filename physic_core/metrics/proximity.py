@@ -21,7 +21,7 @@ from physic_core.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Plane
 
-SEARCH_RADIUS_M = 0.15
+PROXIMITY_RADIUS_M = 0.15
 """Default search radius, metres, as in the released code."""
 
 _LEVEL = 0.17  # sine of 10 degrees
@@ -47,7 +47,7 @@ def scene_distance(
     valid: BoolArray,
     intrinsics: Intrinsics,
     floor: Plane | None = None,
-    reach: float = SEARCH_RADIUS_M,
+    reach: float = PROXIMITY_RADIUS_M,
 ) -> SignedDistances:
     """Return the signed distance of vertices to a point map and its floor.
 

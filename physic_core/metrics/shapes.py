@@ -23,7 +23,7 @@ def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) 
         )
 
 
-def require_bool(what: str, values: NDArray[Any]) -> BoolArray:
+def require_bool_dtype(what: str, values: NDArray[Any]) -> BoolArray:
     """Return the array, or raise PhysicError if it is not bool.
 
     A probability converted to bool would count every value above zero.

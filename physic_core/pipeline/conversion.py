@@ -32,7 +32,7 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
 
 
-def convert_bodies(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
+def convert_to_configured(bodies: Bodies, model: BodyModel, who: str, stages: StageRunner) -> Bodies:
     """Convert bodies to the configured body model, and add a note with the conversion error.
 
     Raises:

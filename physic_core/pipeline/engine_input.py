@@ -15,7 +15,7 @@ from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.contact.scene_parts import ClassifiedPoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.known_sizes import scale_scene_to_known_sizes
-from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.contact.method import ContactMethod
-    from physic_core.engine.joint.problem import JointResult, View
+    from physic_core.engine.joint.problem import JointResult, OtherView
     from physic_core.engine.known_sizes import KnownScene
     from physic_core.engine.placement.solve import PlacedPeople
     from physic_core.engine.scene.solve import SceneState
@@ -106,7 +106,7 @@ def placement_input(
         bodies=EstimatedBodies(
             model, rotations_from_parameters(parameters, model.device, model.dtype), betas, expression, transl
         ),
-        detections=Detections(
+        detections=ObservedPeople(
             skeleton=on_body.joint_set,
             keypoints=keypoints,
             confidence=confidence,
@@ -121,7 +121,7 @@ def placement_input(
 
 
 def joint_problem(
-    given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None, views: tuple[View, ...] = ()
+    given: PlacementInput, placed: PlacedPeople, scale_sigma: float | None, views: tuple[OtherView, ...] = ()
 ) -> JointProblem:
     """Return the input of stage 3.
 
@@ -219,7 +219,7 @@ def _foot_gaps(problem: JointProblem) -> Tensor | None:
     photo, scene = problem.human_depth, problem.scene_depth
     if photo is None or scene is None:
         return None
-    shown = Detections(
+    shown = ObservedPeople(
         skeleton=problem.skeleton,
         keypoints=problem.keypoints,
         confidence=problem.keypoint_confidence,

@@ -26,7 +26,7 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.body_estimator import valid_body_rows
 from physic_core.pipeline.chosen_people import select_chosen
-from physic_core.pipeline.conversion import bodies_for_backends, convert_bodies, replace_hands, transfer_contact
+from physic_core.pipeline.conversion import bodies_for_backends, convert_to_configured, replace_hands, transfer_contact
 from physic_core.pipeline.floor_choice import FloorCandidate, choose_floor, floor_candidates
 from physic_core.pipeline.held_objects import select_held_objects
 from physic_core.pipeline.invalid_results import (
@@ -55,7 +55,7 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
-    from physic_core.engine.joint.problem import View
+    from physic_core.engine.joint.problem import OtherView
     from physic_core.engine.settings import EngineSettings
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
@@ -120,7 +120,7 @@ class Estimates(ShortRepr):
     objects: BoolArray | None = None
     ages: FloatArray | None = None
     scale_guess: str = ""
-    views: tuple[View, ...] = ()
+    views: tuple[OtherView, ...] = ()
     standing: FloatArray | None = None
 
 
@@ -339,7 +339,7 @@ class _BackendCalls:
         found = self.stages.call_backend("bodies", estimator, request)
         bodies, missing = discard_invalid_bodies(found)
         if bodies.body_model != self.model.name:
-            bodies = convert_bodies(bodies, self.model, estimator.title, self.stages)
+            bodies = convert_to_configured(bodies, self.model, estimator.title, self.stages)
             missing |= ~valid_body_rows(bodies)
         self.missing["body_estimator"] = missing
         return bodies

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config, PhotoSettings
     from physic_core.discovery.registry import Registry
-    from physic_core.engine.joint.problem import View
+    from physic_core.engine.joint.problem import OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.estimate import Estimates
@@ -120,7 +120,7 @@ class Pipeline:
         intrinsics: Intrinsics | None = None,
         people: PeoplePrompt | None = None,
         known: KnownSizes | None = None,
-        views: Sequence[View] = (),
+        views: Sequence[OtherView] = (),
         complete: Callable[[Estimates], Estimates] | None = None,
         settings: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
@@ -312,7 +312,7 @@ class _Given:
     intrinsics: Intrinsics | None = None
     people: PeoplePrompt | None = None
     known: KnownSizes | None = None
-    views: tuple[View, ...] = ()
+    views: tuple[OtherView, ...] = ()
     complete: Callable[[Estimates], Estimates] | None = None
 
     def camera(self) -> Intrinsics | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import torch
 import torch.nn.functional as F
 
-from physic_core.engine.placement.background import dilate
+from physic_core.engine.placement.background import dilate_square
 from physic_core.geometry.camera import project
 from physic_core.geometry.raster import rasterise
 
@@ -99,8 +99,8 @@ def _compare(i: int, depth: Tensor, photo: PhotoEvidence) -> dict[str, float | N
     if photo.scene_depth is not None:
         seen = seen & ~(photo.scene_depth < depth - _IN_FRONT_M)
     return {
-        "mask_covered_share": _share(mask & dilate(body, max(1, round(_CLOTHES * size))), mask),
-        "body_in_mask_share": _share(seen & dilate(mask, max(1, round(_RIM * size))), seen & mask.any()),
+        "mask_covered_share": _share(mask & dilate_square(body, max(1, round(_CLOTHES * size))), mask),
+        "body_in_mask_share": _share(seen & dilate_square(mask, max(1, round(_RIM * size))), seen & mask.any()),
         "low_depth_ratio": None if photo.photo_depth is None else _low_depth_ratio(depth, mask, photo.photo_depth),
     }
 

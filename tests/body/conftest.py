@@ -16,7 +16,7 @@ from torch import Tensor
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
 from physic_core.body.assembly import BodyArrays, build_body_model
 from physic_core.body.model import BodyModel
-from physic_core.body.rotations import rotvec_to_rotmat
+from physic_core.body.rotations import rotvec_to_rotmat_numpy
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
@@ -244,7 +244,7 @@ def people(embedded: BodyModel) -> dict[str, np.ndarray]:
     rotvecs[:, 0, 1] += [0, 1.5, -2.5, 3.1]
     place = rng.standard_normal((4, 3)) + np.array([0, 0, 4])
     return {
-        "rotations": rotvec_to_rotmat(rotvecs),
+        "rotations": rotvec_to_rotmat_numpy(rotvecs),
         "betas": rng.standard_normal((4, embedded.num_betas)),
         "transl": place,
     }

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.attach_hands import WRIST_RANGE, attach_hands
-from physic_core.body.bones import local_from_world, world_from_local
+from physic_core.body.bones import rotations_from_parents, rotations_from_tpose
 from physic_core.body.model import BodyOutput
 from physic_core.body.parameters import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat, swing_twist
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy, swing_twist
 from physic_core.types import BodyParameters, Hands
 
 MODEL = load_body("embedded")
@@ -34,7 +34,7 @@ def body(seed: int = 0, bend: float = 0.4) -> BodyParameters:
     shape, place = rng.standard_normal((1, MODEL.num_betas)), rng.standard_normal((1, 3))
     numbers = (torch.from_numpy(value) for value in (shape, place))
     betas, transl = numbers
-    return parameters_from_rotations(torch.from_numpy(rotvec_to_rotmat(rotvecs)), betas, None, transl)
+    return parameters_from_rotations(torch.from_numpy(rotvec_to_rotmat_numpy(rotvecs)), betas, None, transl)
 
 
 def posed(parameters: BodyParameters) -> BodyOutput:
@@ -47,7 +47,7 @@ def posed(parameters: BodyParameters) -> BodyOutput:
 
 
 def world_of(parameters: BodyParameters) -> np.ndarray:
-    return world_from_local(rotations_from_parameters(parameters).double().numpy())
+    return rotations_from_tpose(rotations_from_parameters(parameters).double().numpy())
 
 
 def hands_of(parameters: BodyParameters, wrists: np.ndarray, confidence: float) -> Hands:
@@ -79,7 +79,7 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched() -> None:
 def test_a_hand_that_a_wrist_can_reach_is_reached(side: int) -> None:
     """Known answer: bent up by 40 and turned over by 50 degrees."""
     before = body(3)
-    turn = rotvec_to_rotmat(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat(np.radians([[0, 0, 40.0]]))
+    turn = rotvec_to_rotmat_numpy(np.radians([[50.0, 0, 0]])) @ rotvec_to_rotmat_numpy(np.radians([[0, 0, 40.0]]))
     wanted = world_of(before)[:, ELBOWS[side]] @ turn
     wrists = rotmat_to_rotvec(world_of(before)[:, WRISTS])
     wrists[:, side] = rotmat_to_rotvec(wanted)
@@ -100,7 +100,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side: int) -> None:
     after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
     world = world_of(after)
     forearm = swing_twist(world[0, ELBOWS[side]], AXES[side])[1]
-    wrist = swing_twist(local_from_world(world)[0, WRISTS[side]], AXES[side])[1]
+    wrist = swing_twist(rotations_from_parents(world)[0, WRISTS[side]], AXES[side])[1]
     assert np.degrees([forearm, wrist]) == pytest.approx([48, 32], abs=1e-3)
 
 
@@ -132,7 +132,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists: np.ndarray, seed: 
 def test_a_wrist_stays_in_its_range(wrists: np.ndarray, seed: int) -> None:
     before = body(seed)
     after = attach_hands(before, hands_of(before, wrists, 1.0), MODEL, RANGE)
-    first, last = (local_from_world(world_of(p))[:, WRISTS] for p in (before, after))
+    first, last = (rotations_from_parents(world_of(p))[:, WRISTS] for p in (before, after))
     low = np.array([[x[0], y[0], z[0]] for x, y, z in [RANGE]])
     high = np.array([[x[1], y[1], z[1]] for x, y, z in [RANGE]])
     lows = np.concatenate([low, [[low[0, 0], -high[0, 1], -high[0, 2]]]]) - 0.16
@@ -168,9 +168,10 @@ def test_left_and_right_are_mirror_images(wrists: np.ndarray, seed: int) -> None
     after = attach_hands(even, hands_of(even, both, 0.8), MODEL, RANGE).body_pose.reshape(1, 21, 3)
     for name in ("elbow", "wrist"):
         left, other = (
-            rotvec_to_rotmat(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float)) for side in ("left", "right")
+            rotvec_to_rotmat_numpy(after[:, JOINT_INDEX[f"{side}_{name}"] - 1].astype(float))
+            for side in ("left", "right")
         )
-        np.testing.assert_allclose(rotvec_to_rotmat(mirrored(rotmat_to_rotvec(left))), other, atol=3e-5)
+        np.testing.assert_allclose(rotvec_to_rotmat_numpy(mirrored(rotmat_to_rotvec(left))), other, atol=3e-5)
 
 
 def test_fingers_come_along_as_far_as_the_hand_is_trusted() -> None:

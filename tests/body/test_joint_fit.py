@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.bones import BoneOffsets, fit_shape, local_from_world, world_from_local
+from physic_core.body.bones import BoneOffsets, fit_shape, rotations_from_parents, rotations_from_tpose
 from physic_core.body.joint_fit import BodyFit, fit_joints
 from physic_core.body.model import BodyModel
-from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat
+from physic_core.body.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.body.rotations_from_joints import has_torso_joints, rotations_from_joints
 from physic_core.body.surface_fit import SampledBodyModel, SurfaceTargets, fit_surface, sample_vertices
 
@@ -23,12 +23,12 @@ LEFT_FINGERS = [f"left_{f}{k}" for f in ("index", "middle", "pinky", "ring", "th
 
 
 def as_fit(people: People) -> BodyFit:
-    return BodyFit(world_from_local(people["rotations"]), people["betas"], people["transl"])
+    return BodyFit(rotations_from_tpose(people["rotations"]), people["betas"], people["transl"])
 
 
 def posed(model: BodyModel, fit: BodyFit) -> tuple[Array, Array]:
     """Vertices and joints, by the model itself."""
-    given = (torch.from_numpy(a).to(model.dtype) for a in (local_from_world(fit.world), fit.betas, fit.transl))
+    given = (torch.from_numpy(a).to(model.dtype) for a in (rotations_from_parents(fit.world), fit.betas, fit.transl))
     with torch.no_grad():
         out = model(*given)
     return out.vertices.double().numpy(), out.joints.double().numpy()
@@ -149,7 +149,9 @@ def test_bent_limbs_tell_how_they_are_turned(embedded: BodyModel, side: str, sig
     rotvecs[0, JOINT_INDEX[f"{side}_knee"]] = [np.radians(80), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_shoulder"]] = [np.radians(40), 0, 0]
     rotvecs[0, JOINT_INDEX[f"{side}_elbow"]] = [0, -sign * np.radians(70), 0]
-    truth = BodyFit(world_from_local(rotvec_to_rotmat(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3)))
+    truth = BodyFit(
+        rotations_from_tpose(rotvec_to_rotmat_numpy(rotvecs)), np.zeros((1, embedded.num_betas)), np.zeros((1, 3))
+    )
     bones = BoneOffsets.of(embedded)
     world = rotations_from_joints(bones.pose(*vars(truth).values()), bones.rest(truth.betas))
     turns = np.degrees(np.linalg.norm(rotmat_to_rotvec(np.swapaxes(world, -1, -2) @ truth.world), axis=-1))[0]
@@ -186,7 +188,7 @@ def test_levers_are_the_derivative_by_small_turns(embedded: BodyModel, people: P
             moved = []
             for sign in (1, -1):
                 world = fit.world.copy()
-                world[:, joint] = rotvec_to_rotmat(sign * 1e-5 * axis) @ world[:, joint]
+                world[:, joint] = rotvec_to_rotmat_numpy(sign * 1e-5 * axis) @ world[:, joint]
                 moved.append(vertices(world))
             slope = (moved[0] - moved[1]) / 2e-5
             np.testing.assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
@@ -216,6 +218,6 @@ def test_bones_without_points_turn_with_their_parents(embedded: BodyModel, peopl
     weights = np.broadcast_to(~np.isin(owner, range(25, 55)), (4, len(owner))).astype(float)
     points = np.where(weights[..., None] > 0, vertices[:, patches.ids], 0.0)
     found = fit_surface(patches, SurfaceTargets(points, weights))
-    bent = np.linalg.norm(rotmat_to_rotvec(local_from_world(found.world)[:, 28:31]), axis=-1)
+    bent = np.linalg.norm(rotmat_to_rotvec(rotations_from_parents(found.world)[:, 28:31]), axis=-1)
     assert np.isfinite(found.world).all()
     assert bent.max() < 0.2

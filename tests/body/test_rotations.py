@@ -15,7 +15,7 @@ from physic_core.body.rotations import (
     rotate,
     rotation_between,
     rotmat_to_rotvec,
-    rotvec_to_rotmat,
+    rotvec_to_rotmat_numpy,
     swing_twist,
     unit,
 )
@@ -43,30 +43,30 @@ def test_swing_is_the_shortest_turn(first: np.ndarray, second: np.ndarray) -> No
 @given(TURN, TURN)
 def test_exp_and_log_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
     both = np.stack([first, second])
-    np.testing.assert_allclose(rotvec_to_rotmat(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12)
     np.testing.assert_allclose(
-        rotvec_to_rotmat(rotmat_to_rotvec(rotvec_to_rotmat(both))), rotvec_to_rotmat(both), atol=1e-9
+        rotvec_to_rotmat_numpy(rotmat_to_rotvec(rotvec_to_rotmat_numpy(both))), rotvec_to_rotmat_numpy(both), atol=1e-9
     )
 
 
 @given(TURN, VECTOR)
 def test_a_rotation_is_its_swing_after_its_twist(rotvec: np.ndarray, axis: np.ndarray) -> None:
-    rotation = rotvec_to_rotmat(rotvec)
+    rotation = rotvec_to_rotmat_numpy(rotvec)
     tilt, angle = swing_twist(rotation, axis)
-    np.testing.assert_allclose(tilt @ rotvec_to_rotmat(angle * unit(axis)), rotation, atol=1e-8)
+    np.testing.assert_allclose(tilt @ rotvec_to_rotmat_numpy(angle * unit(axis)), rotation, atol=1e-8)
 
 
 @given(TURN, st.integers(0, 100))
 def test_kabsch_finds_the_rotation_and_never_a_reflection(rotvec: np.ndarray, seed: int) -> None:
     rng = np.random.default_rng(seed)
     source = rng.standard_normal((7, 3))
-    target = source @ rotvec_to_rotmat(rotvec).T
-    np.testing.assert_allclose(nearest_rotation(target.T @ source), rotvec_to_rotmat(rotvec), atol=1e-9)
+    target = source @ rotvec_to_rotmat_numpy(rotvec).T
+    np.testing.assert_allclose(nearest_rotation(target.T @ source), rotvec_to_rotmat_numpy(rotvec), atol=1e-9)
     assert is_rotation(nearest_rotation((target * [1, 1, -1]).T @ source))
     # In a plane one direction is left open, and is filled up to a rotation.
     flat = source * [1, 1, 0]
     np.testing.assert_allclose(
-        nearest_rotation((flat @ rotvec_to_rotmat(rotvec).T).T @ flat), rotvec_to_rotmat(rotvec), atol=1e-6
+        nearest_rotation((flat @ rotvec_to_rotmat_numpy(rotvec).T).T @ flat), rotvec_to_rotmat_numpy(rotvec), atol=1e-6
     )
 
 
@@ -83,7 +83,7 @@ def test_aligned_is_along_and_beside(along: np.ndarray, beside: np.ndarray) -> N
 
 def test_matrices_that_are_not_finite_give_nan_and_the_others_their_vectors() -> None:
     rotvecs = np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 1.0]])
-    rotations = rotvec_to_rotmat(rotvecs)
+    rotations = rotvec_to_rotmat_numpy(rotvecs)
     rotations[0, 1, 2] = np.nan
     found = rotmat_to_rotvec(rotations)
     assert np.isnan(found[0]).all()

@@ -146,7 +146,7 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tool: ModuleType, tmp
 
 def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     write_archive(tmp_path / "a.npz", {"zeros": np.zeros(100_000)}, None)
-    monkeypatch.setattr("physic_core.files.npz.MAX_BYTES", 99_999)
+    monkeypatch.setattr("physic_core.files.npz.MAX_ARRAY_BYTES", 99_999)
     with pytest.raises(DamagedFileError, match="its arrays claim"):
         read_archive(tmp_path / "a.npz")
 

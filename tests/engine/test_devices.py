@@ -15,7 +15,7 @@ from physic_core.engine.joint.acceptance import total_energy
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import LbfgsHistory, _lbfgs_block
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
 
@@ -135,7 +135,7 @@ def test_cuda_gives_the_places_and_distances_of_the_cpu(two):
         shift = problem.transl0.new_tensor([0.1, 0.0, 0.4])
         nothing = [problem.scene_points[:0] for _ in range(2)]
         placed = place_bodies(
-            PosedBodies(
+            PlacedBodies(
                 vertices=body.vertices + shift,
                 normals=normals,
                 landmarks=model.landmarks(body, problem.skeleton) + shift,

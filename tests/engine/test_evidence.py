@@ -15,7 +15,7 @@ from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.precompute import subsample_vertices
 from physic_core.engine.joint.terms.surface import SurfaceTerms
-from physic_core.engine.joint.visibility import SelfOcclusion, sample_mask_neighbours
+from physic_core.engine.joint.visibility import OcclusionTracker, sample_mask_neighbours
 from physic_core.engine.limbs import is_standing, keypoints_of_observed_limbs, observed_parts
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.geometry.visibility import inside_mask
@@ -104,10 +104,10 @@ def test_one_lifted_foot_leaves_a_person_standing_and_two_do_not(standing):
 
 
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
-    occlusion, vertices = SelfOcclusion(JointEnergy(standing.problem, SETTINGS).context), standing.vertices
+    occlusion, vertices = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context), standing.vertices
     first = occlusion(vertices)[0].clone()
     rough = vertices + 0.01 * torch.rand(vertices.shape, generator=torch.Generator().manual_seed(0)) - 0.005
-    fresh = SelfOcclusion(JointEnergy(standing.problem, SETTINGS).context)(rough)[0]
+    fresh = OcclusionTracker(JointEnergy(standing.problem, SETTINGS).context)(rough)[0]
     assert not torch.equal(fresh, first)
     assert torch.equal(occlusion(rough)[0], first)
     assert torch.equal(occlusion(3 * vertices)[0], first)

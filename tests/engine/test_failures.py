@@ -9,7 +9,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.joint.state import GROUPS
+from physic_core.engine.joint.state import PARAMETER_GROUPS
 
 from .adjusted import adjusted
 
@@ -25,7 +25,7 @@ def two(make_stage):
 
 @pytest.mark.parametrize("free", [(), ("scale",)])
 def test_held_people_stay_where_they_were_placed(two, free):
-    held = adjusted(DEFAULT, frozen=tuple(group for group in GROUPS if group not in free))
+    held = adjusted(DEFAULT, frozen=tuple(group for group in PARAMETER_GROUPS if group not in free))
     result = optimize(two.problem, held)
     assert result.failures == ("", "")
     assert torch.equal(result.transl, two.problem.transl0)

@@ -20,9 +20,9 @@ from physic_core.engine.placement.human_points import (
     human_points,
     move_photo_points_to_scene,
 )
-from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.placement.solvers import closed_form_translation, gauss_newton
-from physic_core.engine.placement.terms import FloorTerm, PlacementProblem, Residuals
+from physic_core.engine.placement.terms import PlacementFloorTerm, PlacementProblem, Residuals
 from physic_core.geometry.alignment import Alignment
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers, translation
@@ -82,7 +82,7 @@ class Picture:
         } | options
         bodies, evidence = (
             kind(**{f.name: given[f.name] for f in fields(kind) if f.name in given})
-            for kind in (PosedBodies, PeopleObservations)
+            for kind in (PlacedBodies, PeopleObservations)
         )
         return place_bodies(bodies, evidence, self.K, given.get("floor"), settings)
 
@@ -177,7 +177,7 @@ def test_several_people_are_placed_as_each_alone() -> None:
     together = picture.place()
     for i in (0, 1):
         row = slice(i, i + 1)
-        bodies = PosedBodies((VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[row])
+        bodies = PlacedBodies((VERTICES + START[i])[None], NORMALS[None], (LANDMARKS + START[i])[None], START[row])
         evidence = PeopleObservations(
             picture.keypoints[row], picture.confidence[row], picture.points[row], picture.masks[row]
         )
@@ -271,7 +271,7 @@ def test_slopes_are_the_derivatives_of_the_errors(kind: str) -> None:
     term = {
         "reprojection": lambda: DEFAULT.reprojection_term(person),
         "chamfer": lambda: DEFAULT.chamfer_term(person, person.vertices[:, 2] < START[0, 2] - 0.02),
-        "standing": lambda: FloorTerm(person, DEFAULT),
+        "standing": lambda: PlacementFloorTerm(person, DEFAULT),
     }[kind]()
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
     step = 1e-7  # small enough that no nearest point changes

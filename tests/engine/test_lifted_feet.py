@@ -10,7 +10,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
 
 NOBODY, SOMEBODY = torch.tensor([False]), torch.tensor([True])
@@ -59,7 +59,7 @@ def gap_of(stage, raised=None):
     photo = torch.where(problem.human_depth.isnan(), scene, problem.human_depth)
     raised = torch.zeros_like(problem.masks[0]) if raised is None else raised
     confidence = problem.keypoint_confidence
-    found = Detections(skeleton, problem.keypoints, confidence, None, problem.masks)
+    found = ObservedPeople(skeleton, problem.keypoints, confidence, None, problem.masks)
     return depth_gaps_at_feet(found, photo, scene, raised)
 
 

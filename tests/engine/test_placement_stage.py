@@ -9,7 +9,7 @@ import torch
 
 from physic_core import engine_preset
 from physic_core.engine.known_sizes import KnownDistances, KnownGeometry, KnownScene, scale_scene
-from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.engine.placement.human_points import PhotoPoints
 from physic_core.engine.placement.solve import EstimatedBodies, PlacementInput, solve_placement
 from physic_core.engine.scene.solve import SceneState
@@ -53,7 +53,7 @@ def given(make_stage):
         bodies=EstimatedBodies(
             problem.model, problem.rotations0, problem.betas0, problem.expression0, problem.transl0 + AWAY
         ),
-        detections=Detections(
+        detections=ObservedPeople(
             problem.skeleton, problem.keypoints, problem.keypoint_confidence, problem.observed, problem.masks
         ),
         contact_probability=problem.contact_probability,

@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from physic_core.engine.joint.state import GROUPS, State, StateSigmas
+from physic_core.engine.joint.state import PARAMETER_GROUPS, State, StateSigmas
 from physic_paper.published import UnwhitenedState
 
 K = 4
@@ -52,14 +52,14 @@ def test_rotations_stay_rotations_and_packing_round_trips(kind, seed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("group", PARAMETER_GROUPS)
 def test_a_frozen_group_has_no_gradient_and_the_others_do(kind, group):
     state = kind(*start(), frozen=[group])
     assert group not in state.free
     estimate = state.unpack()
     weighted = (estimate.rotations * torch.randn(2, 55, 3, 3).double()).sum() + (estimate.transl**2).sum()
     (weighted + (estimate.betas**2).sum() + estimate.log_scale + estimate.offset.sum()).backward()
-    for name in GROUPS:
+    for name in PARAMETER_GROUPS:
         assert (state.values[name].grad is None) == (name == group)
 
 
@@ -70,8 +70,8 @@ def test_people_and_scale_that_are_held_have_no_gradient():
         estimate = state.unpack()
         moved = estimate.transl.sum() + estimate.rotations.sum() + estimate.betas.sum() + estimate.log_scale
         gradients = torch.autograd.grad(moved, values, allow_unused=True)
-    assert set(GROUPS) - set(free) == {"scale"}
-    assert state.free == GROUPS
+    assert set(PARAMETER_GROUPS) - set(free) == {"scale"}
+    assert state.free == PARAMETER_GROUPS
     found = [gradient for gradient in gradients if gradient is not None]
     assert all((gradient[0] == 0).all() for gradient in found)
     assert any((gradient[1] != 0).any() for gradient in found)
@@ -82,7 +82,7 @@ def test_one_unit_is_the_expected_move():
     rotations, betas, transl, pelvis = start()
     state = State(rotations, betas, transl, pelvis, sigmas=StateSigmas(scale=0.1, offset=0.2))
     with torch.no_grad():
-        for group in GROUPS:
+        for group in PARAMETER_GROUPS:
             state.values[group].zero_()
         state.values["translation"][0, 2] = 1.0
         state.values["scale"].fill_(1.0)
@@ -103,10 +103,10 @@ def test_one_unit_is_the_expected_move():
 @pytest.mark.parametrize("kind", KINDS)
 def test_each_parameter_group_deviates_in_its_own_columns(kind):
     state = kind(*start())
-    for group in (g for g in GROUPS if g != "scale"):
+    for group in (g for g in PARAMETER_GROUPS if g != "scale"):
         with torch.no_grad():
             state.values[group] += 1.0
-        own = state.expand_to_parameters({g: float(g == group) for g in GROUPS if g != "scale"})
+        own = state.expand_to_parameters({g: float(g == group) for g in PARAMETER_GROUPS if g != "scale"})
         torch.testing.assert_close(state.deviation()[0], own.expand(2, -1), atol=1e-6, rtol=0)
         with torch.no_grad():
             state.values[group] -= 1.0

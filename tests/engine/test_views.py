@@ -13,7 +13,7 @@ import trimesh
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.problem import View
+from physic_core.engine.joint.problem import OtherView
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import PosedBodies
 from physic_core.engine.joint.terms.views import ViewsTerm
@@ -38,7 +38,7 @@ def view_of(stage, turn_deg):
     body = problem.model(problem.rotations0, problem.betas0, problem.transl0)
     landmarks = problem.model.landmarks(body, BLAZEPOSE) @ rotation.T + translation
     depths = [cast(trimesh.Trimesh(v.numpy(), problem.model.faces.numpy(), process=False))[0] for v in vertices]
-    return View(
+    return OtherView(
         rotation=rotation,
         translation=translation,
         K=problem.K,

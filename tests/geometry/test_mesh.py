@@ -9,7 +9,7 @@ import pytest
 import torch
 import trimesh
 
-from physic_core.geometry.mesh import faces_of_vertices, select_faces, vertex_areas, vertex_normals
+from physic_core.geometry.mesh import faces_around_vertices, faces_of_vertices, vertex_areas, vertex_normals
 
 
 @pytest.fixture(params=[np.asarray, torch.tensor], ids=["numpy", "torch"])
@@ -82,7 +82,7 @@ def test_the_faces_around_a_vertex_give_the_same_normals():
     batch = torch.stack([vertices, vertices * torch.tensor([1.0, 2.0, 0.5])])
     torch.testing.assert_close(vertex_normals(batch, faces, around), vertex_normals(batch, faces))
     torch.testing.assert_close(vertex_normals(batch, faces, around[3:5]), vertex_normals(batch, faces)[:, 3:5])
-    some, around_some = select_faces(faces, around[3:5])
+    some, around_some = faces_around_vertices(faces, around[3:5])
     assert len(some) < len(faces)
     assert torch.equal(vertex_normals(batch, some, around_some), vertex_normals(batch, faces, around[3:5]))
     lonely = torch.cat([vertices, vertices[:1]])

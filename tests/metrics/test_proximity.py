@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics.proximity import SEARCH_RADIUS_M, hidden_by_depth_map, point_spacing, scene_distance
+from physic_core.metrics.proximity import PROXIMITY_RADIUS_M, hidden_by_depth_map, point_spacing, scene_distance
 from physic_core.types import Intrinsics, Plane
 from physic_testing.worlds import build_world
 
@@ -50,7 +50,7 @@ def test_a_body_that_is_moved_up_is_farther_by_as_much(height, step):
 
 
 def test_distance_beyond_the_search_radius_is_infinite():
-    found = scene_distance(np.array([[0.0, 1.5 - SEARCH_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA)
+    found = scene_distance(np.array([[0.0, 1.5 - PROXIMITY_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA)
     assert found.distance == np.inf
     np.testing.assert_array_equal(found.normal, 0)
     none = scene_distance(np.zeros((0, 3)), *floor_view(), CAMERA)
@@ -62,7 +62,7 @@ def test_under_the_plane_of_the_floor_is_inside_whatever_the_points_say():
     nothing = np.zeros_like(valid)
     body = np.array([[0.0, 1.45, 3.0], [0.0, 1.53, 3.0], [0.0, 2.5, 3.0]])
     found = scene_distance(body, points, normals, nothing, CAMERA, Plane(UP, 1.5))
-    np.testing.assert_allclose(found.distance, [0.05, -0.03, -SEARCH_RADIUS_M], atol=1e-12)
+    np.testing.assert_allclose(found.distance, [0.05, -0.03, -PROXIMITY_RADIUS_M], atol=1e-12)
     np.testing.assert_allclose(found.normal, np.broadcast_to(UP, (3, 3)))
 
 

@@ -13,7 +13,7 @@ from physic_core.adapters.inpainting import dilate
 from physic_core.configuration.model import PhotoSettings
 from physic_core.discovery.plugins import discover
 from physic_core.discovery.registry import BackendRecord, Registry
-from physic_core.engine.joint.problem import View
+from physic_core.engine.joint.problem import OtherView
 from physic_core.errors import BodyModelError, DeviceError, NoPersonError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.conversion import replace_hands
@@ -52,7 +52,7 @@ def test_a_photo_without_people_is_an_error_if_people_are_required(world: World)
 def test_the_bodies_fit_what_another_camera_shows(world: World) -> None:
     person = reconstruct(world.image, load_config(preset="mock")).people[0]
     aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
-    view = View(
+    view = OtherView(
         rotation=torch.eye(3).double(),
         translation=torch.zeros(3).double(),
         K=torch.from_numpy(world.intrinsics.matrix),

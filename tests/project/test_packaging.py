@@ -13,7 +13,7 @@ from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
 from physic_core.discovery.catalog import ENERGIES, EXECUTORS
-from physic_core.discovery.registration import GROUPS
+from physic_core.discovery.registration import ENTRY_POINT_GROUPS
 from physic_core.interfaces import INTERFACES
 
 ROOT = Path(__file__).parents[2]
@@ -132,7 +132,7 @@ def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
 @pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
 def test_a_plugin_registers_modules_of_its_own(name: str):
     groups, package = project(PROJECTS[name])["entry-points"], name.replace("-", "_")
-    assert groups.keys() <= set(GROUPS)
+    assert groups.keys() <= set(ENTRY_POINT_GROUPS)
     assert set(groups.get("physic.plugins", {}).values()) <= {package}
     modules = {target.partition(":")[0] for entries in groups.values() for target in entries.values()}
     assert {module.partition(".")[0] for module in modules} == {package}

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import Share
 from physic_core.engine.contact.distance import ContactSurfaces, distance_along_normal, nearby_surfaces
 from physic_core.engine.contact.features import KINDS, Distances, feature_columns
 from physic_core.engine.contact.parts import LEAST_PROBABILITY, scene_parts_of_body, weigh_parts
 from physic_core.engine.contact.probability import ContactModel, contact_model
 from physic_core.geometry.free_space import front_depth, in_free_space
+from physic_core.types.bounds import Share
 
 if TYPE_CHECKING:
     from physic_core.engine.contact.problem import ContactInput

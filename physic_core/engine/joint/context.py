@@ -19,7 +19,7 @@ _FLOOR_BAND_M = 0.05  # scene points nearer to the floor's plane belong to the f
 
 
 @dataclass(frozen=True)
-class Keypoints:
+class WeightedKeypoints:
     """Detected keypoints and their weights.
 
     Attributes:
@@ -75,7 +75,7 @@ class JointContext:
     on_visible_part: Tensor
     above_knees: Tensor
     soles: tuple[Tensor, Tensor]
-    keypoints: Keypoints
+    keypoints: WeightedKeypoints
     person_px: Tensor
     start: BodyOutput
     relative: Tensor

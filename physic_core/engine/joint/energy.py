@@ -16,7 +16,7 @@ from physic_core.engine.joint.state import Estimate
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.engine.joint.terms.known_sizes import KnownSizeTerm
 from physic_core.engine.joint.terms.views import ViewsTerm
-from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 
@@ -63,7 +63,7 @@ class JointEnergy:
         self.contacts: ContactState
         self._gathered = self.context.start.vertices
         self.scene = settings.nearby_scene(self.context, self._gathered, 1.0)
-        self._self_occlusion = SelfOcclusion(self.context)
+        self._self_occlusion = OcclusionTracker(self.context)
         self._last_visibility: Visibility | None = None
         self.snapshot: Snapshot
         self.refresh()

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.bounds import FrozenGroups
 from physic_core.engine.joint.contact_state import nearby_scene
-from physic_core.engine.joint.context import JointContext, Keypoints, select_surface
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints, select_surface
 from physic_core.engine.joint.optimiser import MinimisationResult, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
+from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
 from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.types.bounds import FrozenGroups
 
 if TYPE_CHECKING:
     from physic_core.engine.joint.energy import JointEnergy
@@ -64,7 +64,7 @@ class JointMethod(ABC):
         return (sides / sides.amax().clamp(min=1)).clamp(min=_LEAST_SIZE)
 
     @abstractmethod
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
         """Return the keypoints and their weights.
 
         Args:
@@ -81,7 +81,7 @@ class JointMethod(ABC):
         return nearby_scene(context, vertices, scale)
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
     ) -> Visibility:
         """Return the visibility of the posed bodies.
 

@@ -17,10 +17,10 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import Count, NotNegative, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, revert_if_worse, term_totals, total_energy
+from physic_core.types.bounds import Count, NotNegative, PositiveCount
 
-Progress = Callable[[float], None]
+StepProgress = Callable[[float], None]
 """Called with the completed share of the work, 0-1."""
 
 _HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers are cheap compared with one evaluation
@@ -95,7 +95,7 @@ class OptimiserSettings(ABC):
         """Return a function that takes at most a number of steps without an update."""
 
     def minimise(
-        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
+        self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
         """Minimise an energy by changing its state in place, then revert the people whose energy has increased.
 

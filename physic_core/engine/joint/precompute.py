@@ -12,12 +12,12 @@ from physic_core.body.model import BodyModel
 from physic_core.engine.distances import root_relative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.problem import JointProblem, View
+from physic_core.engine.joint.problem import JointProblem, OtherView
 from physic_core.engine.limbs import is_standing, observed_parts
 from physic_core.geometry.camera import project
 from physic_core.geometry.coarse_mesh import cluster_points
 from physic_core.geometry.free_space import front_depth
-from physic_core.geometry.mesh import select_faces, vertex_areas
+from physic_core.geometry.mesh import faces_around_vertices, vertex_areas
 from physic_core.geometry.visibility import inside_image
 
 _ANKLES = joint_pair("ankle")
@@ -38,7 +38,7 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     ids, area = subsample_vertices(model, is_contact.any(0), method.visibility.vertex_spacing_m, area)
     person_px = _person_px(problem, start.joints[:, 0])
     depth = problem.human_depth
-    faces, around = select_faces(model.faces, model.faces_of_vertices[ids])
+    faces, around = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     context = JointContext(
         problem=problem,
         visibility=method.visibility,
@@ -65,7 +65,7 @@ def precompute(problem: JointProblem, method: JointMethod) -> JointContext:
     return replace(context, views=tuple(_context_of_view(context, view, method) for view in problem.views))
 
 
-def _context_of_view(context: JointContext, view: View, method: JointMethod) -> JointContext:
+def _context_of_view(context: JointContext, view: OtherView, method: JointMethod) -> JointContext:
     """Return the constants with the camera and the detections of another view."""
     problem = context.problem.seen_by(view)
     person_px = _person_px(problem, view.to_camera(context.start.joints[:, 0]))

@@ -25,7 +25,7 @@ def _shape(shape: str) -> dict[str, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class View(ShortRepr):
+class OtherView(ShortRepr):
     """What another camera shows of the B people of a problem.
 
     Cameras and scene have one scale: with the factor s of stage 3 on the scene, a point x of the problem's frame is
@@ -121,7 +121,7 @@ class JointProblem(ShortRepr):
     estimated_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     keypoint_transl: Tensor | None = field(default=None, metadata=_shape("B 3"))
     known: KnownGeometry | None = None
-    views: tuple[View, ...] = ()
+    views: tuple[OtherView, ...] = ()
 
     def __len__(self) -> int:
         return len(self.transl0)
@@ -147,7 +147,7 @@ class JointProblem(ShortRepr):
         for i, view in enumerate(self.views):
             self.seen_by(view).check(f"{name}, view {i}")
 
-    def seen_by(self, view: View) -> JointProblem:
+    def seen_by(self, view: OtherView) -> JointProblem:
         """Return a copy with the camera and the detections of another view.
 
         Bodies stay in the problem's frame, and joints count as visible that are visible in any photo.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from physic_core.engine.bounds import Degrees, NotNegative
+from physic_core.types.bounds import Degrees, NotNegative
 
 
 @dataclass(frozen=True)

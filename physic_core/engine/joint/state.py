@@ -19,11 +19,11 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
-GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
+PARAMETER_GROUPS: tuple[str, ...] = ("root", "pose", "hands", "betas", "translation", "scale", "offset")
 """Parameter groups: root rotation, rotations of body joints 1-21 and of both hands, shape, translation, scene scale and
 depth offset."""
 
-_OF_PEOPLE = tuple(group for group in GROUPS if group != "scale")
+_OF_PEOPLE = tuple(group for group in PARAMETER_GROUPS if group != "scale")
 
 BODY = slice(JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("jaw"))
 FACE = slice(JOINT_NAMES.index("jaw"), JOINT_NAMES.index("left_index1"))
@@ -100,7 +100,7 @@ class State:
         betas: (B, K) at the start.
         transl: (B, 3) metres, at the start.
         pelvis: (B, 3) metres, the pelvis joint at the start. Translations are along and across its ray.
-        frozen: groups of :data:`GROUPS` that are kept constant.
+        frozen: groups of :data:`PARAMETER_GROUPS` that are kept constant.
         sigmas: expected sizes of scale and depth offset.
 
     Raises:
@@ -117,9 +117,9 @@ class State:
         frozen: Sequence[str] = (),
         sigmas: StateSigmas = _DEFAULT_SIGMAS,
     ) -> None:
-        unknown = sorted(set(frozen) - set(GROUPS))
+        unknown = sorted(set(frozen) - set(PARAMETER_GROUPS))
         if unknown:
-            raise PhysicError(f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(GROUPS)}")
+            raise PhysicError(f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}")
         people, device, dtype = len(rotations), rotations.device, rotations.dtype
         self.start = Estimate(
             rotations.detach(),
@@ -151,7 +151,7 @@ class State:
         self._across = transl.new_tensor([1.0, 1.0, 0.0])
         self.offset_free = (transl.new_zeros(people) + sigmas.offset) > 0
         self.values: dict[str, Tensor] = self._initial_values()
-        self.free: tuple[str, ...] = tuple(g for g in GROUPS if g not in frozen)
+        self.free: tuple[str, ...] = tuple(g for g in PARAMETER_GROUPS if g not in frozen)
         for group in self.free:
             self.values[group].requires_grad_()
         self._origin = {group: value.detach().clone() for group, value in self.values.items()}
@@ -191,7 +191,7 @@ class State:
     def deviation(self) -> tuple[Tensor, Tensor]:
         """Return the deviation of people's parameters (B, P) and of the scene's scale () from the start.
 
-        Columns are all groups except the scale, in the order of :data:`GROUPS`. Units are expected sizes.
+        Columns are all groups except the scale, in the order of :data:`PARAMETER_GROUPS`. Units are expected sizes.
         """
         return self._concatenate(self.values) - self._origin_columns, self.values["scale"] - self._origin["scale"]
 

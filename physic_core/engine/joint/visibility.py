@@ -47,7 +47,7 @@ class Visibility:
     unobstructed: Tensor
 
 
-class SelfOcclusion:
+class OcclusionTracker:
     """Self-occlusion of moving people; rays are cast again only for people who have moved."""
 
     def __init__(self, context: JointContext) -> None:
@@ -88,7 +88,7 @@ class SelfOcclusion:
 
 
 @torch.no_grad()
-def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion) -> Visibility:
+def update_visibility(context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker) -> Visibility:
     """Compute the visibility of the subsampled vertices from masks, normals and ray casts.
 
     Args:

@@ -36,7 +36,7 @@ def _quantiles(values: Tensor, low: float, high: float) -> tuple[float, float]:
     return float(some[round(low * last)]), float(some[round(high * last)])
 
 
-def dilate(mask: Tensor, radius: int) -> Tensor:
+def dilate_square(mask: Tensor, radius: int) -> Tensor:
     """Dilate a mask (H, W) by a square of ``radius`` px."""
     import cv2
 

@@ -13,7 +13,7 @@ from physic_core.types import Skeleton
 
 
 @dataclass(frozen=True)
-class Detections:
+class ObservedPeople:
     """Results of detectors and estimators for B people.
 
     Attributes:
@@ -31,7 +31,7 @@ class Detections:
     masks: Tensor
 
 
-def observed_joints(detections: Detections, seen_confidence: float) -> Tensor:
+def reported_joints(detections: ObservedPeople, seen_confidence: float) -> Tensor:
     """Return the joints (B, 55) bool that the body estimator or a confident keypoint reports as visible."""
     keypoints = detections.keypoints
     reported = detections.observed

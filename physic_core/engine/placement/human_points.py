@@ -18,7 +18,7 @@ from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite
 from physic_core.types import AffineAmbiguity
 
-MIN_ALIGN_INLIER_SHARE = 0.5
+MIN_POINTMAP_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
 
 FAR_M = 50.0

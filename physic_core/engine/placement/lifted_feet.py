@@ -14,8 +14,8 @@ import math
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.background import dilate
-from physic_core.engine.placement.detections import Detections
+from physic_core.engine.placement.background import dilate_square
+from physic_core.engine.placement.detections import ObservedPeople
 from physic_core.types.skeletons import SIDES
 
 MIN_FOOT_GAP = 0.1
@@ -58,7 +58,7 @@ def _is_lifted(gap: Tensor, camera_height_m: float) -> Tensor:
     return (gap > MIN_FOOT_GAP) & (camera_height_m * (1 - torch.exp(-gap)) > _MIN_FOOT_HEIGHT_M)
 
 
-def depth_gaps_at_feet(detections: Detections, photo: Tensor, scene: Tensor, raised: Tensor) -> Tensor:
+def depth_gaps_at_feet(detections: ObservedPeople, photo: Tensor, scene: Tensor, raised: Tensor) -> Tensor:
     """Measure the gap of depth behind each foot: (B, 2), NaN where unknown.
 
     It is the median over the person's pixels around heel and toe, or around the lower one for a foot that points up or
@@ -73,7 +73,7 @@ def depth_gaps_at_feet(detections: Detections, photo: Tensor, scene: Tensor, rai
     skeleton, masks = detections.skeleton, detections.masks.cpu()
     keypoints, confidence = detections.keypoints.cpu(), detections.confidence.cpu()
     log_ratio = scene.log() - photo.log()
-    background = ~dilate(masks.any(0), _MARGIN_PX)
+    background = ~dilate_square(masks.any(0), _MARGIN_PX)
     row = {name: j for j, name in enumerate(skeleton.names)}
     gaps = torch.full((len(keypoints), 2), torch.nan, dtype=torch.float64)
     for i, mask in enumerate(masks):

@@ -21,17 +21,17 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.limbs import placement_keypoints
-from physic_core.engine.placement.background import dilate, nearness_to_people
+from physic_core.engine.placement.background import dilate_square, nearness_to_people
 from physic_core.engine.placement.settings import PlacementSettings
 from physic_core.engine.placement.solvers import TRANSLATION, closed_form_translation, gauss_newton, term_energy
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     NEAREST_M,
     ChamferTerm,
-    FloorTerm,
+    PlacementFloorTerm,
     PlacementProblem,
-    ReprojectionTerm,
-    Term,
+    PlacementReprojectionTerm,
+    PlacementTerm,
 )
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.geometry.alignment import AlignmentOptions
@@ -41,7 +41,7 @@ from physic_core.geometry.pointmap import depth_edges, isolated_pixels
 from physic_core.geometry.visibility import facing_camera, inside_mask
 from physic_core.types import Skeleton
 
-ALIGN_TOLERANCE = 0.15
+POINTMAP_TOLERANCE = 0.15
 """Largest difference of the two point maps at an inlier, as a share of the depth. Below 0.1, the fit may follow only
 one surface."""
 
@@ -84,11 +84,11 @@ class PlacementMethod(PlacementSettings):
         alignment: options of the alignment of the photo's point map to the scene.
     """
 
-    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
+    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
 
     def grow_mask(self, people: Tensor) -> Tensor:
         """Return the pixels (H, W) bool that are not background, from the mask of all people."""
-        return dilate(people, round(_MASK_GROWTH * max(people.shape)))
+        return dilate_square(people, round(_MASK_GROWTH * max(people.shape)))
 
     def weigh_background(self, depth: Tensor, valid: Tensor, people: Tensor, background: Tensor) -> Tensor | None:
         """Return the weight (H, W) of background pixels in the alignment, from the depth (H, W); None is uniform."""
@@ -147,10 +147,10 @@ class PlacementMethod(PlacementSettings):
         seen = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
         return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
 
-    def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
+    def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
         """Return the term of Eq. 2, times lambda_j2d."""
         weight = self.reprojection_weight * person.confidence / person.confidence.sum()
-        return ReprojectionTerm(person, weight, self.robust_px_share)
+        return PlacementReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the term of Eq. 4 for the camera-facing vertices ``seen`` (V,) bool, times lambda_d."""
@@ -174,11 +174,11 @@ class PlacementMethod(PlacementSettings):
         chamfer = self.chamfer_term(person, seen)
         before = chamfer.median(x)
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
-        others: list[Term] = [self.reprojection_term(person)] if enough else []
+        others: list[PlacementTerm] = [self.reprojection_term(person)] if enough else []
         grounded = not self._is_on_furniture(person, x, [chamfer, *others])
         offset = grounded and self.has_offset(person)
         if offset:
-            others.insert(0, FloorTerm(person, self))
+            others.insert(0, PlacementFloorTerm(person, self))
         for _ in range(_ROUNDS):
             last = x
             x = gauss_newton([chamfer, *others], x, range(len(x)) if offset else TRANSLATION)
@@ -198,7 +198,7 @@ class PlacementMethod(PlacementSettings):
 
     def losses(self, person: PlacementProblem, fit: Fit) -> dict[str, dict[str, float]]:
         """Return the energy of each used term of Eq. 3 at the estimated ("start") and at the final ("end") place."""
-        terms: dict[str, Term] = {}
+        terms: dict[str, PlacementTerm] = {}
         if not bool(torch.isfinite(person.vertices).all()):
             return {}
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
@@ -206,11 +206,11 @@ class PlacementMethod(PlacementSettings):
         if fit.pairs is not None:
             terms["chamfer"] = self.chamfer_term(person, fit.pairs)
             if self.has_offset(person):
-                terms["floor"] = FloorTerm(person, self)
+                terms["floor"] = PlacementFloorTerm(person, self)
         ends = {"start": torch.zeros_like(fit.x), "end": fit.x}
         return {name: {end: term_energy(term, at) for end, at in ends.items()} for name, term in terms.items()}
 
-    def _is_on_furniture(self, person: PlacementProblem, x: Tensor, terms: list[Term]) -> bool:
+    def _is_on_furniture(self, person: PlacementProblem, x: Tensor, terms: list[PlacementTerm]) -> bool:
         """Return whether a fit without depth offset has both feet well above the floor."""
         if not self.stand_reach_m or not self.has_offset(person):
             return False

@@ -24,7 +24,7 @@ _FARTHEST = 1e3  # times the estimated distance, that a body is placed at
 
 
 @dataclass(frozen=True)
-class PosedBodies:
+class PlacedBodies:
     """B estimated bodies, metres, camera frame.
 
     Attributes:
@@ -105,7 +105,7 @@ class Placement(ShortRepr):
 
 
 def place_bodies(
-    bodies: PosedBodies,
+    bodies: PlacedBodies,
     evidence: PeopleObservations,
     K: Tensor,
     floor: tuple[Tensor, float] | None = None,
@@ -142,7 +142,7 @@ def place_bodies(
 
 def _person_problem(
     i: int,
-    bodies: PosedBodies,
+    bodies: PlacedBodies,
     evidence: PeopleObservations,
     K: Tensor,
     floor: tuple[Tensor, float] | None,

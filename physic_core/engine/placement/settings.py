@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from physic_core.engine.bounds import NotNegative, PointCount, Positive, PositiveOrInfinite, Share
+from physic_core.types.bounds import NotNegative, PointCount, Positive, PositiveOrInfinite, Share
 
 
 @dataclass(frozen=True)

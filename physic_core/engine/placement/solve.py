@@ -17,11 +17,11 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel, BodyOutput
 from physic_core.engine.known_sizes import KnownScene, stature_factor
 from physic_core.engine.limbs import hands_may_hold, is_standing
-from physic_core.engine.placement.detections import Detections, observed_joints
+from physic_core.engine.placement.detections import ObservedPeople, reported_joints
 from physic_core.engine.placement.human_points import AlignedPhoto, PhotoPoints, align_photo
 from physic_core.engine.placement.lifted_feet import depth_gaps_at_feet, find_lifted_feet
 from physic_core.engine.placement.method import PlacementMethod
-from physic_core.engine.placement.place import PeopleObservations, Placement, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, Placement, place_bodies
 from physic_core.engine.scene.floor_below_people import FloorRejection, without_floor, wrong_floor
 from physic_core.engine.scene.solve import SceneState
 from physic_core.engine.scene.stature import resize_bodies
@@ -68,7 +68,7 @@ class PlacementInput(ShortRepr):
     scene: SceneState
     photo: PhotoPoints
     bodies: EstimatedBodies
-    detections: Detections
+    detections: ObservedPeople
     contact_probability: Tensor
     raised: Tensor | None = None
     known: KnownScene | None = None
@@ -120,7 +120,7 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
         if given.standing is not None:
             lifted |= (given.standing < -method.lifted_sigmas)[:, None]
         airborne = lifted.all(1)
-    observed = observed_joints(detections, method.seen_confidence)
+    observed = reported_joints(detections, method.seen_confidence)
     feet_seen = observed[:, _ANKLES].any(1) & ~airborne.to(observed.device)
     evidence = _observations(detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
@@ -138,12 +138,14 @@ def solve_placement(given: PlacementInput, method: PlacementMethod) -> PlacedPeo
     return PlacedPeople(scene, photo, bodies, placed, observed, lifted, touch, ratio, rejected)
 
 
-def _pose(bodies: EstimatedBodies, detections: Detections, method: PlacementMethod) -> tuple[BodyOutput, PosedBodies]:
+def _pose(
+    bodies: EstimatedBodies, detections: ObservedPeople, method: PlacementMethod
+) -> tuple[BodyOutput, PlacedBodies]:
     """Pose the bodies, with the landmarks of the keypoints that stage 2 uses."""
     model = bodies.model
     output = model(bodies.rotations, bodies.betas, bodies.transl, bodies.expression)
     landmarks = model.landmarks(output, detections.skeleton)
-    posed = PosedBodies(
+    posed = PlacedBodies(
         vertices=output.vertices,
         normals=method.normals(output.vertices, model.faces),
         landmarks=landmarks[:, method.keypoint_columns(detections.skeleton)],
@@ -155,7 +157,7 @@ def _pose(bodies: EstimatedBodies, detections: Detections, method: PlacementMeth
 
 
 def _observations(
-    detections: Detections, photo: AlignedPhoto, feet_seen: Tensor, method: PlacementMethod
+    detections: ObservedPeople, photo: AlignedPhoto, feet_seen: Tensor, method: PlacementMethod
 ) -> PeopleObservations:
     """Return the keypoints that stage 2 uses, with their weights, and the points of the people."""
     skeleton, keypoints = detections.skeleton, detections.keypoints
@@ -192,7 +194,7 @@ def _size_by_scene(given: PlacementInput, scene: SceneState, method: PlacementMe
     """
     _, posed = _pose(given.bodies, given.detections, method)
     photo = align_photo(given.photo, scene, given.detections.masks, method)
-    feet_seen = observed_joints(given.detections, method.seen_confidence)[:, _ANKLES].any(1)
+    feet_seen = reported_joints(given.detections, method.seen_confidence)[:, _ANKLES].any(1)
     evidence = _observations(given.detections, photo, feet_seen, method)
     placed = place_bodies(posed, evidence, scene.K, scene.floor_plane, method)
     vertices = posed.vertices + (placed.keypoint_transl.to(posed.transl) - posed.transl)[:, None]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem, Residuals, Term
+from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, NEAREST_M, PlacementProblem, PlacementTerm, Residuals
 from physic_core.geometry.robust import cauchy
 
 TRANSLATION = (0, 1, 2)
@@ -48,7 +48,7 @@ def closed_form_translation(person: PlacementProblem) -> Tensor:
     return torch.cat((move, torch.zeros(1, dtype=torch.float64)))
 
 
-def gauss_newton(terms: Sequence[Term], x: Tensor, free: Sequence[int]) -> Tensor:
+def gauss_newton(terms: Sequence[PlacementTerm], x: Tensor, free: Sequence[int]) -> Tensor:
     """Minimise a sum of robust terms from x (4,) by iteratively reweighted Gauss-Newton steps.
 
     Only the elements of x with an index in ``free`` change. A step that increases the energy is halved.
@@ -98,7 +98,7 @@ def _energy(rows: Sequence[Residuals], scales: Sequence[float]) -> float:
     return total
 
 
-def term_energy(term: Term, x: Tensor) -> float:
+def term_energy(term: PlacementTerm, x: Tensor) -> float:
     """Return the energy of one term at x = (t, g), (4,)."""
     rows = term.residuals(x)
     return _energy(rows, [r.scale for r in rows])

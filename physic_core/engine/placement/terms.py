@@ -63,7 +63,7 @@ class Residuals(NamedTuple):
     scale: float
 
 
-class ReprojectionTerm:
+class PlacementReprojectionTerm:
     """Reprojection error (Eq. 2) relative to the person's or image's size.
 
     Args:
@@ -127,7 +127,7 @@ class ChamferTerm:
         return float(torch.cat([torch.linalg.vector_norm(r.error, dim=-1) for r in self.residuals(x)]).median())
 
 
-class FloorTerm:
+class PlacementFloorTerm:
     """Height of the lower foot over the floor, plus the prior ``(g / sigma)^2`` of the log depth offset g."""
 
     def __init__(self, person: PlacementProblem, settings: PlacementSettings) -> None:
@@ -146,7 +146,7 @@ class FloorTerm:
         ]
 
 
-class Term(Protocol):
+class PlacementTerm(Protocol):
     """Summand of the energy of stage 2."""
 
     def residuals(self, x: Tensor) -> list[Residuals]:

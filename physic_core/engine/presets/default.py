@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.hypotheses import decide_joins
 from physic_core.engine.joint.method import JointMethod
@@ -20,7 +20,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.balance import BalanceSettings, BalanceTerm
-from physic_core.engine.joint.terms.contact import ContactSettings, ContactTerm
+from physic_core.engine.joint.terms.contact import ContactTerm, ContactTermSettings
 from physic_core.engine.joint.terms.depth import DepthSettings, DepthTerm, depth_offset_sigmas
 from physic_core.engine.joint.terms.floor import FloorSettings, FloorTerm
 from physic_core.engine.joint.terms.joins import JoinSettings
@@ -52,7 +52,7 @@ class DefaultOptimisation(JointMethod):
     """Keypoints."""
     depth: DepthSettings = field(default_factory=DepthSettings)
     """Depth of the visible surface."""
-    contact: ContactSettings = field(default_factory=ContactSettings)
+    contact: ContactTermSettings = field(default_factory=ContactTermSettings)
     """Contact with scene and floor, and of hands with other people."""
     penetration: PenetrationSettings = field(default_factory=PenetrationSettings)
     """Vertices inside the scene and inside other people."""
@@ -83,7 +83,7 @@ class DefaultOptimisation(JointMethod):
         problem = super().prepare(problem)
         return with_static_contacts(problem) if self.contact.source == "static" else problem
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
         """Return the keypoints with weights from confidence, reduced for low confidence and for invisible limbs."""
         return weighted_keypoints(problem, person_px, self.reprojection)
 

@@ -7,15 +7,15 @@ from typing import ClassVar, Literal, NamedTuple
 
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
 from physic_core.engine.scene.camera import Cameras, convert_to_common_camera, scene_camera
 from physic_core.engine.scene.cleaning import edge_ratio
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import MIN_INLIER_SHARE, FloorEvidence, FloorSearch, PlaneFit, fit_floor
 from physic_core.geometry.plane import sample_plane
 from physic_core.geometry.pointmap import depth_edges, depth_to_pointmap, isolated_pixels, pointmap_normals
+from physic_core.types.bounds import NotNegative, PositiveOrInfinite
 
-ALIGN_TOLERANCE = 0.1
+METRIC_DEPTH_TOLERANCE = 0.1
 """Largest difference of point map and metric depth at an inlier, as a share of the depth."""
 
 
@@ -52,7 +52,7 @@ class SceneMethod(SceneSettings):
     """
 
     uses_pointmap: ClassVar[bool] = True
-    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(ALIGN_TOLERANCE)
+    alignment: ClassVar[AlignmentOptions] = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:

@@ -26,7 +26,7 @@ from physic_core.geometry.tensors import all_finite, select_pixels
 from physic_core.types import AffineAmbiguity
 from physic_core.types.short_repr import ShortRepr
 
-MIN_ALIGN_INLIER_SHARE = 0.5
+MIN_SCENE_INLIER_SHARE = 0.5
 """Least inlier share of a reliable alignment."""
 
 _FLOOR_THICKNESS = 0.01  # of the depth

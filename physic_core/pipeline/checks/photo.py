@@ -33,8 +33,8 @@ _NO_FLOOR = {
 
 def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettings) -> Iterator[CheckResult]:
     """Run the self-checks of the photo."""
-    from physic_core.engine.placement.human_points import MIN_ALIGN_INLIER_SHARE as MIN_PHOTO_SHARE
-    from physic_core.engine.scene.solve import MIN_ALIGN_INLIER_SHARE as MIN_SCENE_SHARE
+    from physic_core.engine.placement.human_points import MIN_POINTMAP_INLIER_SHARE
+    from physic_core.engine.scene.solve import MIN_SCENE_INLIER_SHARE
 
     report = solution.diagnostics
     share, scene = report["scene"]["alignment"]["inlier_share"], settings.scene
@@ -46,7 +46,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         if share > 0
         else "point map and metric depth agree nowhere: the scene is the metric depth alone",
         unmeasured="the settings of the engine use the metric depth alone",
-        threshold=MIN_SCENE_SHARE,
+        threshold=MIN_SCENE_INLIER_SHARE,
     )
     share = report["placement"]["alignment"]["inlier_share"] if "placement" in report else None
     yield check_value(
@@ -58,7 +58,7 @@ def check_photo(estimates: Estimates, solution: Solution, settings: EngineSettin
         if share
         else "the photo and its inpainted picture have no background in common: people are placed by size alone",
         unmeasured=_NO_PEOPLE,
-        threshold=MIN_PHOTO_SHARE,
+        threshold=MIN_POINTMAP_INLIER_SHARE,
     )
     yield from _check_floor(report["scene"]["floor"], settings)
     yield _check_tilt(solution)

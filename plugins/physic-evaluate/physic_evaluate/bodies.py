@@ -167,13 +167,13 @@ def rotations_of(given: Any, count: int, name: str) -> Array:
     Raises:
         DamagedFileError: the size fits neither, or matrices are not rotations.
     """
-    from physic_core.body.rotations import rotvec_to_rotmat
+    from physic_core.body.rotations import rotvec_to_rotmat_numpy
 
     if given is None:
         return np.tile(np.eye(3), (count, 1, 1))
     values = require_finite(as_numbers(given, f"'{name}'"), f"'{name}'")
     if values.size == 3 * count:
-        return rotvec_to_rotmat(values.reshape(count, 3))
+        return rotvec_to_rotmat_numpy(values.reshape(count, 3))
     if values.size == 9 * count:
         matrices = values.reshape(count, 3, 3)
         if np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max() > 1e-3 or (np.linalg.det(matrices) < 0).any():

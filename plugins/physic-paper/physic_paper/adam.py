@@ -13,9 +13,9 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import Count, Positive, PositiveCount
 from physic_core.engine.joint.acceptance import Energy, energy_per_person, total_energy
-from physic_core.engine.joint.optimiser import Block, MinimisationResult, OptimiserSettings, Progress, join_results
+from physic_core.engine.joint.optimiser import Block, MinimisationResult, OptimiserSettings, StepProgress, join_results
+from physic_core.types.bounds import Count, Positive, PositiveCount
 
 _RATE_CUTS = 2  # restarts with a tenth of the learning rate, for people whose energy has only increased
 
@@ -38,7 +38,7 @@ class AdamSettings(OptimiserSettings):
         return partial(_take_steps, energy, optimiser)
 
     def minimise(
-        self, energy: Energy, progress: Progress | None = None, groups: Tensor | None = None
+        self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
     ) -> MinimisationResult:
         """Take all steps; repeat them at a lower rate while people have kept their start."""
         origin = energy.state.pack()

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.contact.distance import ContactSurfaces
 from physic_core.engine.contact.features import Distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.problem import ContactInput
 from physic_core.engine.joint.problem import JointProblem
+from physic_core.types.bounds import NotNegative
 
 
 @dataclass(frozen=True)

@@ -43,17 +43,17 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.bounds import NotNegative
-from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.reprojection import ReprojectionTerm
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.joint.visibility import SelfOcclusion, Visibility, update_visibility
+from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.robust import robust_loss
+from physic_core.types.bounds import NotNegative
 from physic_paper.adam import AdamSettings
 from physic_paper.grid_search import GridSearch
 from physic_paper.published import PublishedOptimisation
@@ -127,7 +127,7 @@ class PaperOptimisation(PublishedOptimisation):
         problem = context.problem
         return GridSearch(problem.scene_points, problem.scene_normals, context.search_radius_m)
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
         """Return the keypoints with weights from confidence; a low confidence gives weight 0."""
         found = confident_keypoints(problem, _MIN_CONFIDENCE)
         if self.reprojection.reduction == "sum":
@@ -136,7 +136,7 @@ class PaperOptimisation(PublishedOptimisation):
         return replace(found, weight=found.weight / torch.where(total > 0, total, 1.0))
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
     ) -> Visibility:
         """Return the visibility of the posed bodies; keep the camera-facing vertices of the first update.
 

@@ -9,14 +9,19 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
-from physic_core.engine.placement.method import ALIGN_TOLERANCE, FEWEST_POINTS, Fit, PlacementMethod
+from physic_core.engine.placement.method import FEWEST_POINTS, POINTMAP_TOLERANCE, Fit, PlacementMethod
 from physic_core.engine.placement.place import median_reprojection_px
 from physic_core.engine.placement.solvers import term_energy
-from physic_core.engine.placement.terms import FEWEST_KEYPOINTS, ChamferTerm, PlacementProblem, ReprojectionTerm
+from physic_core.engine.placement.terms import (
+    FEWEST_KEYPOINTS,
+    ChamferTerm,
+    PlacementProblem,
+    PlacementReprojectionTerm,
+)
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import project
 from physic_core.types import Skeleton
+from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_paper.outliers import image_outliers
 from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
 from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals
@@ -49,7 +54,7 @@ class PaperPlacement(PlacementMethod):
     detect_lifted_feet: bool = False
     feet_by_picture: bool = False
 
-    alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
+    alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
 
     def grow_mask(self, people: Tensor) -> Tensor:
         """Return the mask of all people."""
@@ -69,10 +74,10 @@ class PaperPlacement(PlacementMethod):
         rows, columns = mask.shape
         return torch.tensor([columns, rows], dtype=torch.float64)
 
-    def reprojection_term(self, person: PlacementProblem) -> ReprojectionTerm:
+    def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
         """Return the sum of Eq. 2."""
         weight = self.reprojection_weight * person.confidence
-        return ReprojectionTerm(person, weight, self.robust_px_share)
+        return PlacementReprojectionTerm(person, weight, self.robust_px_share)
 
     def chamfer_term(self, person: PlacementProblem, seen: Tensor) -> ChamferTerm:
         """Return the sums of Eq. 4 over all vertices and points."""

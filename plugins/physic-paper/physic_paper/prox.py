@@ -19,14 +19,14 @@ from functools import partial
 
 from torch import Tensor
 
-from physic_core.engine.bounds import FrozenGroups, NotNegative
-from physic_core.engine.joint.context import JointContext, Keypoints, with_static_contacts
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
 from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.limits import LimitSettings, LimitTerm
 from physic_core.geometry.robust import robust_loss
+from physic_core.types.bounds import FrozenGroups, NotNegative
 from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
@@ -98,7 +98,7 @@ class ProxOptimisation(PublishedOptimisation):
         """Return the problem with all limbs visible, without a floor, and with static contacts."""
         return with_static_contacts(super().prepare(replace(problem, floor_normal=None)))
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
         """Return the keypoints, weighted by squared confidence."""
         return confident_keypoints(problem, power=2.0)
 

@@ -31,12 +31,12 @@ from typing import Literal
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Snapshot, Term
 from physic_core.engine.joint.terms.scene_scale import SceneScaleTerm
-from physic_core.engine.joint.visibility import SelfOcclusion, Visibility
+from physic_core.engine.joint.visibility import OcclusionTracker, Visibility
 from physic_core.geometry.robust import robust_loss
 from physic_paper.paper import CONTACT_RANGE_M, PaperOptimisation, PaperReprojectionSettings, PaperVisibilitySettings
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
@@ -79,12 +79,12 @@ class ReleaseOptimisation(PaperOptimisation):
         masks = problem.masks.any(0, keepdim=True).expand_as(problem.masks)
         return replace(super().prepare(problem), masks=masks, human_points=human_points_of(problem))
 
-    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> Keypoints:
+    def weigh_keypoints(self, problem: JointProblem, person_px: Tensor) -> WeightedKeypoints:
         """Return the keypoints with the keypoint weights of the released code."""
         return released_keypoints(problem)
 
     def update_visibility(
-        self, context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+        self, context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
     ) -> Visibility:
         """Return the visibility of the posed bodies, computed as in the released code."""
         return update_released_visibility(context, bodies, self_occlusion, last)

@@ -9,12 +9,12 @@ from typing import ClassVar, Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, PositiveOrInfinite
 from physic_core.engine.scene.camera import Cameras, scene_camera
-from physic_core.engine.scene.method import ALIGN_TOLERANCE, PixelSurface, SceneMethod
+from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE, PixelSurface, SceneMethod
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.floor import FloorEvidence, FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
+from physic_core.types.bounds import NotNegative, PositiveOrInfinite
 from physic_paper.floor_metric import MIN_INLIER_SHARE, fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
 from physic_paper.released.pointmap import published_floor_grid, published_normal_outliers, published_normals
@@ -38,7 +38,7 @@ class PaperScene(SceneMethod):
     floor_under_people: bool = False
     carve_m: NotNegative = 0.0
 
-    alignment: ClassVar[AlignmentOptions] = released_alignment_options(ALIGN_TOLERANCE)
+    alignment: ClassVar[AlignmentOptions] = released_alignment_options(METRIC_DEPTH_TOLERANCE)
     min_floor_share: ClassVar[float] = MIN_INLIER_SHARE
 
     def share_camera(self, points: Tensor, depth: Tensor, cameras: Cameras) -> tuple[Tensor, Tensor, Cameras]:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.placement.solvers import TRANSLATION, gauss_newton
-from physic_core.engine.placement.terms import ChamferTerm, ReprojectionTerm, Residuals
+from physic_core.engine.placement.terms import ChamferTerm, PlacementReprojectionTerm, Residuals
 
 # Paper Sec. 4.1: "two iterations of L-BFGS" are two steps with this many inner iterations.
 _ADAM_STEPS = 30
@@ -69,7 +69,7 @@ def solve_lbfgs(x: Tensor, chamfer: ChamferTerm, loss: Callable[[Tensor], Tensor
 
 
 def restore_keypoint_fit(
-    reprojection: ReprojectionTerm, x: Tensor, stiffness: float, fits: Callable[[Tensor], bool]
+    reprojection: PlacementReprojectionTerm, x: Tensor, stiffness: float, fits: Callable[[Tensor], bool]
 ) -> Tensor:
     """Move x towards the minimum of the keypoint errors until ``fits(x)`` is true; return zeros if this fails.
 

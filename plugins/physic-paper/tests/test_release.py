@@ -20,7 +20,7 @@ from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.engine.placement.human_points import human_points
-from physic_core.engine.placement.place import PeopleObservations, PosedBodies, place_bodies
+from physic_core.engine.placement.place import PeopleObservations, PlacedBodies, place_bodies
 from physic_core.engine.scene.camera import Cameras
 from physic_core.engine.scene.solve import SceneInput, solve_scene
 from physic_core.geometry.floor import FloorEvidence
@@ -178,7 +178,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     posed = model(rotations, betas, transl)
     weight = released_keypoint_weights(SKELETON, problem.keypoints, problem.keypoint_confidence, problem.masks)
     placed = place_bodies(
-        PosedBodies(
+        PlacedBodies(
             posed.vertices, mean_face_normals(posed.vertices, model.faces), model.landmarks(posed, SKELETON), transl
         ),
         PeopleObservations(problem.keypoints, weight, [published.human_points], problem.masks),

@@ -17,7 +17,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.configuration.resolve import ResolvedPipeline, resolve
 from physic_core.discovery.plugins import discover
-from physic_core.engine.joint.problem import View
+from physic_core.engine.joint.problem import OtherView
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -75,7 +75,7 @@ class ReferenceInput(ShortRepr):
     shown: BoolArray
     scores: FloatArray
     depth: DepthMap
-    views: tuple[View, ...]
+    views: tuple[OtherView, ...]
     alone: OtherViews
     statures: FloatArray
     ages: FloatArray | None = None
@@ -311,7 +311,7 @@ def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, fl
     return turned / length, float((tilt[2] - middle @ turned) / length)
 
 
-def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> View:
+def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
     """Return what another photo shows of everybody in the result."""
     photos = solved.chosen.photos
     keypoints = _keypoints(people, photos, view)
@@ -331,7 +331,7 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Vi
         )
     )
     observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
-    return View(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed)
+    return OtherView(rotation, translation, K, points, confidence, torch.from_numpy(masks), observed)
 
 
 def _keypoints(everybody: Sequence[PersonOfScene], photos: Sequence[Photo], view: int) -> Keypoints:

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
 from physic_core.engine.joint.terms.contact import ContactTerm
 from physic_core.geometry.robust import robust_loss
+from physic_core.types.bounds import NotNegative
 
 _STANDING_POINT = 0.35  # position of the centre of mass between ankles (0) and balls of the feet (1) in quiet standing
 _FEET = [(1 - _STANDING_POINT) / 2] * 2 + [_STANDING_POINT / 2] * 2  # shares of both ankles and both toes

@@ -8,14 +8,14 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import STATIC_CONTACT_PARTS, JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
+from physic_core.types.bounds import NotNegative, Positive
 
 
 @dataclass(frozen=True)
-class ContactSettings:
+class ContactTermSettings:
     """Settings of the contact term: distances along normals, so that sliding along a surface has no cost."""
 
     weight: NotNegative = 1.25
@@ -47,7 +47,7 @@ class ContactTerm:
         touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
 
-    def __init__(self, settings: ContactSettings, context: JointContext) -> None:
+    def __init__(self, settings: ContactTermSettings, context: JointContext) -> None:
         self.settings, self._context = settings, context
         probability = context.contact_probability
         prior = torch.where(context.is_contact, probability, torch.zeros_like(probability))

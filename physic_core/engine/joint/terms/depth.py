@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.state import State
@@ -15,6 +14,7 @@ from physic_core.engine.joint.term import Snapshot
 from physic_core.engine.joint.visibility import sample_mask_neighbours
 from physic_core.errors import PhysicError
 from physic_core.geometry.visibility import inside_image
+from physic_core.types.bounds import NotNegative
 
 MIN_DEPTH_M = 0.01
 """Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""

@@ -12,10 +12,10 @@ from itertools import combinations
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.geometry.robust import pseudo_huber
+from physic_core.types.bounds import NotNegative, Positive
 from physic_core.types.skeletons import SIDES, is_finger
 
 _OUTLIER_SIGMAS = 2.0  # beyond, the pull is constant

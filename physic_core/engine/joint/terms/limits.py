@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.distances import hinge_angles
 from physic_core.engine.joint.term import PosedBodies, Term
+from physic_core.types.bounds import NotNegative
 
 _MAX_FLEXION = 2.7  # radians, of knees and elbows
 _SIGMA = 1.0 / 12.0  # radians, about 5 degrees

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, Positive
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import Snapshot
+from physic_core.types.bounds import NotNegative, Positive
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.people_pairs import PeoplePairs, find_people_pairs, select_probes
 from physic_core.engine.joint.robust_sum import RobustSum
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.contact import ContactSettings
+from physic_core.engine.joint.terms.contact import ContactTermSettings
 from physic_core.engine.joint.terms.penetration import PenetrationSettings
 
 _TOUCHING_PARTS = ("left_hand", "right_hand")
@@ -64,7 +64,7 @@ class PeopleTerm(Term):
         context: constants of the optimisation.
     """
 
-    def __init__(self, contact: ContactSettings, penetration: PenetrationSettings, context: JointContext) -> None:
+    def __init__(self, contact: ContactTermSettings, penetration: PenetrationSettings, context: JointContext) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
         self._penetration = penetration

@@ -8,14 +8,14 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative, Positive, Share
-from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
+from physic_core.types.bounds import NotNegative, Positive, Share
 
 _INVISIBLE_WEIGHT = 0.4  # of keypoints on invisible limbs, which detectors extrapolate from the visible ones
 _BORDER_SHARE = 0.05  # of the stature in px; some detectors move keypoints outside the image to its border
@@ -79,7 +79,7 @@ def finite_keypoints(problem: JointProblem) -> tuple[Tensor, Tensor]:
     return points, torch.where(finite, confidence, torch.zeros_like(confidence))
 
 
-def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> Keypoints:
+def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: ReprojectionSettings) -> WeightedKeypoints:
     """Return the keypoints with weights from confidence, reduced for low confidence and for limbs that no photo shows.
 
     Args:
@@ -95,7 +95,7 @@ def weighted_keypoints(problem: JointProblem, person_px: Tensor, settings: Repro
     off_border = from_border > _BORDER_SHARE * person_px[:, None]
     weight = torch.where(seen, weight, _INVISIBLE_WEIGHT * confidence * off_border)
     weight = weights_inside_image(problem, points, weight)
-    return Keypoints(points, weight, seen & (weight >= settings.min_confidence))
+    return WeightedKeypoints(points, weight, seen & (weight >= settings.min_confidence))
 
 
 def weights_inside_image(problem: JointProblem, points: Tensor, weight: Tensor) -> Tensor:

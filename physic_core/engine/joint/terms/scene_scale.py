@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.term import PosedBodies, Term
+from physic_core.types.bounds import NotNegative
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.distances import lowest_height
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import RobustLoss, Snapshot
 from physic_core.geometry.robust import robust_loss
+from physic_core.types.bounds import NotNegative
 
 _SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.scene.stature import STATURE_SIGMA, linearise_stature, stature_prior
+from physic_core.types.bounds import NotNegative
 
 
 @dataclass(frozen=True)

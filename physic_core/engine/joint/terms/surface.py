@@ -176,8 +176,9 @@ class _SurfaceEnergies(torch.autograd.Function):
         return None, by_point.transpose(1, 2), by_pelvis, by_root, by_scale, by_offset
 
 
-surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
-surface_energies = _SurfaceEnergies.apply
+surface_energies: Callable[[SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]] = (
+    _SurfaceEnergies.apply
+)
 """The function of :class:`_SurfaceEnergies`."""
 
 

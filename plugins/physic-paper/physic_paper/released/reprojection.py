@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints
@@ -72,11 +72,11 @@ def released_reprojection(projected: Tensor, observed: Tensor, weight: Tensor, s
     return (weight * error).sum(-1) / (2 * _KEYPOINTS * people)
 
 
-def released_keypoints(problem: JointProblem) -> Keypoints:
+def released_keypoints(problem: JointProblem) -> WeightedKeypoints:
     """Return the detected keypoints, with the weights of :func:`released_keypoint_weights`."""
     points, confidence = finite_keypoints(problem)
     weight = released_keypoint_weights(problem.skeleton, points, confidence, problem.masks)
-    return Keypoints(points, weight, weight > 0)
+    return WeightedKeypoints(points, weight, weight > 0)
 
 
 class ReleasedReprojectionTerm(Term):

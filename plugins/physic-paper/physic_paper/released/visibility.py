@@ -16,7 +16,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.context import JointContext
-from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, SelfOcclusion, Visibility, update_visibility
+from physic_core.engine.joint.visibility import HIDDEN_LIMB_SHARE, OcclusionTracker, Visibility, update_visibility
 from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.rays import RayCaster
 
@@ -62,7 +62,7 @@ def visible_part_shares(vertices: Tensor, faces: Tensor, part_of_vertex: Tensor,
 
 
 def update_released_visibility(
-    context: JointContext, bodies: BodyOutput, self_occlusion: SelfOcclusion, last: Visibility | None
+    context: JointContext, bodies: BodyOutput, self_occlusion: OcclusionTracker, last: Visibility | None
 ) -> Visibility:
     """Compute the visibility of vertices as in the paper's released code.
 

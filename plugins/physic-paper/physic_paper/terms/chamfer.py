@@ -8,12 +8,12 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.bounds import NotNegative
 from physic_core.engine.joint.context import JointContext
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import pixel_grid, unproject
+from physic_core.types.bounds import NotNegative
 from physic_core.types.short_repr import ShortRepr
 
 

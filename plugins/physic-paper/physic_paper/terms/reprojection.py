@@ -5,19 +5,19 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.context import JointContext, Keypoints
+from physic_core.engine.joint.context import JointContext, WeightedKeypoints
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
 from physic_core.engine.joint.terms.reprojection import finite_keypoints, weights_inside_image
 from physic_core.geometry.camera import project
 
 
-def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> Keypoints:
+def confident_keypoints(problem: JointProblem, min_confidence: float = 0.0, power: float = 1.0) -> WeightedKeypoints:
     """Return the keypoints, weighted by a power of their confidence; 0 below ``min_confidence``."""
     points, confidence = finite_keypoints(problem)
     weight = torch.where(confidence < min_confidence, 0.0, confidence) ** power
     weight = weights_inside_image(problem, points, weight)
-    return Keypoints(points, weight, weight >= min_confidence)
+    return WeightedKeypoints(points, weight, weight >= min_confidence)
 
 
 def offset_loss(squared: Tensor, rho: RobustLoss, *, per_axis: bool) -> Tensor:

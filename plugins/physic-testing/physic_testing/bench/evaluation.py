@@ -20,7 +20,7 @@ from physic_core.metrics.geodesic import geodesic_error, surface_graph
 from physic_core.metrics.matching import match_by_masks
 from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.proximity import SEARCH_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
+from physic_core.metrics.proximity import PROXIMITY_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
 from physic_core.metrics.scene import floor_error, scene_error
 from physic_testing.bench.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
 from physic_testing.bench.support_scores import SupportScorer
@@ -332,10 +332,10 @@ class Evaluator:
         """Return penetration and floating of vertices (n, V, 3) of true people relative to the true scene."""
         world = self.world
         distance = world.room.signed_distance(world.camera.to_room(np.asarray(vertices, np.float64)))
-        distance = np.maximum(distance, -SEARCH_RADIUS_M)
+        distance = np.maximum(distance, -PROXIMITY_RADIUS_M)
         counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
         inside = penetration(distance, np.ones(distance.shape), counted=counted)
-        gap = contact_gap(distance, world.contact[true], reach=SEARCH_RADIUS_M)
+        gap = contact_gap(distance, world.contact[true], reach=PROXIMITY_RADIUS_M)
         return [
             {"true_penetration_mm": 1000 * float(inside.mean_depth[j]), "true_floating_mm": 1000 * float(gap[j])}
             for j in range(len(true))
@@ -349,7 +349,7 @@ class Evaluator:
             near.distance, vertex_areas(vertices, world.faces), facing=facing, counted=self._counted[true]
         )
         shown, every = (
-            contact_gap(near.distance, c[true], reach=SEARCH_RADIUS_M) for c in (self._shown, world.contact)
+            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, world.contact)
         )
         return [
             {

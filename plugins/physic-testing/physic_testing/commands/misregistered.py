@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.metadata import Distribution, distributions  # noqa: TID251 -- those that registered nothing, too
 
-from physic_core.discovery.plugins import GROUPS, PLUGINS_GROUP
+from physic_core.discovery.plugins import ENTRY_POINT_GROUPS, PLUGINS_GROUP
 from physic_core.discovery.registry import Origin, canonicalize_name
 
 _CORE = re.compile(r"physic[-_.]core(?![\w-])", re.IGNORECASE)
@@ -56,12 +56,12 @@ def _is_named_ours(group: str) -> bool:
 
 
 def _is_close(group: str) -> bool:
-    return bool(get_close_matches(group, GROUPS, cutoff=0.8))
+    return bool(get_close_matches(group, ENTRY_POINT_GROUPS, cutoff=0.8))
 
 
 def _misregistered(found: Distribution, name: str) -> MisregisteredPlugin | None:
     groups = sorted({entry.group for entry in found.entry_points})
-    if not set(GROUPS).isdisjoint(groups):
+    if not set(ENTRY_POINT_GROUPS).isdisjoint(groups):
         return None
     origin = Origin("", name, found.metadata["Version"] or "")
     cure = f'write [project.entry-points."{PLUGINS_GROUP}"] in its pyproject.toml, and install it again'

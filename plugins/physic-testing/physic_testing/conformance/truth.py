@@ -67,11 +67,11 @@ def true_hands(world: World) -> FloatArray:
 def true_wrists(world: World) -> FloatArray:
     """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors, left first."""
     from physic_core.body import JOINT_INDEX
-    from physic_core.body.bones import world_from_local
+    from physic_core.body.bones import rotations_from_tpose
     from physic_core.body.parameters import rotations_from_parameters
     from physic_core.body.rotations import rotmat_to_rotvec
 
-    turns = world_from_local(rotations_from_parameters(world.parameters).double().numpy())
+    turns = rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
     wrists: FloatArray = rotmat_to_rotvec(turns[:, [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]])
     return wrists
 

@@ -12,7 +12,7 @@ from wrong_backends import altered
 
 from physic_core import interfaces
 from physic_core.body import load_body
-from physic_core.body.bones import world_from_local
+from physic_core.body.bones import rotations_from_tpose
 from physic_core.body.conversion import rest_mesh_of_model
 from physic_core.body.parameters import rotations_from_parameters
 from physic_core.body.rotations import rotmat_to_rotvec
@@ -62,7 +62,7 @@ class OtherContact(RightContact):
 class WristHands(RightHands):
     def infer(self, image, people, keypoints):
         case, _, _ = self.look_up(image)
-        world = world_from_local(rotations_from_parameters(case.bodies.parameters).double().numpy())
+        world = rotations_from_tpose(rotations_from_parameters(case.bodies.parameters).double().numpy())
         correct = super().infer(image, people, keypoints)
         return replace(correct, wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)])
 
