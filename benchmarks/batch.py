@@ -49,7 +49,7 @@ with Pipeline(batch_config(load_config(preset=preset), discover(), cache=False))
     for photo in photos:
         try:
             found = pipeline(photo)
-            save_reconstruction(found, out / photo.stem, preview=False, glb=False, compact=True)
+            save_reconstruction(found, out / photo.stem, "numbers")
         except (InputError, NoPersonError):
             continue
         memory.append(megabytes())

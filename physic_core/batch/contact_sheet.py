@@ -15,7 +15,7 @@ from typing import Any
 
 from physic_core.batch.journal import last_rows
 from physic_core.batch.photos import photo_folder
-from physic_core.batch.saving import thumbnail_path
+from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import atomic_write, check_writable
 from physic_core.files.own import check_own

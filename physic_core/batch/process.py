@@ -20,18 +20,19 @@ from physic_core.batch.machine import peak_memory_mb
 from physic_core.batch.moments import reconstruct_moment
 from physic_core.batch.photos import PhotoItem, photo_folder, size_and_mtime, stamped
 from physic_core.batch.result_files import file_sizes_text, result_digest
-from physic_core.batch.saving import Saving, save_photo, write_thumbnail
 from physic_core.batch.settings import batch_config, config_digest, settings_digest
+from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.plugins import core_version, discover
 from physic_core.errors import OutputError
 from physic_core.files.atomic import check_writable
+from physic_core.io.saved_files import Saving
+from physic_core.io.saving import save_reconstruction
 from physic_core.types.person_rows import person_rows
 from physic_core.visual.report import require_report
 
 if TYPE_CHECKING:
-    from physic_core.batch.saving import Saving
     from physic_core.configuration.model import Config
     from physic_core.discovery.registry import Registry
     from physic_core.types import Reconstruction
@@ -47,12 +48,19 @@ class BatchJob:
     Attributes:
         config: of the pipeline; see :func:`physic_core.batch.settings.batch_config`.
         out: absolute path of the output folder.
-        saving: which files are written.
+        save: which files are written for each photo, such as "numbers+preview".
+        thumbnails: whether to write a thumbnail of each photo for the contact sheet.
     """
 
     config: Config
     out: str
-    saving: Saving
+    save: str
+    thumbnails: bool = True
+
+    @cached_property
+    def saving(self) -> Saving:
+        """The files that ``save`` names."""
+        return Saving.parse(self.save)
 
     def digest(self, item: PhotoItem) -> str:
         """Return the digest of the settings that the result of a photo depends on, and of the others of its moment."""
@@ -104,7 +112,9 @@ class PhotoProcessor:
             else:
                 result = self._reconstruct(item.path, item.settings)
             self._save(result, item, beside)
-            files = file_sizes_text(Path(self.job.out), photo_folder(item.id), self.job.saving)
+            files = file_sizes_text(
+                Path(self.job.out), photo_folder(item.id), self.job.saving, thumbnails=self.job.thumbnails
+            )
         except Exception as error:  # whatever a photo causes costs this photo alone
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -115,7 +125,7 @@ class PhotoProcessor:
         return base_row(self.job, item) | {
             "state": "done",
             "seconds": time.perf_counter() - start - loading,
-            "photo": result.photo.partition(" ")[0],
+            "photo": result.photo,
             "folder": photo_folder(item.id) if self.job.saving.main_file else "",
             "files": files,
             "checks_failed": " ".join(failed),
@@ -129,8 +139,9 @@ class PhotoProcessor:
         out, folder = Path(self.job.out), photo_folder(item.id)
         for name in item.replaces:
             (out / folder / name).unlink(missing_ok=True)
-        save_photo(result, out / folder, self.job.saving, Path(item.path).name, beside=beside)
-        if self.job.saving.thumbnails:
+        title = Path(item.path).name
+        save_reconstruction(result, out / folder, self.job.save, title=title, overwrite=True, beside=beside)
+        if self.job.thumbnails:
             write_thumbnail(result, out, folder)
 
 
@@ -190,8 +201,9 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
 def prepare_job(
     config: Config | str | os.PathLike[str] | Mapping[str, Any] | None,
     out: str | os.PathLike[str],
-    saving: Saving,
+    save: str | Saving,
     *,
+    thumbnails: bool = True,
     cache: bool = False,
     registry: Registry | None = None,
     write: bool = True,
@@ -201,20 +213,22 @@ def prepare_job(
     Args:
         config: as of :class:`physic_core.Pipeline`.
         out: output folder.
-        saving: the files of each photo.
+        save: the files of each photo, such as "numbers+preview".
+        thumbnails: whether to write a thumbnail of each photo.
         cache: whether to use the cache of backends' outputs.
         registry: of the backends; the installed ones if None.
         write: whether the output folder is created, and checked to be writable.
 
     Raises:
-        ConfigError: the configuration is invalid.
+        ConfigError: the configuration or ``save`` is not valid.
         WeightsMissingError: weights are missing.
         PackageMissingError: pages are to be written, and no installed plugin makes them.
         OutputError: the folder cannot be written.
     """
-    registry = discover() if registry is None else registry
+    registry, saving = discover() if registry is None else registry, Saving.parse(save)
     settings = batch_config(as_config(config), registry, cache=cache)
     require_available(resolve(settings, registry))
     if saving.report:
         require_report()
-    return BatchJob(settings, str((check_writable(Path(out)) if write else Path(out)).resolve()), saving)
+    folder = (check_writable(Path(out)) if write else Path(out)).resolve()
+    return BatchJob(settings, str(folder), str(saving), thumbnails)

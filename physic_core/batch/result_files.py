@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.saving import Saving, thumbnail_path
+from physic_core.batch.thumbnails import thumbnail_path
 from physic_core.errors import InputError
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
@@ -19,6 +19,7 @@ from physic_core.io.result_folder import (
     file_digest,
 )
 from physic_core.io.results import read_document
+from physic_core.io.saved_files import Saving
 
 _THUMBNAIL = "thumbnail"
 
@@ -35,7 +36,7 @@ def result_digest(folder: Path, saving: Saving) -> str:
     return digests_of_result(folder).get(arrays, "")
 
 
-def file_sizes_text(out: Path, folder: str, saving: Saving) -> str:
+def file_sizes_text(out: Path, folder: str, saving: Saving, *, thumbnails: bool) -> str:
     """Return "NAME=BYTES NAME=BYTES ..." of the files of a photo's folder, and of its thumbnail as the last one.
 
     Raises:
@@ -47,7 +48,7 @@ def file_sizes_text(out: Path, folder: str, saving: Saving) -> str:
     else:
         names = _names(out / folder)
     paths = {name: out / folder / name for name in names}
-    if saving.thumbnails:
+    if thumbnails:
         paths[_THUMBNAIL] = out / thumbnail_path(folder)
     return " ".join(f"{name}={path.stat().st_size}" for name, path in paths.items())
 

@@ -12,8 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from physic_core.errors import ConfigError
+
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
+
+    from physic_core.io.saved_files import Saving
 
 
 class AnyPath(click.ParamType[Path]):
@@ -28,6 +32,29 @@ class AnyPath(click.ParamType[Path]):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         return complete_files(ctx, param, incomplete)
+
+
+class SavedFiles(click.ParamType["Saving"]):
+    """Words of :mod:`physic_core.io.saved_files`, such as numbers+preview."""
+
+    name = "WORDS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Saving:
+        from physic_core.io.saved_files import Saving
+
+        try:
+            return Saving.parse(value)
+        except ConfigError as error:
+            self.fail(str(error), param, ctx)
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        from click.shell_completion import CompletionItem
+
+        from physic_core.io.saved_files import EXTRAS, LEVELS
+
+        begun, plus, _ = incomplete.rpartition("+")
+        words = [f"{begun}+{extra}" for extra in EXTRAS] if plus else LEVELS
+        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
 
 
 def complete_files(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import complete_files, configuration_options, refuse_nan
+from physic_core.cli.arguments import SavedFiles, complete_files, configuration_options, refuse_nan
 from physic_core.cli.output import echo
 from physic_core.configuration.quoting import printable
 
@@ -18,17 +18,14 @@ if TYPE_CHECKING:
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
-_LEVELS = ("full", "compact", "numbers", "people", "summary")
+_SAVE = "Files of each photo, as of physic run; summary: none. +preview, +glb, +report add files: numbers+preview."
 
 
 @click.command()
 @click.argument("photos", nargs=-1, required=True, shell_complete=complete_files)
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="Folder for all results.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Processes.  [default: by cores and memory]")
-@click.option("--save", "level", type=click.Choice(_LEVELS), default="numbers", show_default=True, help="What to keep.")
-@click.option("--preview", is_flag=True, help="Also write preview.png of each photo.")
-@click.option("--glb", is_flag=True, help="Also write the GLB files of each photo.")
-@click.option("--report", is_flag=True, help="Also write report.html of each photo, a page in 3D for a browser.")
+@click.option("--save", "saving", type=SavedFiles(), default="numbers", show_default=True, help=_SAVE)
 @click.option("--no-thumbnails", is_flag=True, help="Write no thumbnails, and no contact sheet.")
 @click.option(
     "--table", type=click.Choice(("parquet", "csv")), help="Summary.  [default: parquet with pyarrow, else csv]"
@@ -108,7 +105,7 @@ def batch(
     with sigterm_as_exception(), _show_progress(len(todo)) as on_row:
         run_batch(todo, job, run, Path(job.out) / name, on_row)
     written = [write_table(Path(job.out), table), write_people_table(Path(job.out))]
-    if job.saving.thumbnails:
+    if job.thumbnails:
         written.append(write_contact_sheet(Path(job.out)))
     echo(_summary(Path(job.out), items))
     echo("\n".join(f"wrote {path}" for path in written))
@@ -123,17 +120,16 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         write: whether to create the folder.
     """
     from physic_core.batch.process import prepare_job
-    from physic_core.batch.saving import Saving
     from physic_core.configuration.resolve import load_checked_config
     from physic_core.discovery.plugins import discover
 
     file, preset, device = options["file"], options["preset"], options["device"]
-    saved = {name: options[name] for name in ("level", "preview", "glb", "report")}
-    saving = Saving(**saved, thumbnails=not options["no_thumbnails"])
+    saving, thumbnails = options["saving"], not options["no_thumbnails"]
     registry = discover()
     flags = {"--device": {"run": {"device": device}}} if device else {}
     config = load_checked_config(registry, file, preset=preset, overrides=options["overrides"], flags=flags)
-    return prepare_job(config, out, saving, cache=options["cache"], registry=registry, write=write)
+    cache = options["cache"]
+    return prepare_job(config, out, saving, thumbnails=thumbnails, cache=cache, registry=registry, write=write)
 
 
 def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:

@@ -10,15 +10,18 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, complete_files, configuration_options, one_photo
+from physic_core.cli.arguments import AnyPath, SavedFiles, complete_files, configuration_options, one_photo
 from physic_core.cli.output import echo
 from physic_core.cli.output_folder import reserve_folder
 from physic_core.cli.result_summary import print_summary
 from physic_core.cli.run_messages import collect_plugin_messages, print_messages, show_progress
+
+if TYPE_CHECKING:
+    from physic_core.io.saved_files import Saving
 
 
 class _Numbers(click.ParamType[Any]):
@@ -52,11 +55,10 @@ def _setting(option: str, path: str, **attributes: Any) -> Callable[[Callable[..
     return click.option(option, callback=store, expose_value=False, **attributes)
 
 
-_LEVELS = ("full", "compact", "numbers", "people")
-
 _SAVE = (
-    "Files beside the page. compact: arrays in their smaller form, preview, combined.glb. full: all arrays as computed "
-    "and all GLB files. numbers: arrays alone. people: arrays of the people alone."
+    "Files beside the page. compact: arrays in their smaller form, preview, combined.glb. full: arrays as computed, "
+    "preview, all GLB files. exact: arrays as computed. numbers: arrays in their smaller form. people: those of the "
+    "people. +preview and +glb add files, as in numbers+preview."
 )
 
 _OUT = (
@@ -72,7 +74,7 @@ _PERSON = "Reconstruct only the person at this pixel of the photo file; may be r
 @click.argument("photos", metavar="PHOTO", nargs=-1, required=True, shell_complete=complete_files)
 @click.option("-o", "--out", type=AnyPath(), help=_OUT)
 @click.option("--overwrite", is_flag=True, help="Replace another photo's result, or changed files of a result.")
-@click.option("--save", "level", type=click.Choice(list(_LEVELS)), default="compact", show_default=True, help=_SAVE)
+@click.option("--save", "saving", type=SavedFiles(), default="compact", show_default=True, help=_SAVE)
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @configuration_options
@@ -122,7 +124,7 @@ def run(
     photos: tuple[str, ...],
     out: Path | None,
     overwrite: bool,
-    level: str,
+    saving: Saving,
     report: bool | None,
     open_page: bool,
     file: Path | None,
@@ -138,6 +140,8 @@ def run(
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
     if open_page and report is False:
         raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
+    if saving.level == "summary":
+        raise click.UsageError("--save summary writes no result, which only a batch can do without: give another level")
     if verbose and quiet:
         raise click.UsageError("--verbose prints more and --quiet less: give one of them")
     photo = one_photo(photos)
@@ -162,15 +166,13 @@ def run(
             from physic_core.cli.worker_run import RunArguments, reconstruct_in_worker
 
             result, messages = reconstruct_in_worker(photo, RunArguments(file, settings, timeout_s, quiet))
-        from physic_core.batch.saving import Saving, save_photo
         from physic_core.io.people_table import people_csv
         from physic_core.io.result_folder import PEOPLE_TABLE
+        from physic_core.io.saving import save_reconstruction
 
-        saving, beside = (
-            Saving(level, report=report, exact=level == "full"),
-            {PEOPLE_TABLE: people_csv(result, photo.name)},
-        )
-        save_photo(result, folder, saving, photo.name, overwrite=overwrite, beside=beside)
+        saving = saving.with_report() if report else saving
+        beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
+        save_reconstruction(result, folder, saving, title=photo.name, overwrite=overwrite, beside=beside)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)
@@ -261,23 +263,12 @@ def sigterm_as_exception() -> Iterator[None]:
 @contextmanager
 def _reserve_folder(photo: Path, out: Path | None, overwrite: bool) -> Iterator[Path]:
     """Check and yield the output folder of a photo."""
-    digest = _digest(photo)
+    from physic_core.io.result_folder import file_digest
+
+    digest = file_digest(photo)
     folder, made = (out, []) if out is not None else _default_folder(photo, digest, overwrite)
     with reserve_folder(folder, digest, overwrite=overwrite, made=made):
         yield folder
-
-
-def _digest(photo: Path) -> str:
-    """Return the digest of the photo's pixels, else of its file; "" if the file cannot be read."""
-    from physic_core.errors import InputError
-    from physic_core.io.photo import read_photo
-    from physic_core.io.result_folder import file_digest, photo_identity
-
-    digest = file_digest(photo)
-    if digest:
-        with suppress(InputError):
-            return photo_identity(photo, read_photo(photo).image)
-    return digest
 
 
 def _default_folder(photo: Path, digest: str, overwrite: bool) -> tuple[Path, list[Path]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from physic_core.errors import OutputError
+from physic_core.files.atomic import atomic_write, check_writable
 
 MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
@@ -34,6 +35,18 @@ def check_own(*paths: Path, mark: str = MARK) -> None:
             raise OutputError(f"cannot write {path}: {error.strerror}; name another folder") from error
         if not is_own:
             raise foreign_file(path)
+
+
+def write_own(path: Path, content: bytes, mark: str = MARK) -> Path:
+    """Write a file that carries the mark, completely or not at all; an earlier one is replaced.
+
+    Raises:
+        OutputError: it cannot be written, or a file of the user is there.
+    """
+    check_own(path, mark=mark)
+    with atomic_write(check_writable(path.parent)) as temporary:
+        temporary(path.name).write_bytes(content)
+    return path
 
 
 def foreign_file(path: Path) -> OutputError:

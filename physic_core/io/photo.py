@@ -55,7 +55,7 @@ class Photo(ShortRepr):
         intrinsics: of ``image``; None if the file has no usable EXIF data.
         notes: conversions of the pixels, as text for the user.
         file_size: (width, height) of the upright file, px, if the image was reduced while reading; None if it was not.
-        digest: of the file, if there was one, then of the pixels, separated by a space; "" if it was not computed.
+        digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
     """
 
     image: UInt8Array
@@ -96,17 +96,17 @@ def read_source(photo: PhotoSource) -> Photo:
         source = _source(photo)
         with open_image(source) as (image, file):
             digest = _digest(file)  # of the file that is read, even if another one takes its place
-            found = _read(image, source)
+            return replace(_read(image, source), digest=digest)
     elif isinstance(photo, Image.Image):
-        found, digest = _read_image(photo), ""
+        found = _read_image(photo)
     elif _is_grey_or_rgba(photo):
         array = np.ascontiguousarray(photo).reshape(
             photo.shape[:2] if photo.size == math.prod(photo.shape[:2]) else photo.shape
         )
-        found, digest = _read(Image.fromarray(array), ImageSource("given as an array")), ""
+        found = _read(Image.fromarray(array), ImageSource("given as an array"))
     else:
-        found, digest = Photo(check_image(photo)), ""
-    return replace(found, digest=" ".join(filter(None, (digest, image_digest(found.image)))))
+        found = Photo(check_image(photo))
+    return replace(found, digest=image_digest(found.image))
 
 
 def _source(photo: str | os.PathLike[str] | bytes) -> ImageSource:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.own import check_own
-from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE
-from physic_core.io.results import add_files, load_reconstruction
+from physic_core.files.own import check_own, write_own
+from physic_core.io.document import encode_document
+from physic_core.io.result_folder import DOCUMENT_FILE, REPORT_FILE, digest_of
+from physic_core.io.results import load_reconstruction, read_document
 from physic_core.visual.report import PAGE_MARK, report_html
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from physic_core.types import Reconstruction
 
 
@@ -29,12 +33,8 @@ def save_report(reconstruction: Reconstruction, path: str | os.PathLike[str], ti
         OutputError: the file cannot be written, or is not a page of PhySIC.
         PackageMissingError: no installed plugin makes pages.
     """
-    path = Path(path)
-    check_own(path, mark=PAGE_MARK)
-    page = report_html(reconstruction, title).encode()
-    with atomic_write(check_writable(path.parent)) as temporary:
-        temporary(path.name).write_bytes(page)
-    return path
+    check_own(Path(path), mark=PAGE_MARK)  # before a page that takes long is made
+    return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
 
 
 def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = "") -> Path:
@@ -60,10 +60,27 @@ def add_report(folder: str | os.PathLike[str], reconstruction: Reconstruction | 
     try:
         shown = load_reconstruction(folder) if reconstruction is None else reconstruction
     except InputError as error:
-        add_files(folder, {REPORT_FILE: report_html(error, title).encode()})
+        _add_files(folder, {REPORT_FILE: report_html(error, title).encode()})
         raise
-    add_files(folder, {REPORT_FILE: report_html(shown, title).encode()})
+    _add_files(folder, {REPORT_FILE: report_html(shown, title).encode()})
     return folder / REPORT_FILE
+
+
+def _add_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files (name -> content) to the folder of a result, and list them in its document, if that can be read.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    with atomic_write(check_writable(folder), index=DOCUMENT_FILE) as temporary:
+        # Read while the folder is locked: another process may just have saved another result.
+        with suppress(InputError):
+            document = read_document(folder)
+            document["files"] = [*(name for name in document["files"] if name not in files), *files]
+            document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
+            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
+        for name, content in files.items():
+            temporary(name).write_bytes(content)
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:

@@ -54,13 +54,8 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def photo_identity(path: str | os.PathLike[str], image: UInt8Array) -> str:
-    """Compute the digests of a photo file and of its pixels, separated by a space."""
-    return " ".join(filter(None, (file_digest(path), image_digest(image))))
-
-
 def same_photo(one: str, other: str) -> bool:
-    """Whether two photos have a digest in common, of the file or of the pixels."""
+    """Whether two results have a photo in common, by the digests of their photos, separated by spaces."""
     return one == other or not set(one.split()).isdisjoint(other.split())
 
 
@@ -135,8 +130,7 @@ def check_overwrite(
     if lost and lost == changed:
         cure += f", or replace {'it' if len(lost) == 1 else 'them'} with --overwrite (overwrite=True in Python)"
     if whose is not None and not same_photo(whose, photo) and not overwrite:
-        comparable = not _kinds(whose).isdisjoint(_kinds(photo))
-        faults.append(f"it holds {'the result of another' if comparable else 'a result of an unknown'} photo")
+        faults.append("it holds the result of another photo")
         cure = cure if lost else "replace that result with --overwrite (overwrite=True in Python)"
     if faults:
         raise OutputError(f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}")
@@ -173,10 +167,6 @@ def _files(*documents: Mapping[str, Any]) -> frozenset[str]:
     lists = [document.get("files") for document in documents]
     named = [str(name) for files in lists if isinstance(files, list) for name in files]
     return frozenset(name for name in named if os.path.basename(name) == name)
-
-
-def _kinds(photo: str) -> set[str]:
-    return {digest.partition(":")[0] for digest in photo.split()}
 
 
 def _listed(names: list[str]) -> str:

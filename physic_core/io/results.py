@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import atomic_write, check_writable
-from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers, write_arrays
+from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_headers
 from physic_core.files.regular import open_regular, read_regular
 from physic_core.files.strict_json import from_json
 from physic_core.io.arrays import (
@@ -22,11 +20,9 @@ from physic_core.io.arrays import (
     SHARED_ARRAYS,
     check_arrays,
     number_of_people,
-    to_arrays,
 )
 from physic_core.io.compact import (
     array_specs,
-    compact_arrays,
     expand_arrays,
     expand_people,
     is_compact,
@@ -34,9 +30,7 @@ from physic_core.io.compact import (
 )
 from physic_core.io.document import (
     decode_document,
-    encode_document,
     parse_skeleton,
-    to_document,
 )
 from physic_core.io.records import from_record, from_record_or_none, from_records, parse_grade
 from physic_core.io.result_folder import (
@@ -44,11 +38,7 @@ from physic_core.io.result_folder import (
     DOCUMENT_FILE,
     MAX_DOCUMENT_BYTES,
     PEOPLE_FILE,
-    PREVIEW_FILE,
-    check_overwrite,
-    digest_of,
     file_digest,
-    unchanged_result_files,
 )
 from physic_core.types import (
     NO_PARTNER,
@@ -81,142 +71,6 @@ if TYPE_CHECKING:
 _SMALL = 256 << 20
 _MAX_RATIO = 50
 """Arrays may have 256 MB, and 50 times the size of their file beyond: photos and depth compress by less than 10."""
-
-
-def save_reconstruction(
-    reconstruction: Reconstruction,
-    folder: str | os.PathLike[str],
-    *,
-    preview: bool = True,
-    glb: bool | Literal["combined"] = True,
-    compact: bool = False,
-    overwrite: bool = False,
-    beside: Mapping[str, bytes] | None = None,
-    photos: str = "",
-) -> tuple[Path, ...]:
-    """Write ``reconstruction.json``, ``reconstruction.npz``, the GLB files and ``preview.png`` to a folder.
-
-    All files are written, or none; if the process is killed, the folder may have no result. Numbers have the dtypes of
-    :mod:`physic_core.io.arrays`. An earlier result of the same photo is replaced. The result of another photo and
-    changed files are replaced only with ``overwrite``. The photo, and files that no run wrote, are never replaced.
-
-    Args:
-        reconstruction: what to save.
-        folder: created if missing.
-        preview: whether to write ``preview.png``.
-        glb: whether to write the GLB files; "combined" for ``combined.glb`` alone, which has everything.
-        compact: whether to write the arrays in their smaller form; see :mod:`physic_core.io.compact`.
-        overwrite: whether to replace another photo's result, or changed files of a result.
-        beside: name and content of further files, which are files of the result too.
-        photos: digests of all photos of one moment, whose earlier results are replaced; "" for that of the result.
-
-    Returns:
-        Paths of the written files.
-
-    Raises:
-        OutputError: the folder cannot be written, or data of the user would be lost.
-        Exception: a picture cannot be made; the numbers are then written without pictures.
-    """
-    names = [DOCUMENT_FILE, ARRAYS_FILE]
-    if glb:
-        names.append("combined.glb")
-    if glb is True:
-        names += ["scene.glb", *(f"person_{index}.glb" for index in range(len(reconstruction.people)))]
-    names += [*([PREVIEW_FILE] if preview else []), *(beside or ())]
-    photos = photos or reconstruction.photo
-    check_overwrite(folder, photos, overwrite=overwrite, names=names)
-    folder = check_writable(folder)
-    arrays = to_arrays(reconstruction)
-    if compact:
-        arrays = compact_arrays(arrays)
-    # Pictures are made before the folder is locked.
-    pictures, failure = _pictures(reconstruction, preview=preview, glb=glb)
-    specs = array_specs(arrays, compact=compact, views=[camera.people for camera in reconstruction.cameras])
-    stored = _StoredArrays(ARRAYS_FILE, arrays, specs, "" if compact else "f")
-    further = {name: pictures[name] for name in names if name in pictures} | dict(beside or {})
-    written = _write(reconstruction, folder, stored, further, photos, overwrite=overwrite)
-    if failure is not None:
-        raise failure
-    return written
-
-
-def save_people(
-    reconstruction: Reconstruction,
-    folder: str | os.PathLike[str],
-    *,
-    preview: bool = False,
-    overwrite: bool = False,
-    beside: Mapping[str, bytes] | None = None,
-) -> tuple[Path, ...]:
-    """Write ``reconstruction.json`` and the people's arrays in their smaller form, which :func:`load_people` reads.
-
-    Arguments, return value and errors are those of :func:`save_reconstruction`.
-    """
-    pictures = dict[str, bytes]()
-    if preview:
-        from physic_core.visual.preview import preview_png
-
-        pictures[PREVIEW_FILE] = preview_png(reconstruction)
-    arrays = {n: a for n, a in compact_arrays(to_arrays(reconstruction)).items() if is_kept_without_scene(n)}
-    views = [camera.people for camera in reconstruction.cameras]
-    shared, of_person = array_specs(arrays, compact=True, views=views)
-    specs = tuple(spec for spec in shared if spec.name in arrays), of_person
-    stored = _StoredArrays(PEOPLE_FILE, arrays, specs)
-    further = pictures | dict(beside or {})
-    return _write(reconstruction, check_writable(folder), stored, further, reconstruction.photo, overwrite=overwrite)
-
-
-@dataclass(frozen=True)
-class _StoredArrays:
-    """Arrays, their file, their specifications, and the kinds of dtype that are not compressed."""
-
-    file: str
-    arrays: Mapping[str, NDArray[Any]]
-    specs: tuple[Sequence[ArraySpec], Sequence[ArraySpec]]
-    uncompressed: str = ""
-
-
-def _write(
-    reconstruction: Reconstruction,
-    folder: Path,
-    stored: _StoredArrays,
-    further: Mapping[str, bytes],
-    photos: str,
-    *,
-    overwrite: bool,
-) -> tuple[Path, ...]:
-    """Write document, arrays and further files, all or none; delete unchanged files of an earlier result."""
-    names = [DOCUMENT_FILE, stored.file, *further]
-    with atomic_write(folder, index=DOCUMENT_FILE) as temporary:
-        check_overwrite(folder, photos, overwrite=overwrite, names=names)
-        for name in unchanged_result_files(folder).difference(names):
-            temporary.remove(name)
-        document_file, arrays_file = temporary(DOCUMENT_FILE), temporary(stored.file)
-        write_arrays(arrays_file, stored.arrays, stored=stored.uncompressed)
-        digests = {stored.file: file_digest(arrays_file)}
-        for name, content in further.items():
-            temporary(name).write_bytes(content)
-            digests[name] = digest_of(content)
-        document = to_document(reconstruction, names, digests, stored.specs)
-        document_file.write_bytes(encode_document(document))
-    return tuple(folder / name for name in names)
-
-
-def add_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files (name -> content) to the folder of a result, and list them in its document, if that can be read.
-
-    Raises:
-        OutputError: a file cannot be written.
-    """
-    with atomic_write(check_writable(folder), index=DOCUMENT_FILE) as temporary:
-        # Read while the folder is locked: another process may just have saved another result.
-        with suppress(InputError):
-            document = read_document(folder)
-            document["files"] = [*(name for name in document["files"] if name not in files), *files]
-            document["digests"] = document["digests"] | {name: digest_of(files[name]) for name in files}
-            temporary(DOCUMENT_FILE).write_bytes(encode_document(document))
-        for name, content in files.items():
-            temporary(name).write_bytes(content)
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
@@ -270,31 +124,6 @@ def read_image(folder: Path) -> NDArray[np.uint8]:
     """
     image: NDArray[np.uint8] = _arrays(folder, read_document(folder), only=("image",))["image"]
     return image
-
-
-def _pictures(
-    reconstruction: Reconstruction, *, preview: bool, glb: bool | str
-) -> tuple[dict[str, bytes], Exception | None]:
-    """Return GLB files and preview by name, and the error if they cannot be made."""
-    if not (glb or preview):
-        return {}, None
-    from threadpoolctl import threadpool_limits
-
-    try:
-        # Matrices of three columns: other threads of BLAS would take as much processor time again, waiting.
-        with threadpool_limits(limits=1, user_api="blas"):
-            made = dict[str, bytes]()
-            if glb:
-                from physic_core.visual.glb import glb_files
-
-                made |= glb_files(reconstruction, parts=glb is True)
-            if preview:
-                from physic_core.visual.preview import preview_png
-
-                made[PREVIEW_FILE] = preview_png(reconstruction)
-    except Exception as error:
-        return {}, error
-    return made, None
 
 
 def _incomplete(folder: Path, error: Exception) -> InputError:

@@ -154,7 +154,7 @@ class Reconstruction(ShortRepr):
         checks: all self-checks of the result: ok, failed or unknown.
         grade: how far the result can be trusted: the worst of the grades of its main people, who are at least half as
             large in the photo as the largest one, and of the photo's own checks. None without grades.
-        photo: digest of the photo file, if there was one, then of its pixels, separated by a space.
+        photo: digest of the photo file, or of the pixels of a photo without a file.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
@@ -235,19 +235,21 @@ class Reconstruction(ShortRepr):
 
         return summarize(self)
 
-    def save(self, folder: str, *, preview: bool = True, overwrite: bool = False) -> None:
+    def save(self, folder: str, save: str = "full", *, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, GLB files and ``preview.png`` to a folder.
 
         Args:
             folder: created if it does not exist. An earlier result of the same photo in it is replaced.
-            preview: whether to write ``preview.png``.
+            save: which files, as the option of the command: "full", "exact" without pictures, "compact", "numbers" or
+                "people", with "+preview", "+glb" or "+report" to add some.
             overwrite: whether to replace the result of another photo, and result files that were edited. Files that no
                 run wrote are never replaced.
 
         Raises:
+            ConfigError: ``save`` is not valid.
             OutputError: the folder cannot be written, or a file of the user's would be lost.
         """
-        _public_function("save_reconstruction")(self, folder, preview=preview, overwrite=overwrite)
+        _public_function("save_reconstruction")(self, folder, save, overwrite=overwrite)
 
     def report(self, path: str, title: str = "") -> None:
         """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser without a network.

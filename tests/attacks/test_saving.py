@@ -16,15 +16,16 @@ import numpy as np
 import pytest
 
 import physic_core.io.report_file as report_file
-import physic_core.io.results as results
+import physic_core.io.saving as saving
 from fuzzing.interrupted import Steps
 from fuzzing.tiny_result import tiny_result
 from physic_core.batch.journal import Journal, read_rows
-from physic_core.batch.saving import Saving, save_photo
 from physic_core.errors import InputError, OutputError
 from physic_core.files.archive import write_archive
 from physic_core.files.atomic import atomic_write
-from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.io.results import load_reconstruction
+from physic_core.io.saved_files import Saving
+from physic_core.io.saving import save_reconstruction
 from physic_core.types import Reconstruction
 from physic_scene.output import save_scene
 from physic_scene.types import SceneResult
@@ -41,11 +42,12 @@ def mark(result: Reconstruction) -> str:
 def quick_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures and pages that name their result, in place of rendered ones."""
 
-    def pictures(result: Reconstruction, *, preview: bool, glb: bool) -> tuple[dict[str, bytes], None]:
-        names = ["scene.glb", *(f"person_{i}.glb" for i in range(len(result.people)))] * glb + ["preview.png"] * preview
+    def pictures(result: Reconstruction, files: Saving) -> tuple[dict[str, bytes], None]:
+        names = ["scene.glb", *(f"person_{i}.glb" for i in range(len(result.people)))] * (files.glb == "all")
+        names += ["preview.png"] * files.preview
         return {name: f"picture of {mark(result)}".encode() for name in names}, None
 
-    monkeypatch.setattr(results, "_pictures", pictures)
+    monkeypatch.setattr(saving, "_pictures", pictures)
     page = f"<meta {report_file.PAGE_MARK}> page of "
     monkeypatch.setattr(report_file, "report_html", lambda result, title: page + mark(result))
 
@@ -55,11 +57,11 @@ def save(folder: Path, result: Reconstruction) -> None:
 
 
 def save_compact(folder: Path, result: Reconstruction) -> None:
-    save_photo(result, folder, Saving("numbers"))
+    save_reconstruction(result, folder, Saving("numbers"), overwrite=True)
 
 
 def save_people(folder: Path, result: Reconstruction) -> None:
-    save_photo(result, folder, Saving("people"))
+    save_reconstruction(result, folder, Saving("people"), overwrite=True)
 
 
 def save_moment(folder: Path, result: Reconstruction) -> None:

@@ -10,10 +10,12 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fuzzing.tiny_result import tiny_result
-from physic_core.batch.saving import Saving, save_photo, write_thumbnail
+from physic_core.batch.thumbnails import write_thumbnail
 from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.errors import OutputError
+from physic_core.io.saved_files import Saving
+from physic_core.io.saving import save_reconstruction
 
 NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
 MINE = '{"id": "mine", "stature": 1.71}\n'
@@ -92,13 +94,13 @@ def test_pictures_of_the_user_stay_where_a_batch_writes_its_own(tmp_path: Path):
     """At level "summary", which has no list of digests, and thumbnails."""
     result, preview = tiny_result(), tmp_path / "photo" / "preview.png"
     for _ in range(2):
-        save_photo(result, tmp_path / "photo", Saving("summary", preview=True))
+        save_reconstruction(result, tmp_path / "photo", Saving.parse("summary+preview"), overwrite=True)
         write_thumbnail(result, tmp_path, "photos/3f/a")
     thumbnail = tmp_path / "thumbnails" / "3f" / "a.jpg"
     for path in (preview, thumbnail):
         path.write_text("mine")
     with pytest.raises(OutputError):
-        save_photo(result, tmp_path / "photo", Saving("summary", preview=True))
+        save_reconstruction(result, tmp_path / "photo", Saving.parse("summary+preview"), overwrite=True)
     with pytest.raises(OutputError):
         write_thumbnail(result, tmp_path, "photos/3f/a")
     assert preview.read_text() == thumbnail.read_text() == "mine"
@@ -108,5 +110,5 @@ def test_pictures_of_the_user_stay_where_a_batch_writes_its_own(tmp_path: Path):
 def test_files_of_the_user_stay_where_people_are_saved(tmp_path: Path, name: str):
     (tmp_path / name).write_text("mine")
     with pytest.raises(OutputError, match=f"{name} there is not of an earlier run"):
-        save_photo(tiny_result(), tmp_path, Saving("people", preview=True))
+        save_reconstruction(tiny_result(), tmp_path, Saving.parse("people+preview"), overwrite=True)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]

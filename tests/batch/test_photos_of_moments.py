@@ -16,7 +16,6 @@ from physic_core.batch.journal import read_rows
 from physic_core.batch.photos import find_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.batch.saving import Saving
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, NoPersonError
@@ -62,7 +61,7 @@ def reconstruct(path: str, settings: Mapping[str, Any]) -> Any:
 
 def run(table: Path, out: Path) -> list[str]:
     """Run or resume a batch in this process; return the ids that were done."""
-    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", thumbnails=False))
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers", thumbnails=False)
     todo, process = plan_batch(find_photos([str(table)]), job).todo, PhotoProcessor(job, reconstruct)
     run_batch(todo, job, lambda items, job: (process(item) for item in items), out / "journal.jsonl")
     return [item.id for item in todo]

@@ -30,10 +30,10 @@ from physic_core.batch.photos import find_photos, stamped
 from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
 from physic_core.batch.row_checksum import with_checksum
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.batch.saving import Saving
 from physic_core.batch.table import write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
+from physic_core.io.saved_files import Saving
 
 from .conftest import STANDIN
 
@@ -229,7 +229,7 @@ def finished(job: BatchJob, photos: Path, **more: Any) -> None:
 
 
 def job_for(out: Path, *overrides: str, level: str = "summary") -> BatchJob:
-    return BatchJob(load_config(preset="mock", overrides=overrides), str(out), Saving(level, thumbnails=False))
+    return BatchJob(load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False)
 
 
 def todo(job: BatchJob, photos: Path, **options: bool) -> list[str]:
@@ -282,16 +282,16 @@ def run_tiny(photos: Path, job: BatchJob) -> dict[str, Any]:
 @pytest.mark.parametrize(
     "saving",
     [
-        Saving("numbers", report=True),
-        Saving("numbers", preview=True),
-        Saving("people", thumbnails=False),
-        Saving("summary", preview=True, report=True),
+        Saving.parse("numbers+report"),
+        Saving.parse("numbers+preview"),
+        Saving("people"),
+        Saving.parse("summary+preview+report"),
     ],
     ids=str,
 )
 def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving: Saving, damage: str):
     photos = make_photos(tmp_path / "photos", "a")
-    job = BatchJob(load_config(preset="mock"), str(out), saving)
+    job = BatchJob(load_config(preset="mock"), str(out), str(saving))
     found = run_tiny(photos, job)
     sizes = dict(text.split("=") for text in found["files"].split())
     assert sizes == {
@@ -314,7 +314,7 @@ def test_each_file_that_is_lost_is_made_again(tmp_path: Path, out: Path, saving:
 def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
     """A batch that was killed between a result and its row leaves this."""
     photos = make_photos(tmp_path / "photos", "a", "b")
-    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers"))
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers")
     run_tiny(photos, job)
     journal = out / "journal.jsonl"
     first, _ = journal.read_bytes().splitlines(keepends=True)
@@ -327,7 +327,7 @@ def test_a_result_without_its_row_is_done_again(tmp_path: Path, out: Path):
 @pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz", "preview.png"])
 def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: str, damage: str):
     photos = make_photos(tmp_path / "photos", "a")
-    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", preview=True))
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers+preview")
     run_tiny(photos, job)
     (path,) = out.glob(f"photos/*/*/{name}")
     (mine := path.parent / "mine.txt").write_text("mine")
@@ -344,7 +344,7 @@ def test_a_photo_with_a_lost_file_is_done_anew(tmp_path: Path, out: Path, name: 
 
 def test_changed_bytes_are_found_with_verify_only(tmp_path: Path, out: Path):
     photos = make_photos(tmp_path / "photos", "a")
-    job = BatchJob(load_config(preset="mock"), str(out), Saving("numbers", preview=True))
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers+preview")
     run_tiny(photos, job)
     for path in out.glob("photos/*/*/*"):
         content = path.read_bytes()

@@ -19,10 +19,10 @@ from physic_core.batch.contact_sheet import write_contact_sheet
 from physic_core.batch.journal import COLUMNS, Journal
 from physic_core.batch.photos import PhotoItem, photo_folder
 from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.saving import Saving, save_photo
 from physic_core.batch.table import write_people_table, write_table
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
+from physic_core.io.saved_files import Saving
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def result(make: Callable[..., Reconstruction]) -> Reconstruction:
 
 
 def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstruction, tmp_path: Path):
-    save_reconstruction(result, tmp_path / "small", preview=False, glb=False, compact=True)
+    save_reconstruction(result, tmp_path / "small", "numbers")
     again = load_reconstruction(tmp_path / "small")
     z = result.scene.points[..., 2]
     valid = result.scene.valid
@@ -65,11 +65,11 @@ def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstru
     ("saving", "files"),
     [
         (Saving("numbers"), ["reconstruction.json", "reconstruction.npz"]),
-        (Saving("numbers", preview=True), ["reconstruction.json", "reconstruction.npz", "preview.png"]),
+        (Saving.parse("numbers+preview"), ["reconstruction.json", "reconstruction.npz", "preview.png"]),
         (Saving("compact"), ["reconstruction.json", "reconstruction.npz", "preview.png", "combined.glb"]),
         (Saving("people"), ["reconstruction.json", "people.npz"]),
         (Saving("summary"), []),
-        (Saving("summary", preview=True), ["preview.png"]),
+        (Saving.parse("summary+preview"), ["preview.png"]),
         (
             Saving("full"),
             ["reconstruction.json", "reconstruction.npz", "preview.png", "scene.glb", "combined.glb", "person_0.glb",
@@ -79,14 +79,14 @@ def test_compact_arrays_lose_less_than_a_tenth_of_a_millimetre(result: Reconstru
     ids=str,
 )  # fmt: skip
 def test_save_levels_write_these_files(result: Reconstruction, tmp_path: Path, saving: Saving, files: list[str]):
-    save_photo(result, tmp_path / "photo", saving)
-    save_photo(result, tmp_path / "photo", saving)
+    save_reconstruction(result, tmp_path / "photo", saving, overwrite=True)
+    save_reconstruction(result, tmp_path / "photo", saving, overwrite=True)
     assert {path.name for path in tmp_path.glob("photo/*")} == set(files)
     assert not saving.main_file or saving.main_file in files
 
 
 def test_people_are_arrays_that_numpy_reads_too(result: Reconstruction, tmp_path: Path):
-    save_photo(result, tmp_path, Saving("people"))
+    save_reconstruction(result, tmp_path, Saving("people"), overwrite=True)
     arrays = load_people(tmp_path)
     assert np.abs(arrays["person_1_vertices"] - result.people[1].vertices).max() < 4e-5
     assert arrays["person_1_distance"].dtype == np.float32
@@ -97,8 +97,8 @@ def test_people_are_arrays_that_numpy_reads_too(result: Reconstruction, tmp_path
 
 
 def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_path: Path):
-    save_photo(result, tmp_path / "people", Saving("people"))
-    save_photo(result, tmp_path / "numbers", Saving("numbers"))
+    save_reconstruction(result, tmp_path / "people", Saving("people"), overwrite=True)
+    save_reconstruction(result, tmp_path / "numbers", Saving("numbers"), overwrite=True)
     with pytest.raises(InputError) as error:
         load_reconstruction(tmp_path / "people")
     assert str(error.value) == (
@@ -109,10 +109,23 @@ def test_a_result_names_the_function_that_reads_it(result: Reconstruction, tmp_p
         load_people(tmp_path / "numbers")
 
 
-@pytest.mark.parametrize(("level", "glb"), [("everything", False), ("people", True)])
-def test_a_save_level_without_arrays_refuses_glb(level: str, glb: bool):
-    with pytest.raises(ConfigError):
-        Saving(level, glb=glb)
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ("everything", "what to save begins with one of full, exact, compact, numbers, people, summary"),
+        ("numbers+page", "preview, glb, report can be added to what to save (got page)"),
+        ("people+glb", "GLB files need the scene: save full, exact, compact or numbers (got 'people+glb')"),
+    ],
+)
+def test_words_that_name_no_files_are_refused(words: str, problem: str):
+    with pytest.raises(ConfigError, match=re.escape(problem)):
+        Saving.parse(words)
+
+
+def test_the_word_of_the_files_is_read_back():
+    for words in ("full", "exact+preview+glb", "numbers+report", "summary+preview"):
+        assert str(Saving.parse(words)) == words
+    assert str(Saving.parse("numbers+report+preview")) == "numbers+preview+report"
 
 
 # ---- rows, table and page --------------------------------------------------------------------------------------------
@@ -129,7 +142,7 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
             raise InputError(f"cannot read the photo {path}: </script><b>&")
         return result
 
-    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(out), Saving("people")), reconstruct)
+    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(out), "people"), reconstruct)
     with Journal(out / "journal.jsonl") as journal:
         for name in ("one", "bad", "two"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
@@ -139,7 +152,7 @@ def batch(result: Reconstruction, tmp_path: Path) -> Path:
 def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result: Reconstruction, tmp_path: Path):
     folder = tmp_path / photo_folder("one")
     folder.mkdir(parents=True)
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
     (folder / "reconstruction.json").write_text("mine too")
     row = PhotoProcessor(job, lambda path, settings: result)(PhotoItem("one", "/photos/one.jpg"))
     assert (row["state"], row["error"]) == ("failed", "OutputError")
@@ -171,7 +184,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
     expected = [("one", "0"), ("one", "1"), ("two", "0"), ("two", "1")]
     assert people_of(batch) == expected
     again = replace(result, people=result.people[:1])
-    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(batch), Saving("summary")), lambda *_: again)
+    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(batch), "summary"), lambda *_: again)
     with Journal(batch / "journal.jsonl") as journal:
         for name in ("one", "=3"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
@@ -182,7 +195,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch: Path, result: R
 
 def test_no_text_of_the_csv_table_is_a_formula(tmp_path: Path):
     ids = ["=cmd|'calc'!A0", "@SUM(1)", "-o", "+1", "\tx", "\rx", "\nx", "\uff1d1", "'quoted", "plain", "a=b"]
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "summary", thumbnails=False)
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ids:
             journal.append(failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0))
@@ -242,7 +255,7 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch: Path):
 
 
 def test_a_result_without_its_thumbnail_stays_on_the_page(result: Reconstruction, tmp_path: Path):
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("numbers"))
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
     with Journal(tmp_path / "journal.jsonl") as journal:
         journal.append(PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg")))
     (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from PIL import Image
 
 from physic_core import Reconstruction
 from physic_core.cli import main
-from physic_core.errors import InputError, NoPersonError
-from physic_core.io.photo import read_photo
-from physic_core.io.result_folder import file_digest, image_digest, photo_identity, photo_identity_of_result
+from physic_core.errors import NoPersonError
+from physic_core.io.result_folder import file_digest, photo_identity_of_result
 
 from .results import empty_reconstruction
 
@@ -31,8 +27,6 @@ def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         photos.append(path)
         if path.stem == "empty":
             raise NoPersonError("nobody was found")
-        with suppress(InputError):
-            return empty_reconstruction(photo=photo_identity(path, read_photo(path).image))
         return empty_reconstruction(photo=file_digest(path))
 
     module = ModuleType("physic_core.pipeline.run")
@@ -104,10 +98,3 @@ def test_the_result_of_another_photo_is_refused_before_computing_and_replaced_wi
     )
     assert len(asked) == 2
     assert folder_of(run("b.jpg", "-o", "out", "--overwrite")) == "out"
-
-
-def test_a_result_of_the_same_pixels_counts_as_that_of_the_photo(asked: list[Path]):
-    pixels = np.full((70, 80, 3), 9, np.uint8)
-    Image.fromarray(pixels).save("a.png")
-    empty_reconstruction(photo=image_digest(pixels)).save("out", preview=False)
-    assert folder_of(run("a.png", "-o", "out")) == "out"

@@ -59,7 +59,7 @@ def document(make: Callable[..., Reconstruction], tmp_path: Path) -> dict[str, A
     )
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
     result = replace(made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=())
-    save_reconstruction(result, tmp_path, preview=False, glb=False)
+    save_reconstruction(result, tmp_path, "exact")
     return read_document(tmp_path)
 
 

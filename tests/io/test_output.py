@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from physic_core import Reconstruction
@@ -17,8 +16,6 @@ from physic_core.errors import OutputError
 from physic_core.io.result_folder import (
     check_overwrite,
     file_digest,
-    image_digest,
-    photo_identity,
     photo_identity_of_result,
 )
 
@@ -140,20 +137,20 @@ def test_a_pipe_is_not_waited_for(out: Path, photo: Path):
 
 def test_saving_replaces_the_same_photos_result_alone(tmp_path: Path, reconstruction: Reconstruction):
     first = replace(reconstruction, photo="sha256:1")
-    first.save(str(tmp_path / "out"), preview=False)
-    first.save(str(tmp_path / "out"), preview=False)
+    first.save(str(tmp_path / "out"), "exact")
+    first.save(str(tmp_path / "out"), "exact")
     assert Reconstruction.load(str(tmp_path / "out")).photo == "sha256:1"
     other = replace(reconstruction, photo="sha256:2")
     with pytest.raises(OutputError, match="it holds the result of another photo"):
-        other.save(str(tmp_path / "out"), preview=False)
+        other.save(str(tmp_path / "out"), "exact")
     assert photo_identity_of_result(tmp_path / "out") == "sha256:1"
-    other.save(str(tmp_path / "out"), preview=False, overwrite=True)
+    other.save(str(tmp_path / "out"), "exact", overwrite=True)
     assert photo_identity_of_result(tmp_path / "out") == "sha256:2"
     (tmp_path / "out" / "preview.png").write_text("mine")
     with pytest.raises(OutputError, match=r"preview\.png there is not of an earlier run"):
         other.save(str(tmp_path / "out"), overwrite=True)
     assert (tmp_path / "out" / "preview.png").read_text() == "mine"
-    other.save(str(tmp_path / "out"), preview=False)
+    other.save(str(tmp_path / "out"), "exact")
     assert (tmp_path / "out" / "preview.png").read_text() == "mine"
 
 
@@ -201,9 +198,9 @@ def test_a_result_states_the_digest_of_each_file_but_its_own(out: Path, reconstr
 
 
 def test_a_changed_file_that_the_next_result_has_not_is_left_alone(out: Path, make: Callable[..., Reconstruction]):
-    make(people=2).save(str(out), preview=False)
+    make(people=2).save(str(out), "exact+glb")
     (out / "person_1.glb").write_text("mine")
-    make(people=1).save(str(out), preview=False)
+    make(people=1).save(str(out), "exact+glb")
     assert (out / "person_1.glb").read_text() == "mine"
     assert set(json.loads((out / "reconstruction.json").read_text())["files"]) == {
         "reconstruction.json",
@@ -226,14 +223,3 @@ def test_earlier_pictures_are_known_where_the_new_ones_fail(
         with pytest.raises(MemoryError):
             reconstruction.save(str(out))
     reconstruction.save(str(out))
-
-
-def test_a_photo_is_the_same_by_its_file_or_by_its_pixels(out: Path, photo: Path):
-    pixels, others = np.zeros((4, 6, 3), np.uint8), np.ones((4, 6, 3), np.uint8)
-    result(out, photo_identity(photo, pixels))
-    for same in (photo_identity(photo, pixels), file_digest(photo), image_digest(pixels)):
-        check_overwrite(out, same)
-    assert refusal(out, image_digest(others)).startswith("it holds the result of another photo: ")
-    result(out, file_digest(photo))  # as results were written before pixels had a digest
-    check_overwrite(out, photo_identity(photo, pixels))
-    assert refusal(out, image_digest(pixels)).startswith("it holds a result of an unknown photo: ")

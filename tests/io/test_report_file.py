@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from physic_core.batch.saving import Saving, save_photo
 from physic_core.cli import main
 from physic_core.errors import InputError
 from physic_core.io.report_file import add_report
-from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.io.results import load_reconstruction
+from physic_core.io.saved_files import Saving
+from physic_core.io.saving import save_reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def result(make):
 @pytest.fixture(scope="module")
 def saved(result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved") / "my photo-physic"
-    save_reconstruction(result, folder, preview=False, glb=False)
+    save_reconstruction(result, folder, "exact")
     return folder
 
 
@@ -50,14 +51,14 @@ def test_the_page_is_a_file_of_the_result(folder, result):
     add_report(folder, result, "photo.jpg")
     assert json.loads((folder / "reconstruction.json").read_text())["files"].count("report.html") == 1
     # The next run of this photo replaces the result, and removes the page of the earlier one.
-    save_reconstruction(result, folder, preview=False, glb=False)
+    save_reconstruction(result, folder, "exact")
     assert not path.exists()
 
 
 def test_a_page_that_was_edited_is_not_removed(folder, result):
     path = add_report(folder)
     path.write_text(path.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
-    save_reconstruction(result, folder, preview=False, glb=False)
+    save_reconstruction(result, folder, "exact")
     assert path.read_text(encoding="utf-8").endswith("my remarks")
 
 
@@ -130,10 +131,10 @@ def cards(folder: Path) -> list[dict]:
 
 @pytest.mark.parametrize("level", ["numbers", "people", "summary"])
 def test_a_batch_writes_pages_at_every_level(result, tmp_path, level):
-    saving = Saving(level, report=True)
+    saving = Saving(level, ("report",))
     assert str(saving) == f"{level}+report"
-    save_photo(result, tmp_path / "photos", saving, "photo.jpg")
-    save_photo(result, tmp_path / "photos", saving, "photo.jpg")
+    save_reconstruction(result, tmp_path / "photos", saving, title="photo.jpg")
+    save_reconstruction(result, tmp_path / "photos", saving, title="photo.jpg")
     assert "<h1>photo.jpg</h1>" in (tmp_path / "photos" / "report.html").read_text(encoding="utf-8")
     assert (tmp_path / "photos" / saving.main_file).is_file()
     if level != "summary":

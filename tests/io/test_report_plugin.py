@@ -10,10 +10,10 @@ from click.testing import CliRunner, Result
 
 from physic_core import InputError, save_reconstruction
 from physic_core.batch.process import prepare_job
-from physic_core.batch.saving import Saving
 from physic_core.cli import main
 from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
+from physic_core.io.saved_files import Saving
 from physic_core.visual.report import PAGE_MARK, report_html
 
 PAGE = "def page(result, title):\n    {body}\n"
@@ -34,7 +34,7 @@ def hidden(monkeypatch: pytest.MonkeyPatch) -> None:
 def folder(make: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of a result, in the current one."""
     monkeypatch.chdir(tmp_path)
-    save_reconstruction(make(people=0), tmp_path / "results" / "a", preview=False, glb=False)
+    save_reconstruction(make(people=0), tmp_path / "results" / "a", "exact")
     return tmp_path / "results" / "a"
 
 
@@ -49,7 +49,7 @@ def physic(*arguments: object) -> Result:
 @pytest.mark.usefixtures("hidden")
 def test_without_a_plugin_each_way_to_a_page_names_it(make: Any, folder: Path):
     result = make(people=0)
-    saving = Saving("numbers", report=True)
+    saving = Saving.parse("numbers+report")
     ways = (
         lambda: report_html(result),
         lambda: result.report("a.html"),

@@ -16,12 +16,14 @@ import numpy as np
 import pytest
 
 import physic_core.io.results as results
+import physic_core.io.saving as saving
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import check_writable
 from physic_core.io.arrays import PERSON_ARRAYS, SHARED_ARRAYS
 from physic_core.io.document import to_document
 from physic_core.io.result_folder import file_digest
-from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.io.results import load_reconstruction
+from physic_core.io.saving import save_reconstruction
 
 
 def strict(text: bytes):
@@ -46,21 +48,21 @@ def test_small_arrays_keep_the_precision_that_their_backend_gave_them(tmp_path, 
     )
     floor = replace(reconstruction.scene.floor, normal=reconstruction.scene.floor.normal.astype(np.float32))
     before = replace(reconstruction, people=people, scene=replace(reconstruction.scene, floor=floor))
-    save_reconstruction(before, tmp_path, preview=False)
+    save_reconstruction(before, tmp_path, "exact")
     assert_same(before, load_reconstruction(tmp_path))
 
 
 @pytest.mark.parametrize("people", [0, 1, 2])
 def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
     before = make(people=people)
-    save_reconstruction(before, tmp_path, preview=False)
+    save_reconstruction(before, tmp_path, "exact")
     assert_same(before, load_reconstruction(tmp_path))
 
 
 def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction, assert_same):
     person = replace(reconstruction.people[0], score=math.nan, vertices=reconstruction.people[0].vertices * np.nan)
     before = replace(reconstruction, people=(person, *reconstruction.people[1:]))
-    save_reconstruction(before, tmp_path, glb=False)
+    save_reconstruction(before, tmp_path, "exact+preview")
     assert_same(before, load_reconstruction(tmp_path))
 
 
@@ -89,7 +91,7 @@ def test_the_files_of_a_result(tmp_path, reconstruction):
 
 
 def test_the_arrays_are_what_their_table_says(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     person = reconstruction.people[0]
     height, width = reconstruction.image.shape[:2]
     sizes = {"H": height, "W": width, "F": len(reconstruction.faces), "V": len(person.vertices), "P": 1}
@@ -108,7 +110,7 @@ def test_the_arrays_are_what_their_table_says(tmp_path, reconstruction):
 
 
 def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     text = (tmp_path / "reconstruction.json").read_bytes()
     document = strict(text)
     assert document["schema_version"] == 5
@@ -143,7 +145,7 @@ def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
     save_reconstruction(make(people=2), tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "person_9.ply").write_text("mine")
-    save_reconstruction(make(people=1), tmp_path, preview=False)
+    save_reconstruction(make(people=1), tmp_path, "exact+glb")
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [
         "combined.glb",
         "notes.txt",
@@ -157,7 +159,7 @@ def test_a_smaller_result_leaves_nothing_of_a_larger_one(tmp_path, make):
 
 def test_files_beside_no_result_are_left_alone(tmp_path, make):
     (tmp_path / "person_7.glb").write_text("mine")
-    save_reconstruction(make(people=1), tmp_path, preview=False)
+    save_reconstruction(make(people=1), tmp_path, "exact")
     assert (tmp_path / "person_7.glb").read_text() == "mine"
 
 
@@ -168,7 +170,7 @@ def test_a_failing_write_leaves_the_former_result(tmp_path, make, monkeypatch, a
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(results, "encode_document", full)
+    monkeypatch.setattr(saving, "encode_document", full)
     with pytest.raises(OutputError) as caught:
         save_reconstruction(make(people=2), tmp_path)
     assert str(caught.value) == (
@@ -215,7 +217,7 @@ def test_a_folder_without_a_result(tmp_path):
 
 
 def test_a_result_of_another_schema_version_is_refused(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"schema_version": 5', b'"schema_version": 4'))
     assert message_of(tmp_path) == (
@@ -243,7 +245,7 @@ def test_a_document_that_is_not_json_is_an_error(tmp_path):
 
 
 def test_a_document_without_a_required_key_is_an_error(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     del document["intrinsics"]
@@ -252,8 +254,8 @@ def test_a_document_without_a_required_key_is_an_error(tmp_path, reconstruction)
 
 
 def test_arrays_of_another_run_are_refused(tmp_path, make):
-    save_reconstruction(make(people=1), tmp_path / "a", preview=False)
-    save_reconstruction(make(people=2), tmp_path / "b", preview=False)
+    save_reconstruction(make(people=1), tmp_path / "a", "exact")
+    save_reconstruction(make(people=2), tmp_path / "b", "exact")
     path = tmp_path / "a" / "reconstruction.npz"
     path.write_bytes((tmp_path / "b" / "reconstruction.npz").read_bytes())
     assert message_of(tmp_path / "a") == (
@@ -263,7 +265,7 @@ def test_arrays_of_another_run_are_refused(tmp_path, make):
 
 
 def test_missing_arrays_are_named(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = {name: arrays[name] for name in arrays if name not in ("faces", "person_1_contact")}
@@ -276,7 +278,7 @@ def test_missing_arrays_are_named(tmp_path, reconstruction):
 
 @pytest.mark.parametrize("share", [0.3, 0.999])
 def test_truncated_arrays_are_refused(tmp_path, reconstruction, share):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * share)])
@@ -288,7 +290,7 @@ def test_truncated_arrays_are_refused(tmp_path, reconstruction, share):
 
 
 def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     content = bytearray(path.read_bytes())
     with zipfile.ZipFile(path) as archive:
@@ -302,7 +304,7 @@ def test_a_flipped_bit_is_noticed(tmp_path, reconstruction):
 
 
 def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = dict(arrays)
@@ -313,11 +315,11 @@ def test_a_pickle_in_the_arrays_is_not_opened(tmp_path, reconstruction):
 
 
 def test_an_edited_document_is_read_and_replaced_as_the_runs_own(tmp_path, reconstruction, assert_same):
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.json"
     path.write_bytes(path.read_bytes().replace(b'"offset": 1.4', b'"offset": 1.5'))
     assert load_reconstruction(tmp_path).scene.floor.offset == 1.5
-    save_reconstruction(reconstruction, tmp_path, preview=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     assert_same(reconstruction, load_reconstruction(tmp_path))
 
 
@@ -339,7 +341,7 @@ def test_an_edited_document_is_read_and_replaced_as_the_runs_own(tmp_path, recon
     ids=["kind", "control", "escape", "nan", "infinite", "twice", "nested", "deep", "digits", "model", "size"],
 )  # fmt: skip
 def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, fault):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.json"
     text = path.read_text(encoding="utf-8")
     assert before in text
@@ -369,7 +371,7 @@ def test_values_that_do_not_belong(tmp_path, reconstruction, before, after, faul
     ids=["faces", "vertices", "dtype", "floor", "people", "dimensions", "byte order"],
 )  # fmt: skip
 def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fault):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
@@ -383,7 +385,7 @@ def test_arrays_that_contradict_each_other(tmp_path, reconstruction, change, fau
 
 def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypatch):
     monkeypatch.setattr(results, "_SMALL", 1 << 20)
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as file:
         arrays = dict(file)
@@ -404,7 +406,7 @@ def test_a_small_file_cannot_fill_the_memory(tmp_path, reconstruction, monkeypat
 
 
 def test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at(tmp_path, reconstruction):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     path = tmp_path / "reconstruction.json"
     document = json.loads(path.read_bytes())
     path.write_text(json.dumps(document | {"people": [7] * 1_000_000}))
@@ -418,7 +420,7 @@ def test_more_people_than_a_photo_can_show_are_refused_before_they_are_looked_at
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("name", ["reconstruction.json", "reconstruction.npz"])
 def test_a_pipe_in_place_of_a_file(tmp_path, reconstruction, name):
-    save_reconstruction(reconstruction, tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruction, tmp_path, "exact")
     (tmp_path / name).unlink()
     os.mkfifo(tmp_path / name)
     assert message_of(tmp_path) == f"cannot read {tmp_path / name}: not a regular file; check who may read it"

@@ -33,7 +33,7 @@ def properties(schema: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 @pytest.mark.parametrize("people", [0, 2])
 def test_a_saved_result_is_valid(tmp_path: Path, make: Any, people: int):
-    save_reconstruction(make(40, 30, people), tmp_path, preview=False, glb=False)
+    save_reconstruction(make(40, 30, people), tmp_path, "exact")
     assert faults(saved(tmp_path)) == []
 
 
@@ -41,7 +41,7 @@ def test_a_result_of_the_pipeline_fulfils_the_schema_without_further_keys(tmp_pa
     from physic_core import reconstruct
     from physic_testing import build_world
 
-    save_reconstruction(reconstruct(build_world("walk").image, "mock"), tmp_path, preview=False, glb=False)
+    save_reconstruction(reconstruct(build_world("walk").image, "mock"), tmp_path, "exact")
     document = saved(tmp_path)
     assert faults(document) == []
     defined = SCHEMA["$defs"]
@@ -66,7 +66,7 @@ def test_a_result_of_the_pipeline_fulfils_the_schema_without_further_keys(tmp_pa
     ids=["grade", "version", "people"],
 )
 def test_the_json_schema_finds_a_fault(tmp_path: Path, make: Any, change: dict[str, Any], fault: str):
-    save_reconstruction(make(40, 30, 0), tmp_path, preview=False, glb=False)
+    save_reconstruction(make(40, 30, 0), tmp_path, "exact")
     assert faults(saved(tmp_path) | change) == [fault]
 
 

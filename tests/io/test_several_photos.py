@@ -12,7 +12,6 @@ import pytest
 from physic_core import load_people, load_reconstruction, save_reconstruction
 from physic_core.errors import InputError
 from physic_core.io.result_folder import file_digest
-from physic_core.io.results import save_people
 from physic_core.io.schema_file import result_schema_file
 
 
@@ -25,14 +24,14 @@ def edited(folder, change):
     return path
 
 
-@pytest.mark.parametrize("compact", [False, True], ids=["exact", "compact"])
-def test_load_gives_back_all_photos(tmp_path, several_photos, compact, assert_same):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False, compact=compact)
+@pytest.mark.parametrize("save", ["exact", "numbers"])
+def test_load_gives_back_all_photos(tmp_path, several_photos, save, assert_same):
+    save_reconstruction(several_photos, tmp_path, save)
     assert_same(several_photos.cameras, load_reconstruction(tmp_path).cameras)
 
 
 def test_the_people_alone_have_their_masks_in_all_photos(tmp_path, several_photos):
-    save_people(several_photos, tmp_path)
+    save_reconstruction(several_photos, tmp_path, "people")
     arrays = load_people(tmp_path)
     np.testing.assert_array_equal(arrays["camera_2_person_1_mask"], several_photos.cameras[2].people[1].mask)
     assert not {"image", "camera_1_image", "camera_2_person_0_mask"} & set(arrays)
@@ -49,8 +48,8 @@ def test_a_camera_maps_points_of_the_reference_frame(several_photos):
 
 
 def test_only_a_result_of_several_photos_has_cameras(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path / "several", preview=False, glb=False)
-    save_reconstruction(replace(several_photos, cameras=()), tmp_path / "one", preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path / "several", "exact")
+    save_reconstruction(replace(several_photos, cameras=()), tmp_path / "one", "exact")
     several, one = (json.loads((tmp_path / name / "reconstruction.json").read_bytes()) for name in ("several", "one"))
     assert set(several) - set(one) == {"cameras"}
     assert several["cameras"][0] == {"photo": "0.jpg"}
@@ -61,7 +60,7 @@ def test_only_a_result_of_several_photos_has_cameras(tmp_path, several_photos):
 
 
 def test_the_arrays_of_all_photos_are_listed(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     listed = json.loads((tmp_path / "reconstruction.json").read_bytes())["arrays"]["shared"]
     shapes = {one["name"]: one["shape"] for one in listed if one["name"].startswith("camera_2")}
     assert shapes == {
@@ -74,7 +73,7 @@ def test_the_arrays_of_all_photos_are_listed(tmp_path, several_photos):
 
 
 def test_a_person_of_a_photo_is_one_of_the_result(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     edited(tmp_path, lambda document: document["cameras"][2]["people"][0].update(index=7))
     message = (
         f"cannot read {tmp_path / 'reconstruction.npz'}: it is damaged (reconstruction.json lists person 7 in a photo, "
@@ -86,7 +85,7 @@ def test_a_person_of_a_photo_is_one_of_the_result(tmp_path, several_photos):
 
 
 def test_missing_arrays_of_a_photo_are_named(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     path = tmp_path / "reconstruction.npz"
     with np.load(path) as arrays:
         kept = {name: arrays[name] for name in arrays if not name.startswith("camera_2_")}
@@ -101,7 +100,7 @@ def test_missing_arrays_of_a_photo_are_named(tmp_path, several_photos):
 
 
 def test_a_photo_of_another_size_is_named(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     edited(tmp_path, lambda document: document["cameras"][1]["intrinsics"].update(width=121))
     with pytest.raises(InputError, match=r"camera_1_image is uint8 \(100, 120, 3\), not uint8 \(100, 121, 3\)"):
         load_reconstruction(tmp_path)
@@ -109,7 +108,7 @@ def test_a_photo_of_another_size_is_named(tmp_path, several_photos):
 
 @pytest.mark.parametrize("key", ["intrinsics", "rotation", "translation", "position_sigma", "people"])
 def test_a_photo_without_a_key_is_named(tmp_path, several_photos, key):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     path = edited(tmp_path, lambda document: document["cameras"][1].pop(key))
     with pytest.raises(InputError) as caught:
         load_reconstruction(tmp_path)
@@ -119,7 +118,7 @@ def test_a_photo_without_a_key_is_named(tmp_path, several_photos, key):
 
 
 def test_a_rotation_is_three_by_three(tmp_path, several_photos):
-    save_reconstruction(several_photos, tmp_path, preview=False, glb=False)
+    save_reconstruction(several_photos, tmp_path, "exact")
     path = edited(tmp_path, lambda document: document["cameras"][1]["rotation"].pop())
     with pytest.raises(InputError) as caught:
         load_reconstruction(tmp_path)

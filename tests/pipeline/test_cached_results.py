@@ -146,7 +146,7 @@ def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
     assert (again.warnings, again.notes, again.checks) == (first[1].warnings, first[1].notes, first[1].checks)
     for name, result in (("first", first[1]), ("again", again)):
-        result.save(str(tmp_path / name), preview=False)
+        result.save(str(tmp_path / name), "exact")
     for path in (tmp_path / "first").iterdir():
         if path.name != "reconstruction.json":
             assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), path.name

@@ -148,7 +148,7 @@ def test_bodies_of_mock_worlds_do_not_sink_into_the_scene(cases, name):
 
 def test_a_result_is_the_same_after_it_was_saved_and_loaded(cases, tmp_path):
     result = cases[1].result
-    result.save(str(tmp_path / "out"), preview=False)
+    result.save(str(tmp_path / "out"), "exact")
     again = Reconstruction.load(str(tmp_path / "out"))
     assert again.body_model == result.body_model
     assert again.warnings == result.warnings

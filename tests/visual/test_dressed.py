@@ -85,7 +85,7 @@ def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair:
         "import sys\n"
         "from physic_core import Reconstruction, save_reconstruction\n"
         f"result = Reconstruction.load({str(saved_pair)!r})\n"
-        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, preview=False, glb=False)\n"
+        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'exact')\n"
         "print(sorted(m for m in sys.modules if m.startswith('physic_core.visual.')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)

@@ -12,7 +12,6 @@ import pyarrow as pa
 
 from physic_core.batch.photos import PhotoItem, photo_of_row
 from physic_core.batch.process import prepare_job
-from physic_core.batch.saving import Saving
 from physic_core.batch.table import all_columns, arrow_schema
 from physic_core.errors import ConfigError
 from physic_ray.executor import MAX_INIT_DEATHS
@@ -34,7 +33,7 @@ def reconstruct(
     dataset: ray.data.Dataset,
     config: Config | str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    saving: Saving | None = None,
+    save: str = "summary",
     out: str | os.PathLike[str] | None = None,
     timeout: float | None = 600.0,
     workers: int | None = None,
@@ -50,7 +49,7 @@ def reconstruct(
         dataset: rows with a column "path", absolute or a URI, and optionally "bytes" (content of the file, as of
             ``ray.data.read_binary_files``; else the path is opened on the node), "camera", "stature" and "id".
         config: as of :class:`physic_core.Pipeline`.
-        saving: the files to write for each photo; none if None.
+        save: the files to write for each photo, as of ``physic batch --save``.
         out: folder for these files, which all nodes see.
         timeout: longest time of one photo, s; None for no limit.
         workers: most actors; None for as many as the cluster has room for.
@@ -64,10 +63,9 @@ def reconstruct(
     """
     import ray.data
 
-    saving = saving or Saving("summary", thumbnails=False)
-    if out is None and (saving.main_file or saving.thumbnails):
-        raise ConfigError(f"saving '{saving}' writes files: give their folder as out=...")
-    job = prepare_job(config, out or tempfile.gettempdir(), saving)
+    job = prepare_job(config, out or tempfile.gettempdir(), save, thumbnails=False)
+    if out is None and job.saving.main_file:
+        raise ConfigError(f"save='{save}' writes files: give their folder as out=...")
     resources = (resources or Resources()).for_device(job.config.run.device)
     context = dataset.context
     context.max_consecutive_actor_init_deaths = MAX_INIT_DEATHS

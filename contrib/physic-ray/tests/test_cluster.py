@@ -19,7 +19,6 @@ from physic_core.batch.journal import COLUMNS, read_rows
 from physic_core.batch.photos import find_photos
 from physic_core.batch.process import BatchJob
 from physic_core.batch.run import plan_batch, run_batch, run_locally
-from physic_core.batch.saving import Saving
 from physic_core.batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import BackendError, ConfigError, OutputError, PhysicError
@@ -74,7 +73,7 @@ def make_photos(folder: Path, *names: str) -> Path:
 
 
 def job_for(out: Path) -> BatchJob:
-    return BatchJob(load_config(preset="mock"), str(out), Saving("summary", thumbnails=False))
+    return BatchJob(load_config(preset="mock"), str(out), "summary", thumbnails=False)
 
 
 def run(

@@ -10,7 +10,6 @@ import pytest
 
 from physic_core.batch.executors import ExecutorSettings
 from physic_core.batch.process import BatchJob
-from physic_core.batch.saving import Saving
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError
 from physic_ray.executor import ray_executor
@@ -54,7 +53,7 @@ def test_workers_that_fit_on_the_nodes():
 
 def test_a_node_without_the_output_folder_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr("physic_ray.worker.VISIBLE_S", 0.0)
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), Saving("summary", thumbnails=False))
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "summary", thumbnails=False)
     actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))
     monkeypatch.setattr("physic_ray.worker._node", lambda: "10.0.0.7")
     assert json.loads(actor({"item": '["a", "/a.jpg", {}]'})["row"]) == {

@@ -90,12 +90,11 @@ def reconstruct(
     from physic_core.batch.journal import read_rows
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import plan_batch, run_batch, run_locally
-    from physic_core.batch.saving import Saving
     from physic_core.batch.workers import WorkerSettings
     from physic_core.files.atomic import check_writable
 
     config = how.check()
-    job = BatchJob(config, str(check_writable(out).resolve()), Saving("numbers"))
+    job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
     failed: dict[str, str] = {}
     items = []
     for frame in frames:

@@ -104,7 +104,7 @@ def test_the_posture_follows_from_the_support(result: Reconstruction, state: Sup
 
 
 def test_the_command_writes_numbers_and_a_picture(standing: Reconstruction, tmp_path: Path):
-    standing.save(str(tmp_path / "out"), preview=False)
+    standing.save(str(tmp_path / "out"), "exact")
     done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--seconds", "0.2", "-o", str(tmp_path / "s")])
     assert done.exit_code == 0, done.output
     head, row = done.output.splitlines()[:2]
@@ -131,14 +131,14 @@ def test_a_person_who_does_not_exist_is_an_error(saved_pair: Path):
 
 
 def test_a_result_without_a_floor_is_an_error(standing: Reconstruction, tmp_path: Path):
-    replace(standing, scene=replace(standing.scene, floor=None)).save(str(tmp_path / "out"), preview=False)
+    replace(standing, scene=replace(standing.scene, floor=None)).save(str(tmp_path / "out"), "exact")
     done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out")])
     assert done.exit_code == 3
     assert done.output == "Error: physic simulate needs the direction of gravity, and this result has no floor\n"
 
 
 def test_the_table_has_a_row_for_each_control(standing: Reconstruction, tmp_path: Path):
-    standing.save(str(tmp_path / "out"), preview=False)
+    standing.save(str(tmp_path / "out"), "exact")
     done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--controls"])
     assert done.exit_code == 0, done.output
     rows = json.loads((tmp_path / "out" / "simulation.json").read_text())["people"]

@@ -12,7 +12,6 @@ from physic_core.batch.journal import read_rows
 from physic_core.batch.photos import find_photos
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import plan_batch, run_batch
-from physic_core.batch.saving import Saving
 from physic_core.interfaces import INTERFACES
 from physic_testing.worlds import build_world, view_names
 
@@ -26,7 +25,7 @@ def test_a_table_of_moments_gives_one_result_for_each(tmp_path: Path):
         Image.fromarray(world.image).save(tmp_path / file)
     (tmp_path / "table.csv").write_text("path,moment\na.png,hug\nb.png,hug\na.png,strangers\nother.png,strangers\n")
     config = load_config(preset="mock", flags={"noise": QUIET})
-    job = BatchJob(config, str(tmp_path / "out"), Saving("numbers", thumbnails=False))
+    job = BatchJob(config, str(tmp_path / "out"), "numbers", thumbnails=False)
     process = PhotoProcessor(job)
 
     def todo(*, verify: bool = False):

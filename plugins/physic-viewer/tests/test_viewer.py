@@ -37,7 +37,7 @@ def result(rooms):
 @pytest.fixture(scope="module")
 def saved(result, tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved") / "a_b-physic"
-    save_reconstruction(result, folder, preview=False, glb=False)
+    save_reconstruction(result, folder, "exact")
     return folder
 
 
@@ -56,7 +56,7 @@ def viewer_of():
 
 def test_the_cameras_of_several_photos_are_drawn(viewer_of, tmp_path, rooms):
     several = rooms.make_several_photos()
-    save_reconstruction(several, tmp_path, preview=False, glb=False)
+    save_reconstruction(several, tmp_path, "exact")
     viewer = viewer_of(tmp_path)
     scene, upright = viewer.server.scene, viewer.slots[0].drawn.shapes.upright
     for name, camera in zip(("frustum", "frustum_1", "frustum_2"), several.cameras, strict=True):

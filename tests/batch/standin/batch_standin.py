@@ -14,7 +14,6 @@ from typing import Any
 
 from physic_core.batch.process import BatchJob, PhotoProcessor
 from physic_core.batch.run import run_batch, run_locally
-from physic_core.batch.saving import Saving
 from physic_core.batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, NoPersonError, OutputError
@@ -91,7 +90,7 @@ def open_processor(job: BatchJob, seconds: float = 0.0) -> PhotoProcessor:
 
 
 def standin_job(out: Path) -> BatchJob:
-    return BatchJob(load_config(preset="mock"), str(out), Saving("summary", thumbnails=False))
+    return BatchJob(load_config(preset="mock"), str(out), "summary", thumbnails=False)
 
 
 def run_standin(

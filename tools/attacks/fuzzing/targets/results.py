@@ -13,21 +13,21 @@ from pathlib import Path
 from fuzzing.mutations import mutate_bytes, mutate_text
 from fuzzing.target import Target
 from fuzzing.tiny_result import tiny_result
-from physic_core.batch.saving import Saving, save_photo
 from physic_core.errors import InputError
 from physic_core.io.result_folder import digest_of
-from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
+from physic_core.io.results import load_people, load_reconstruction
+from physic_core.io.saving import save_reconstruction
 from physic_core.types import Reconstruction
 
 DOCUMENT, ARRAYS, PEOPLE = "reconstruction.json", "reconstruction.npz", "people.npz"
-SEEDS = ((0, False), (1, True))
-"""Seed, and whether the arrays have the smaller form."""
+SEEDS = ((0, "exact"), (1, "numbers"))
+"""Seed, and what is saved."""
 
 
 @cache
-def saved(seed: int, compact: bool) -> tuple[dict[str, bytes], Reconstruction]:
+def saved(seed: int, save: str) -> tuple[dict[str, bytes], Reconstruction]:
     with tempfile.TemporaryDirectory() as folder:
-        save_reconstruction(tiny_result(seed), folder, preview=False, glb=False, compact=compact)
+        save_reconstruction(tiny_result(seed), folder, save)
         files = {name: Path(folder, name).read_bytes() for name in (DOCUMENT, ARRAYS)}
         return files, load_reconstruction(folder)
 
@@ -66,7 +66,7 @@ def attack_arrays(data: bytes, folder: Path) -> None:
 @cache
 def saved_people() -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as folder:
-        save_photo(tiny_result(), Path(folder), Saving("people"))
+        save_reconstruction(tiny_result(), folder, "people")
         return {name: Path(folder, name).read_bytes() for name in (DOCUMENT, PEOPLE)}
 
 
@@ -80,12 +80,12 @@ def attack_people(data: bytes, folder: Path) -> None:
 
 def attack_document(data: bytes, folder: Path) -> None:
     """A document is read as it is: numbers may differ, and what cannot be used is refused."""
-    files, _ = saved(0, True)
+    files, _ = saved(0, "numbers")
     read({**files, DOCUMENT: data}, folder)
 
 
 def documents(_: Path) -> list[bytes]:
-    document = json.loads(saved(0, True)[0][DOCUMENT])
+    document = json.loads(saved(0, "numbers")[0][DOCUMENT])
     del document["arrays"]["shared"][3:], document["arrays"]["of_person_i"][3:]
     return [json.dumps(document, indent=1).encode()]
 
