@@ -1,4 +1,4 @@
-"""MJCF: the scene as closed convex meshes, the floor as a plane, people with joints; metres, z up."""
+"""MJCF: the scene as a textured mesh and as convex meshes that collide, people with joints; metres, z up."""
 
 from __future__ import annotations
 
@@ -15,10 +15,15 @@ import torch
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import camera_pose
 from physic_core.visual.rig import body_of_result, rigs
-from physic_export.humanoid import add_defaults, add_humanoid
-from physic_export.mjcf_shapes import FRICTION, RGBA, add_mesh, convex_hull, numbers
+from physic_core.visual.surface import depth_limit, mesh_scene
+from physic_core.visual.textures.pictures import encode_png
+from physic_export.humanoid import body_segments, convex_hull
+from physic_export.meshes import scene_mesh
+from physic_export.mjcf_humanoid import add_defaults, add_humanoid, add_photo_key
+from physic_export.mjcf_shapes import FRICTION, RGBA, add_mesh, numbers
 from physic_export.tiles import Tile, convex_tiles, tile_errors
 
 if TYPE_CHECKING:
@@ -31,33 +36,59 @@ _PERSON_BITS = 29
 """Number of people who collide with one another, but not with themselves: MuJoCo has 32 bits; one is the scene's."""
 
 
+_MAX_VERTICES = 40_000
+"""Of the scene's mesh: 5 MB of text; the picture has the detail."""
+
+_FLOOR = "0.55 0.58 0.55 1"
+_HARD = {"friction": FRICTION, "group": "3"}
+_DRAWN = {"contype": "0", "conaffinity": "0", "group": "2"}
+
+
 def export_mjcf(request: ExportRequest) -> ExportedFiles:
-    """Return one MJCF file without other files.
+    """Return one MJCF file, and the picture of its scene.
 
     - ``floor``: an infinite plane at z = 0; gravity is -9.81 m/s2 along z.
-    - ``scene_0``, ...: the scene above the floor, as closed convex tiles of 0.1 m thickness.
-    - ``person_0``, ...: 22 bodies with joints, see :mod:`physic_export.humanoid`. With the option ``rigid``, a mocap
-      body at the pelvis. Visual meshes are in group 2, the shapes that collide in group 3.
+    - ``scene``: the textured surface of the scene, and ``drawn_floor``, where it does not show the floor; both are
+      drawn (group 2), and do not collide.
+    - ``scene_0``, ...: the scene above the floor, as closed convex tiles of 0.1 m thickness, which collide (group 3).
+    - ``person_0``, ...: 22 bodies with joints and position actuators, see :mod:`physic_export.humanoid`. With the
+      option ``rigid``, a mocap body at the pelvis. Visual meshes are in group 2, the shapes that collide in group 3.
+    - keyframe ``photo``: the pose of the photo, and the controls that hold it.
     - camera ``photo``: that of the photo.
     """
+    jointed = () if request.options["rigid"] else request.people
     tiles = convex_tiles(request.result) if request.scene else []
-    text = mjcf_text(request, tiles, () if request.options["rigid"] else request.people)
+    root = mjcf_tree(request, tiles, jointed)
+    picture = _add_scene(root, request)
+    if jointed:
+        add_photo_key(root)
+    files = {f"{request.stem}{request.suffix}": mjcf_text(root), **picture}
     if not request.scene:
-        return ExportedFiles({f"{request.stem}{request.suffix}": text})
+        return ExportedFiles(files)
     note = f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the plane"
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), {100 * errors[1]:.1f} cm (95 %)"
-    return ExportedFiles({f"{request.stem}{request.suffix}": text}, (note,))
+    return ExportedFiles(files, (note,))
 
 
-def mjcf_text(request: ExportRequest, tiles: Sequence[Tile], jointed: Collection[int]) -> bytes:
-    """Return the MJCF file of a request.
+def mjcf_text(root: ElementTree.Element) -> bytes:
+    """Return the content of an MJCF file."""
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return text
+
+
+def mjcf_tree(
+    request: ExportRequest, tiles: Sequence[Tile], jointed: Collection[int], *, springs: bool = False
+) -> ElementTree.Element:
+    """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
 
     Args:
         request: with z up.
         tiles: of the scene.
         jointed: the people of the request who have joints; the others are rigid.
+        springs: whether springs hold the pose of the joints, in place of actuators.
     """
     result, matrix = request.result, request.frame.from_camera
     root = ElementTree.Element("mujoco", model="physic")
@@ -69,27 +100,29 @@ def mjcf_text(request: ExportRequest, tiles: Sequence[Tile], jointed: Collection
     ElementTree.SubElement(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))
     ElementTree.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
     ElementTree.SubElement(visual, "map", znear="0.01")
+    if jointed:
+        add_defaults(root, springs=springs)
     asset, world = ElementTree.SubElement(root, "asset"), ElementTree.SubElement(root, "worldbody")
+    if jointed and not springs:
+        ElementTree.SubElement(root, "actuator")
     ElementTree.SubElement(
-        world, "geom", name="floor", type="plane", size="0 0 1", rgba="0.55 0.58 0.55 1", friction=FRICTION
+        world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR, "friction": FRICTION}
     )
     for number, tile in enumerate(tiles):
         name = f"scene_{number}"
         add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
         rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
-        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba=rgba, friction=FRICTION)
+        ElementTree.SubElement(world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD)
     if rigid := [index for index in request.people if index not in jointed]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)
-    if jointed:
-        add_defaults(root)
     for index, rig in rigs(replace(request, people=tuple(jointed))):
         bit = 2 << index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
         vertices = transform_points(matrix, result.people[index].vertices)
-        add_humanoid(asset, world, f"person_{index}", rig, vertices, geom)
+        add_humanoid(root, f"person_{index}", body_segments(rig, vertices), geom, springs=springs)
     pose = camera_pose(request.frame)
     quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
     ElementTree.SubElement(
@@ -101,9 +134,31 @@ def mjcf_text(request: ExportRequest, tiles: Sequence[Tile], jointed: Collection
         fovy=f"{math.degrees(2 * math.atan(camera.height / camera.fy / 2)):.6f}",
         resolution=f"{camera.width} {camera.height}",
     )
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-    return text
+    return root
+
+
+def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, bytes]:
+    """Add the mesh of the scene and the floor that is drawn, and return the picture."""
+    scene = scene_mesh(request, _MAX_VERTICES)
+    asset, world = root.find("asset"), root.find("worldbody")
+    if scene is None or scene.uv is None or asset is None or world is None:
+        return {}
+    file = f"{request.stem}_scene.png"
+    ElementTree.SubElement(asset, "texture", name="scene", type="2d", file=file)
+    ElementTree.SubElement(asset, "material", name="scene", texture="scene", specular="0", shininess="0")
+    add_mesh(asset, "scene", scene.vertices, scene.faces, scene.uv)
+    ElementTree.SubElement(
+        world, "geom", {"name": "scene", "type": "mesh", "mesh": "scene", "material": "scene"} | _DRAWN
+    )
+    surface = mesh_scene(request.result.scene, depth_limit(request.result), _MAX_VERTICES)
+    floor = drawn_floor(request.result, request.frame, surface)
+    if floor is not None and len(floor[1]):
+        add_mesh(asset, "drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))
+        shape = {"name": "drawn_floor", "type": "mesh", "mesh": "drawn_floor", "rgba": _FLOOR}
+        ElementTree.SubElement(world, "geom", shape | _DRAWN)
+    plane = next(geom for geom in world if geom.get("name") == "floor")
+    plane.set("group", "3")  # it would be drawn in one place with the surface of the scene
+    return {file: encode_png(request.result.scene.colors)}
 
 
 def _person(

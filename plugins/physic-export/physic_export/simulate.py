@@ -12,8 +12,8 @@ from physic_core.body.joints import JOINT_NAMES
 from physic_core.types.support import SupportState
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import body_of_result
-from physic_export.humanoid import NUM_BODIES, segments
-from physic_export.mjcf import mjcf_text
+from physic_export.humanoid import NUM_BODIES, vertex_segments
+from physic_export.mjcf import mjcf_text, mjcf_tree
 from physic_export.tiles import convex_tiles
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def simulate_people(
     posed = tuple(index for index, one in enumerate(result.people) if np.isfinite(one.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "z"), "a", ".xml", body_file=body_file)
     tiles = convex_tiles(result)
-    part = segments(body_of_result(result, body_file).skin.weights.T.double().numpy())
+    part = vertex_segments(body_of_result(result, body_file).skin.weights.T.double().numpy())
     return [_simulate(request, index, tiles, part, seconds, control) for index in people]
 
 
@@ -123,7 +123,7 @@ def _simulate(
 ) -> Motion:
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(mjcf_text(request, tiles, (index,)).decode())
+    model = mujoco.MjModel.from_xml_string(mjcf_text(mjcf_tree(request, tiles, (index,), springs=True)).decode())
     data = mujoco.MjData(model)
     name, person = f"person_{index}", request.result.people[index]
     bodies = [model.body(name if j == 0 else f"{name}_{JOINT_NAMES[j]}").id for j in range(NUM_BODIES)]

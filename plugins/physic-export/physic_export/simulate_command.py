@@ -46,7 +46,7 @@ def simulate(
     from physic_core.files.atomic import atomic_write
     from physic_core.files.own import MARK, check_own
     from physic_core.types import Reconstruction
-    from physic_export.humanoid import PASSIVE
+    from physic_export.mjcf_humanoid import PASSIVE
     from physic_export.simulate import CONTROLS, simulate_people
     from physic_export.simulate_picture import draw_motions
 

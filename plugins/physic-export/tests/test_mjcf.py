@@ -1,4 +1,4 @@
-"""MJCF: closed convex meshes, and what falls on floor and furniture stays there."""
+"""MJCF: closed convex meshes, what falls on floor and furniture stays there, and actuators hold the photo's pose."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ RADIUS = 0.05
 
 
 @pytest.fixture(scope="module")
-def text(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0].read_text()
+def file(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return result.export(str(tmp_path_factory.mktemp("mjcf") / "a.xml")).files[0]
 
 
 def upright_points(result: Reconstruction) -> np.ndarray:
@@ -54,7 +54,7 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result: Reconstructio
 def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruction, export):
     mujoco = pytest.importorskip("mujoco")
     result, table = with_table(result)
-    text = export("a.xml", of=result, rigid=True).files[0].read_text()  # people with joints can fall onto the box
+    file = export("a.xml", of=result, rigid=True).files[0]  # people with joints can fall onto the box
     points = upright_points(result).reshape(-1, 3)
     points = points[np.isfinite(points).all(1)]
     obstacles = np.concatenate([points[points[:, 2] > 0.05], *(p.reshape(-1, 3) for p in people_points(result))])
@@ -67,7 +67,8 @@ def test_a_ball_stays_on_the_floor_and_a_box_on_the_furniture(result: Reconstruc
         f'<body name="{name}" pos="{x} {y} {z}"><freejoint/><geom {shapes[name]}/></body>'
         for name, (x, y, z) in places.items()
     )
-    model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", f"{balls}</worldbody>"))
+    file.write_text(file.read_text().replace("</worldbody>", f"{balls}</worldbody>"))
+    model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     while data.time < 2.0:
         mujoco.mj_step(model, data)
@@ -107,7 +108,7 @@ def middle_of_table(points: np.ndarray) -> np.ndarray:
 
 def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(result: Reconstruction, export):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(export("a.xml", rigid=True).files[0].read_text())
+    model = mujoco.MjModel.from_xml_path(str(export("a.xml", rigid=True).files[0]))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(model.opt.gravity, [0, 0, -9.81])
@@ -132,9 +133,9 @@ def joint_places(model, data, person: int) -> np.ndarray:
     return np.stack([data.body(name).xpos for name in names])
 
 
-def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Reconstruction, text: str):
+def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Reconstruction, file: Path):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     matrix = export_frame(result.scene.floor, "z").from_camera
@@ -148,12 +149,73 @@ def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result: Rec
     assert hinges.sum() == 2 * 51
     assert (model.jnt_range[hinges, 0] <= angles).all()
     assert (angles <= model.jnt_range[hinges, 1]).all()
-    np.testing.assert_allclose(model.qpos_spring[model.jnt_qposadr[hinges]], angles, atol=1e-6)
 
 
-def test_angles_of_zero_are_a_t_pose(text: str):
+def test_actuators_with_the_controls_of_the_keyframe_hold_the_pose(file: Path):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    assert model.nu == 2 * 51
+    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+    np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
+    roots = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    model.dof_armature[roots[:, None] + np.arange(6)] = 1e7  # a pelvis that nothing moves; gravity bends the rest
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    joints = model.actuator_trnid[:, 0]
+    wanted = data.qpos[model.jnt_qposadr[joints]].copy()
+    np.testing.assert_allclose(data.ctrl, wanted)
+    np.testing.assert_allclose(model.actuator_ctrlrange, model.jnt_range[joints])
+    worst = 0.0
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+        worst = max(worst, float(np.abs(data.qpos[model.jnt_qposadr[joints]] - wanted).max()))
+    assert np.rad2deg(worst) < 1.0
+
+
+def test_an_actuator_has_its_whole_torque_at_three_degrees(file: Path):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    knee = model.actuator("person_0_left_knee_x").id
+    mass = model.body_subtreemass[model.body("person_0").id]
+    assert model.actuator_forcerange[knee, 1] == pytest.approx(150 / 45 * mass, rel=1e-3)
+    assert model.actuator_gainprm[knee, 0] * 0.05 == pytest.approx(model.actuator_forcerange[knee, 1], rel=1e-3)
+    assert -model.actuator_biasprm[knee, 2] == pytest.approx(0.1 * model.actuator_gainprm[knee, 0], rel=1e-3)
+
+
+def test_the_scene_is_one_textured_mesh_that_does_not_collide(result: Reconstruction, file: Path):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    scene = model.geom("scene")
+    assert (int(scene.contype[0]), int(scene.conaffinity[0]), int(scene.group[0])) == (0, 0, 2)
+    assert {int(model.geom(f"scene_{number}").group[0]) for number in range(5)} == {3}
+    height, width = result.scene.valid.shape
+    assert (model.tex_height[0], model.tex_width[0]) == (height, width)
+    mesh = int(scene.dataid[0])
+    first, start = model.mesh_vertadr[mesh], model.mesh_texcoordadr[mesh]
+    points = model.mesh_vert[first : first + model.mesh_vertnum[mesh]] @ data.geom_xmat[scene.id].reshape(3, 3).T
+    points += data.geom_xpos[scene.id]
+    camera, up = result.intrinsics, export_frame(result.scene.floor, "z").from_camera
+    seen = transform_points(np.linalg.inv(up), points)
+    columns = seen[:, 0] / seen[:, 2] * camera.fx + camera.cx
+    rows = seen[:, 1] / seen[:, 2] * camera.fy + camera.cy
+    places = model.mesh_texcoord[start : start + model.mesh_texcoordnum[mesh]]
+    at = dict(zip(*(np.concatenate(pair).tolist() for pair in corners(model, mesh)), strict=True))
+    uv = places[[at[number] for number in range(len(points))]]
+    pixels = (uv * [width, height] - 0.5) * [camera.width / width, camera.height / height]
+    assert np.median(np.abs(pixels - np.stack([columns, rows], 1))) < 1.0
+
+
+def corners(model, mesh: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (F, 3) of the vertices and of the texture coordinates of a mesh."""
+    part = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    return model.mesh_face[part], model.mesh_facetexcoord[part]
+
+
+def test_angles_of_zero_are_a_t_pose(file: Path):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     data.qpos[model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]] = 0
     mujoco.mj_forward(model, data)
@@ -169,9 +231,9 @@ def test_angles_of_zero_are_a_t_pose(text: str):
     )
 
 
-def test_people_do_not_collide_with_themselves(text: str):
+def test_people_do_not_collide_with_themselves(file: Path):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
     first, second, floor = (model.geom(name) for name in ("person_0_head", "person_1_head", "floor"))
 
     def collide(one, other) -> bool:
@@ -206,9 +268,9 @@ def tile_depths(tile: Tile, points: np.ndarray) -> np.ndarray:
     return (hull.equations[:, :3] @ points.T + hull.equations[:, 3:]).max(0)
 
 
-def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstruction, text: str):
+def test_arms_are_capsules_and_feet_have_soles_on_one_level(result: Reconstruction, file: Path):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for limb in ("left_shoulder", "right_elbow"):
@@ -224,9 +286,9 @@ def test_the_error_of_the_collision_mesh_is_stated(export):
     assert re.search(r"from the scene to the tiles: \d\.\d cm \(median\), \d+\.\d cm \(95 %\)", note)
 
 
-def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, text: str):
+def test_the_camera_has_the_field_of_view_of_the_photo(result: Reconstruction, file: Path):
     mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_path(str(file))
     camera = result.intrinsics
     assert model.cam("photo").fovy[0] == pytest.approx(
         2 * np.rad2deg(np.arctan(camera.height / camera.fy / 2)), abs=1e-4

@@ -74,6 +74,20 @@ def test_an_upright_body_stays_and_its_soles_keep_contact(standing: Reconstructi
     assert motion.start.shape == motion.end.shape
 
 
+def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_path: Path):
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(standing.export(str(tmp_path / "a.xml")).files[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("photo").id)
+    height, angles, worst = data.qpos[2], data.qpos[7:].copy(), 0.0
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+        worst = max(worst, float(np.abs(data.qpos[7:] - angles).max()))
+    assert np.rad2deg(worst) < 1.0
+    assert data.qpos[2] == pytest.approx(height, abs=0.01)
+
+
 def test_a_balanced_body_whose_heels_are_a_centimetre_over_the_floor_stays(result: Reconstruction):
     (motion,) = simulate_people(upright(result, heels_up=np.deg2rad(7)), [0])
     assert motion.stays
