@@ -1,5 +1,5 @@
-"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, USD and
-VRM.
+"""Formats of ``physic export`` for other programs: AMASS, BVH, COCO, GLB, MJCF, OBJ, PLY, URDF,
+USD and VRM.
 """
 
 from __future__ import annotations
@@ -91,6 +91,18 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("y", "z", "camera"),
             stem="points",
             options=_SKIN,
+        ),
+        ExporterRecord(
+            "urdf",
+            (".urdf",),
+            "physic_export.urdf:export_urdf",
+            "ROS, PyBullet, Isaac Sim, Drake",
+            "a robot with joints, meshes and masses, and the pose (.json), one of each per person",
+            ups=("z",),
+            stem="robot",
+            bodies="required",
+            per_person=True,
+            needs="a floor in the result",
         ),
         ExporterRecord(
             "usd",

@@ -1,0 +1,170 @@
+"""URDF: each person as a robot with revolute joints, and the pose of the photo beside it; metres."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+import roma
+import torch
+import trimesh
+
+from physic_core import ExportedFiles, ExportRequest
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.rig import rigs
+from physic_export.humanoid import SOLE_RADIUS_M, body_segments
+from physic_export.joint_strength import max_torque
+from physic_export.mjcf_shapes import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from physic_export.humanoid import Capsule, Mesh, Segment
+
+    Array = NDArray[np.float64]
+
+_FASTEST_RAD_S = 30.0
+"""Largest speed of a joint, which the format demands: about that of a knee that kicks a ball."""
+
+_SMALL_KG, _SMALL_KG_M2 = 0.01, 1e-4
+"""Mass and moment of inertia of the links between the axes of one joint, which simulators do not allow to be 0."""
+
+
+@dataclass
+class _Robot:
+    """A URDF file while it is written.
+
+    Attributes:
+        stem: of the file.
+        root: element "robot".
+        meshes: file name -> content.
+    """
+
+    stem: str
+    root: ElementTree.Element
+    meshes: dict[str, bytes] = field(default_factory=dict)
+
+    def mesh(self, name: str, mesh: Mesh) -> ElementTree.Element:
+        """Add a mesh file, and return the geometry that shows it."""
+        file = f"{self.stem}_{name}.stl"
+        self.meshes[file] = trimesh.Trimesh(*mesh, process=False).export(file_type="stl")
+        geometry = ElementTree.Element("geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=file)
+        return geometry
+
+
+def export_urdf(request: ExportRequest) -> ExportedFiles:
+    """Return a URDF file per person, its meshes, and a JSON file with the pose of the photo.
+
+    The robot has the 22 segments and 51 hinges of :mod:`physic_export.humanoid`; the link ``pelvis`` is the root. All
+    joints at 0 are a T-pose. A joint with several axes is several revolute joints with light links between them. The
+    JSON file has ``base``, the place of the pelvis in the frame of the export, and ``joints``, the angle of each joint
+    in radians.
+    """
+    files: dict[str, bytes] = {}
+    for index, rig in rigs(request):
+        vertices = transform_points(request.frame.from_camera, request.result.people[index].vertices)
+        segments = body_segments(rig, vertices)
+        name = request.file_of(index)
+        stem = PurePath(name).stem
+        robot = _robot(stem, f"person_{index}", segments)
+        files |= robot.meshes
+        files[f"{stem}.json"] = (json.dumps(_pose(request, segments), indent=2) + "\n").encode()
+        ElementTree.indent(robot.root)
+        files[name] = ElementTree.tostring(robot.root, encoding="utf-8", xml_declaration=True)
+    note = "the scene is not in a URDF file: --to mjcf, usd, obj and glb have it"
+    return ExportedFiles(files, (note,) if request.scene else ())
+
+
+def _pose(request: ExportRequest, segments: Sequence[Segment]) -> dict[str, object]:
+    place = segments[0].pose
+    quaternion = roma.rotmat_to_unitquat(torch.from_numpy(place[:3, :3].copy())).tolist()
+    return {
+        "frame": request.frame.axes,
+        "base": {
+            "position_m": [round(value, 6) for value in place[:3, 3].tolist()],
+            "quaternion_wxyz": [round(value, 8) for value in (quaternion[3], *quaternion[:3])],
+        },
+        "joints": {
+            f"{segment.name}_{hinge.axis}": round(hinge.angle, 6) for segment in segments for hinge in segment.hinges
+        },
+    }
+
+
+def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
+    robot = _Robot(stem, ElementTree.Element("robot", name=name))
+    mass = sum(one.mass for one in segments)
+    for segment in segments:
+        above, place = segments[segment.parent].name, segment.zero
+        for number, hinge in enumerate(segment.hinges, 1):
+            joint = ElementTree.SubElement(robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute")
+            below = segment.name if number == len(segment.hinges) else f"{segment.name}_after_{hinge.axis}"
+            ElementTree.SubElement(joint, "parent", link=above)
+            ElementTree.SubElement(joint, "child", link=below)
+            ElementTree.SubElement(joint, "origin", _origin(place))
+            ElementTree.SubElement(joint, "axis", xyz=numbers(hinge.resting, 8))
+            limits = {"lower": f"{hinge.low:.6f}", "upper": f"{hinge.high:.6f}", "velocity": f"{_FASTEST_RAD_S:g}"}
+            ElementTree.SubElement(joint, "limit", limits, effort=f"{max_torque(segment.name, mass):.3f}")
+            if below != segment.name:
+                link = ElementTree.SubElement(robot.root, "link", name=below)
+                _add_inertia(link, _SMALL_KG, np.zeros(3), np.eye(3) * _SMALL_KG_M2)
+            above, place = below, np.eye(4)
+        _add_link(robot, segment)
+    return robot
+
+
+def _add_link(robot: _Robot, segment: Segment) -> None:
+    link = ElementTree.SubElement(robot.root, "link", name=segment.name)
+    hull = trimesh.Trimesh(*segment.hull, process=False)
+    hull.density = segment.mass / hull.volume
+    _add_inertia(link, segment.mass, hull.center_mass, hull.moment_inertia)
+    ElementTree.SubElement(link, "visual").append(robot.mesh(f"{segment.name}_skin", segment.skin))
+    if segment.capsule is not None:
+        _add_capsule(link, segment.capsule)
+    else:
+        ElementTree.SubElement(link, "collision").append(robot.mesh(segment.name, segment.hull))
+    for point in segment.soles:
+        _add_sphere(link, point, SOLE_RADIUS_M)
+
+
+def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
+    """Add a cylinder and two spheres: the format has no capsules."""
+    along = capsule.ends[1] - capsule.ends[0]
+    length = float(np.linalg.norm(along))
+    place = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), along)
+    place[:3, 3] = capsule.ends.mean(0)
+    _add_collision(link, place, "cylinder", radius=f"{capsule.radius:.5f}", length=f"{length:.5f}")
+    for end in capsule.ends:
+        _add_sphere(link, end, capsule.radius)
+
+
+def _add_sphere(link: ElementTree.Element, center: Array, radius: float) -> None:
+    place = np.eye(4)
+    place[:3, 3] = center
+    _add_collision(link, place, "sphere", radius=f"{radius:.5f}")
+
+
+def _add_collision(link: ElementTree.Element, place: Array, shape: str, **sizes: str) -> None:
+    collision = ElementTree.SubElement(link, "collision")
+    ElementTree.SubElement(collision, "origin", _origin(place))
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), shape, sizes)
+
+
+def _add_inertia(link: ElementTree.Element, mass: float, center: Array, inertia: Array) -> None:
+    made = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(made, "origin", xyz=numbers(center), rpy="0 0 0")
+    ElementTree.SubElement(made, "mass", value=f"{mass:.4f}")
+    names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+    ElementTree.SubElement(made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()})
+
+
+def _origin(place: Array) -> dict[str, str]:
+    """Return position and fixed-axis angles (roll, pitch, yaw) of a pose (4, 4)."""
+    angles = roma.rotmat_to_euler("xyz", torch.from_numpy(place[:3, :3].copy()))
+    return {"xyz": numbers(place[:3, 3]), "rpy": numbers(angles.tolist(), 8)}

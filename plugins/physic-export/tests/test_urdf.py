@@ -1,0 +1,100 @@
+"""URDF: MuJoCo reads the robots, and with the angles beside them they have the pose of the photo."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from physic_core import Reconstruction
+from physic_core.body.joints import JOINT_NAMES
+from physic_core.geometry.upright import transform_points
+from physic_core.visual.export.request import export_frame
+
+
+@pytest.fixture(scope="module")
+def folder(result: Reconstruction, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("urdf")
+    result.export(str(folder / "a.urdf"))
+    return folder
+
+
+def read(folder: Path, person: int, angles: bool = True):
+    """MuJoCo's model and data of a person in the pose of the photo, or of a T-pose."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(folder / f"a_{person}.urdf"))
+    data = mujoco.MjData(model)
+    pose = json.loads((folder / f"a_{person}.json").read_text())
+    assert {model.joint(number).name for number in range(model.njnt)} == set(pose["joints"])
+    for name, angle in pose["joints"].items() if angles else ():
+        data.joint(name).qpos[0] = angle
+    mujoco.mj_forward(model, data)
+    return model, data, pose
+
+
+def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result: Reconstruction, folder: Path):
+    matrix = export_frame(result.scene.floor, "z").from_camera
+    for index, person in enumerate(result.people):
+        model, data, pose = read(folder, index)
+        assert model.njnt == 51
+        w, x, y, z = pose["base"]["quaternion_wxyz"]
+        turn, place = Rotation.from_quat([x, y, z, w]), np.array(pose["base"]["position_m"])
+        wanted = transform_points(matrix, person.joints[:22])
+        np.testing.assert_allclose(place, wanted[0], atol=1e-5)
+        made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
+        np.testing.assert_allclose(made, wanted[1:], atol=1e-4)  # 0.1 mm
+        hand = trimesh.load(folder / f"a_{index}_left_wrist_skin.stl")
+        frame = data.body("left_wrist").xmat.reshape(3, 3)
+        skin = turn.apply(hand.vertices @ frame.T + data.body("left_wrist").xpos) + place
+        skin_of_person = transform_points(matrix, person.vertices)
+        assert np.linalg.norm(skin[:, None] - skin_of_person[None], axis=2).min(1).max() < 2e-4
+        limits = model.jnt_range
+        assert (limits[:, 0] <= data.qpos).all()
+        assert (data.qpos <= limits[:, 1]).all()
+
+
+def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder: Path):
+    _, data, _ = read(folder, 0, angles=False)
+    arm = data.body("left_wrist").xpos - data.body("left_shoulder").xpos
+    leg = data.body("right_hip").xpos - data.body("right_ankle").xpos
+    assert arm[0] == pytest.approx(np.linalg.norm(arm), rel=0.02)
+    assert leg[1] == pytest.approx(np.linalg.norm(leg), rel=0.02)
+
+
+def test_the_masses_are_those_of_the_mjcf_file(result: Reconstruction, folder: Path, export):
+    mujoco = pytest.importorskip("mujoco")
+    model, _, _ = read(folder, 0)
+    other = mujoco.MjModel.from_xml_path(str(export("b.xml", scene=False).files[0]))
+    for name in ("left_hip", "head", "right_foot"):
+        one, same = model.body(name), other.body(f"person_0_{name}")
+        assert one.mass[0] == pytest.approx(same.mass[0], rel=1e-3)
+        np.testing.assert_allclose(one.inertia, same.inertia, rtol=0.01)
+        np.testing.assert_allclose(one.ipos, same.ipos, atol=1e-3)
+    root = ElementTree.parse(folder / "a_0.urdf").getroot()
+    total = sum(float(mass.get("value", "nan")) for mass in root.iter("mass"))
+    volume = trimesh.Trimesh(result.people[0].vertices, result.faces, process=False).volume
+    assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)  # 30 light links between the axes of joints
+
+
+def test_an_arm_collides_as_a_cylinder_with_round_ends(folder: Path):
+    root = ElementTree.parse(folder / "a_0.urdf").getroot()
+    (elbow,) = (link for link in root.iter("link") if link.get("name") == "left_elbow")
+    cylinder, *spheres = (next(iter(one)) for one in elbow.iter("geometry") if one.find("mesh") is None)
+    assert cylinder.tag == "cylinder"
+    assert [one.get("radius") for one in spheres[:2]] == [cylinder.get("radius")] * 2
+    origin = next(one.find("origin") for one in elbow.iter("collision") if one.find("geometry/cylinder") is not None)
+    assert origin is not None
+    axis = Rotation.from_euler("xyz", [float(value) for value in origin.attrib["rpy"].split()]).as_matrix()[:, 2]
+    centers = [
+        np.array([float(value) for value in one.find("origin").attrib["xyz"].split()])
+        for one in elbow.iter("collision")
+        if one.find("geometry/sphere") is not None
+    ]
+    along = centers[1] - centers[0]
+    assert abs(along @ axis) == pytest.approx(np.linalg.norm(along), rel=1e-6)
+    assert np.linalg.norm(along) == pytest.approx(float(cylinder.attrib["length"]), abs=1e-4)
