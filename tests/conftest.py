@@ -224,7 +224,7 @@ def make_several_photos() -> Reconstruction:
     """Two people; the second photo shows both, the third the second one."""
     result = make_reconstruction()
     others = [make_view(result, 50.0, (120, 100), [0, 1]), make_view(result, -80.0, (90, 120), [1])]
-    return replace(result, cameras=(CameraView.of_reference(result, "0.jpg"), *others))
+    return replace(result, cameras=(result.reference_view("0.jpg"), *others))
 
 
 @pytest.fixture

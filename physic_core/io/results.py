@@ -270,7 +270,7 @@ def _assemble(document: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
     )
     cameras = document.get("cameras", ())
     others = [_camera(record, f"camera_{c}_", arrays) for c, record in enumerate(cameras) if c]
-    first = [CameraView.of_reference(result, record["photo"]) for record in cameras[:1]]
+    first = [result.reference_view(record["photo"]) for record in cameras[:1]]
     return replace(result, cameras=(*first, *others)) if first else result
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from physic_core.types.records import CheckResult, Grade, StageRecord
     from physic_core.types.skeletons import Skeleton
     from physic_core.types.support import Support
-    from physic_core.types.views import CameraView
+    from physic_core.types.views import CameraView, Detection
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,13 @@ class Person(ShortRepr):
     world_contact: Mapping[str, float] | None = None
     age: float | None = None
     stature: float | None = None
+
+    @property
+    def detection(self) -> Detection:
+        """What the photo of the result shows of this person."""
+        from physic_core.types.views import Detection
+
+        return Detection(self.box, self.score, self.mask, self.keypoints, self.keypoint_confidence)
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z forward).
@@ -221,6 +228,19 @@ class Reconstruction(ShortRepr):
 
         valid = self.scene.valid
         return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
+
+    def reference_view(self, photo: str = "") -> CameraView:
+        """Return the camera that the result has its frame from, with the people whom its photo shows.
+
+        Args:
+            photo: its name.
+        """
+        import numpy as np
+
+        from physic_core.types.views import CameraView
+
+        people = {index: person.detection for index, person in enumerate(self.people) if person.mask.any()}
+        return CameraView(photo, self.image, self.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, people)
 
     def summary(self) -> dict[str, float | int | str | None]:
         """Return a flat dictionary, as one row of a table: the grade and numbers, None where not measured.

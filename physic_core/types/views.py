@@ -11,7 +11,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, UInt8Array
     from physic_core.types.camera import Intrinsics
-    from physic_core.types.results import Person, Reconstruction
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,6 @@ class Detection(ShortRepr):
     mask: BoolArray
     keypoints: FloatArray
     keypoint_confidence: FloatArray
-
-    @classmethod
-    def of(cls, person: Person) -> Detection:
-        """Return what a result states about a person in its own photo."""
-        return cls(person.box, person.score, person.mask, person.keypoints, person.keypoint_confidence)
 
 
 @dataclass(frozen=True)
@@ -62,19 +56,6 @@ class CameraView(ShortRepr):
     rotation_sigma: float
     position_sigma: float
     people: Mapping[int, Detection]
-
-    @classmethod
-    def of_reference(cls, result: Reconstruction, photo: str) -> CameraView:
-        """Return the reference camera of a result, which is the first of its cameras.
-
-        Args:
-            result: whose image, intrinsics and people these are.
-            photo: its name.
-        """
-        import numpy as np
-
-        people = {index: Detection.of(person) for index, person in enumerate(result.people) if person.mask.any()}
-        return cls(photo, result.image, result.intrinsics, np.eye(3), np.zeros(3), 0.0, 0.0, people)
 
     @property
     def centre(self) -> FloatArray:

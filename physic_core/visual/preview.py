@@ -100,7 +100,7 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     _draw_panel(page, photo, name, photo_panel(reconstruction.image, photo.width, photo.height))
     _draw_panel(page, mesh, "People over the photo", overlay_panel(reconstruction, geometry, mesh.width, mesh.height))
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
-    _name_people(pen, mesh, reconstruction, CameraView.of_reference(reconstruction, ""))
+    _name_people(pen, mesh, reconstruction, reconstruction.reference_view())
     _draw_panel(page, depth, _DEPTH_TITLE, depth_panel(reconstruction, depth.width, depth.height))
     _depth_bar(page, depth, depth_range(reconstruction))
     up = "" if reconstruction.scene.floor else " (no floor found: up is the camera's)"

@@ -32,7 +32,7 @@ def join(photos, config):
     if photos[0].name == "odd.jpg":
         return None
     result = photos[0].result
-    return replace(result, notes=tuple(names), cameras=(CameraView.of_reference(result, photos[0].name),))
+    return replace(result, notes=tuple(names), cameras=(result.reference_view(photos[0].name),))
 """
 
 

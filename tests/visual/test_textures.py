@@ -10,7 +10,6 @@ import pytest
 from physic_core import ExportRequest, Reconstruction
 from physic_core.body import load_body
 from physic_core.errors import BodyModelError, InputError
-from physic_core.types import CameraView, Detection
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.textures.bodies import textured_bodies
 from physic_core.visual.textures.coordinates import load_texture_coordinates, split_at_seams
@@ -105,15 +104,15 @@ def test_a_person_of_several_photos_has_the_colours_of_all(result: Reconstructio
     hidden = replace(first.people[1], mask=np.zeros_like(first.people[1].mask))
     first = replace(first, people=(first.people[0], hidden))
     turn, middle = np.diag([-1.0, 1.0, -1.0]), result.people[0].joints[0].astype(np.float64)
-    seen = {i: replace(Detection.of(person), mask=np.ones_like(person.mask)) for i, person in enumerate(result.people)}
+    seen = {i: replace(person.detection, mask=np.ones_like(person.mask)) for i, person in enumerate(result.people)}
     behind = replace(
-        CameraView.of_reference(first, "behind.jpg"),
+        first.reference_view("behind.jpg"),
         image=np.full_like(result.image, [20, 40, 220]),
         rotation=turn,
         translation=middle - turn @ middle,
         people=seen,
     )
-    several = replace(first, cameras=(CameraView.of_reference(first, "front.jpg"), behind))
+    several = replace(first, cameras=(first.reference_view("front.jpg"), behind))
     own, other = textured_bodies(request_of(several), 256).textures.values()
     assert other.shown > 0.05
     assert np.abs(other.image.astype(int) - [20, 40, 220]).max() <= 3

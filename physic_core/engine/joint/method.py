@@ -5,24 +5,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 from torch import Tensor
 
 from physic_core.body.model import BodyOutput
 from physic_core.engine.joint.contact_state import nearby_scene
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, select_surface
-from physic_core.engine.joint.optimiser import MinimisationResult, OptimiserSettings
+from physic_core.engine.joint.optimiser import OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.settings import VisibilitySettings
 from physic_core.engine.joint.state import State
 from physic_core.engine.joint.term import Term
+from physic_core.engine.joint.terms.joins import JoinSettings
 from physic_core.engine.joint.visibility import OcclusionTracker, Visibility, update_visibility
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types.bounds import FrozenGroups
-
-if TYPE_CHECKING:
-    from physic_core.engine.joint.energy import JointEnergy
 
 _LEAST_SIZE = 0.1  # of a person beside the best visible one; with less, the optimiser would stop before they converge
 _AREA_UNIT_M2 = 0.01  # surface of weight 1: a square decimetre, half a sole
@@ -107,16 +105,8 @@ class JointMethod(ABC):
         """
         return (), self.optimiser
 
-    def decide(self, energy: JointEnergy, optimiser: OptimiserSettings) -> MinimisationResult | None:
-        """Decide hypotheses by comparing energies, at the minimum of all terms. By default there are none.
-
-        Args:
-            energy: its state is that minimum, and is changed if a hypothesis is accepted.
-            optimiser: of the energy with late terms.
-
-        Returns:
-            The further minimisation; None if nothing has changed.
-        """
+    def joins_to_decide(self) -> JoinSettings | None:
+        """Return the settings of joins that are decided by comparing energies; None, by default, for no joins."""
         return None
 
     def without(self, term: str) -> Self:

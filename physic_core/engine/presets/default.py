@@ -12,10 +12,8 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.context import JointContext, WeightedKeypoints, with_static_contacts
-from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.hypotheses import decide_joins
 from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.optimiser import LbfgsSettings, MinimisationResult, OptimiserSettings
+from physic_core.engine.joint.optimiser import LbfgsSettings, OptimiserSettings
 from physic_core.engine.joint.problem import JointProblem
 from physic_core.engine.joint.state import DEPTH_SCALE_SIGMA, State, StateSigmas
 from physic_core.engine.joint.term import Term
@@ -138,6 +136,6 @@ class DefaultOptimisation(JointMethod):
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         return [PeopleTerm(self.contact, self.penetration, context)], late
 
-    def decide(self, energy: JointEnergy, optimiser: OptimiserSettings) -> MinimisationResult | None:
-        """Decide which hands touch another hand or a knee."""
-        return decide_joins(energy, self.joins, optimiser) if self.joins.weight else None
+    def joins_to_decide(self) -> JoinSettings | None:
+        """Return the settings of hands that may touch another hand or a knee."""
+        return self.joins if self.joins.weight else None

@@ -62,7 +62,7 @@ def photo_colors(
     """
     photo = np.zeros((len(points), 3))
     seen, beside, weight = np.zeros((3, len(points)))
-    for view in result.cameras or (CameraView.of_reference(result, ""),):
+    for view in result.cameras or (result.reference_view(),):
         if index in view.people:
             colors, own, near = _of_view(view, view.people[index].mask, points, normals, caster)
             total = np.maximum(own, NEAREST_WEIGHT * near)

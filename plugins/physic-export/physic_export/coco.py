@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.types import CameraView
 from physic_core.types.skeletons import SKELETONS, skeleton_named
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def export_coco(request: ExportRequest) -> ExportedFiles:
     and v = 0 if it was not detected.
     """
     result, stem = request.result, request.stem
-    cameras = result.cameras or (CameraView.of_reference(result, ""),)
+    cameras = result.cameras or (result.reference_view(),)
     files = [f"{stem}_{number}.png" if number else f"{stem}.png" for number in range(len(cameras))]
     names = [name.removesuffix("_surface") for name in SKELETONS["coco17"].names]
     document = {

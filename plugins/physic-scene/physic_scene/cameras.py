@@ -18,29 +18,11 @@ from physic_scene.rigid import Pose
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray
-    from physic_scene.scene import SceneSettings
     from physic_scene.selection import ChosenPhotos
+    from physic_scene.settings import SceneSettings
 
 _KNOWN_BONE = 0.01
 _SEEN = 0.3  # confidence of a keypoint
-
-
-@dataclass(frozen=True)
-class FitLimits:
-    """Limits of what fits one moment.
-
-    Attributes:
-        keypoint: largest median distance of a person's solved keypoints from those of a photo, as a share of the
-            stature in px. Of eight worlds of four photos, right matches have up to 0.175 and a median of 0.033; of two
-            people who are mistaken for each other in one photo, the larger has a median of 0.3.
-        elsewhere: logarithm of the odds that a photo shows a person where the other photos do, before these are
-            compared. Of 33 moments of nine worlds in which everybody holds still, the largest evidence against it is 6.
-            Of 33 in which one person is 0.7 or 1 m off in one of three photos, 10 finds 24, and names the right person
-            in 23.
-    """
-
-    keypoint: float = 0.18
-    elsewhere: float = 10.0
 
 
 @dataclass(frozen=True)

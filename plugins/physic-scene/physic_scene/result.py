@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import with_cameras
-from physic_core.types import CameraView, Detection
+from physic_core.types import CameraView
 from physic_scene.reference import scene_scales, solved_camera
 from physic_scene.types import CameraPose, ScenePerson, SceneResult
 
@@ -130,7 +130,7 @@ def _views(
     found: list[CameraView] = []
     for v, camera in enumerate(cameras):
         if v == solved.reference:
-            found.insert(0, CameraView.of_reference(reconstruction, camera.photo))
+            found.insert(0, reconstruction.reference_view(camera.photo))
             continue
         people = camera.result.people
         found.append(
@@ -142,7 +142,7 @@ def _views(
                 translation=np.asarray(camera.translation, np.float64),
                 rotation_sigma=float(np.radians(camera.rotation_sigma_deg)),
                 position_sigma=float(camera.position_sigma_m),
-                people={i: Detection.of(people[one.shown[v]]) for i, one in enumerate(everybody) if v in one.shown},
+                people={i: people[one.shown[v]].detection for i, one in enumerate(everybody) if v in one.shown},
             )
         )
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -13,16 +13,15 @@ from physic_core.body import load_body
 from physic_core.errors import BackendError, InputError, NoPersonError
 from physic_core.types import KnownSizes
 from physic_scene.ages import ages_of_photos, ages_of_scene, check_ages
-from physic_scene.background import BackgroundSettings
-from physic_scene.bundle import BundleSettings
-from physic_scene.cameras import FitLimits, solve_cameras
-from physic_scene.energy import KeypointSettings, require_default_engine
-from physic_scene.matching import MatchingSettings, joined_matches
+from physic_scene.cameras import solve_cameras
+from physic_scene.energy import require_default_engine
+from physic_scene.matching import joined_matches
 from physic_scene.observations import observe
 from physic_scene.people import people_of_scene
 from physic_scene.reference import ReferenceInput, solve_reference
 from physic_scene.result import assemble
 from physic_scene.selection import ChosenPhotos, Photo, select_photos
+from physic_scene.settings import SceneSettings
 
 if TYPE_CHECKING:
     import os
@@ -39,17 +38,6 @@ if TYPE_CHECKING:
 
 FEWEST, MOST = 2, 8
 """Numbers of photos."""
-
-
-@dataclass(frozen=True)
-class SceneSettings:
-    """Settings of all steps."""
-
-    matching: MatchingSettings = field(default_factory=MatchingSettings)
-    background: BackgroundSettings = field(default_factory=BackgroundSettings)
-    bundle: BundleSettings = field(default_factory=BundleSettings)
-    fit: FitLimits = field(default_factory=FitLimits)
-    keypoints: KeypointSettings = field(default_factory=KeypointSettings)
 
 
 class Scene:

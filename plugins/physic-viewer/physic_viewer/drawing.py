@@ -9,7 +9,6 @@ import numpy as np
 import viser
 import viser.transforms
 
-from physic_core.types import CameraView
 from physic_core.visual.palette import CAMERA_RGB, FLOOR_RGB, person_tint
 from physic_viewer.shapes import ResultShapes, nearest_on_ray
 from physic_viewer.unlit import unlit_glb
@@ -106,7 +105,7 @@ class DrawnResult:
 
     def _draw_camera(self, node: str) -> None:
         nearest = min((-float(body.vertices[:, 2].max()) for body in self.shapes.bodies), default=2.0)
-        for number, view in enumerate(self.result.cameras or [CameraView.of_reference(self.result, "")]):
+        for number, view in enumerate(self.result.cameras or [self.result.reference_view()]):
             camera, pose = view.intrinsics, self.shapes.upright @ view.pose
             step = max(1, max(view.image.shape) // _FRUSTUM_PX)
             self._scene.add_camera_frustum(

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import Observations
+    from physic_embedded.body_fit.outline_pairs import OutlinePairs
     from physic_embedded.body_fit.problem import FitProblem, FitSettings, FloorConstraint, InitialPose
-    from physic_embedded.body_fit.silhouette import OutlinePairs
 
     FloatArray = NDArray[np.floating]
 

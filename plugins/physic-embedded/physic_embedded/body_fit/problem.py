@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ import torch
 from physic_core.body import JOINT_INDEX
 from physic_core.body.feet_in_picture import foot_touch_probability
 from physic_core.geometry.rotations import rotvec_to_rotmat
+from physic_core.types.per_person import PER_PERSON, select_people
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.pose_prior import MAX_HINGE_ANGLE, hinge_joints, pose_prior, relaxed_finger_pose
 from physic_embedded.body_fit.stature_prior import adult_shape
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import Observations
-    from physic_embedded.body_fit.silhouette import OutlinePairs
+    from physic_embedded.body_fit.outline_pairs import OutlinePairs
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
@@ -114,28 +115,6 @@ _SHOULDERS, _HIPS = ([JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right"
 _LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is likely to be meant to be vertical
 _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # say the same as the eyes
-_PER_PERSON = (
-    "points",
-    "weight",
-    "confidence",
-    "size",
-    "turn",
-    "world",
-    "world_weight",
-    "root",
-    "pose",
-    "log_z",
-    "side",
-    "lean",
-    "up_angle",
-    "feet",
-    "upright",
-    "trunk",
-    "outline_vertex",
-    "outline_normal",
-    "outline_offset",
-    "outline_weight",
-)
 
 
 @dataclass(frozen=True)
@@ -152,6 +131,16 @@ class DecodedUnknowns:
 
 
 @dataclass(frozen=True)
+class _Outlines:
+    """:class:`OutlinePairs` of N people as tensors."""
+
+    vertex: Tensor = field(metadata=PER_PERSON)
+    normal: Tensor = field(metadata=PER_PERSON)
+    offset: Tensor = field(metadata=PER_PERSON)
+    weight: Tensor = field(metadata=PER_PERSON)
+
+
+@dataclass(frozen=True)
 class FitProblem:
     """Constant data of a body fit as tensors of the model's float type."""
 
@@ -160,34 +149,30 @@ class FitProblem:
     rows: Tensor
     hips: tuple[int, int]
     knees: tuple[int, int]
-    points: Tensor
-    weight: Tensor
-    confidence: Tensor
-    size: Tensor
-    turn: Tensor
-    world: Tensor | None
-    world_weight: Tensor
+    points: Tensor = field(metadata=PER_PERSON)
+    weight: Tensor = field(metadata=PER_PERSON)
+    confidence: Tensor = field(metadata=PER_PERSON)
+    size: Tensor = field(metadata=PER_PERSON)
+    turn: Tensor = field(metadata=PER_PERSON)
+    world: Tensor | None = field(metadata=PER_PERSON)
+    world_weight: Tensor = field(metadata=PER_PERSON)
     camera: Tensor
-    root: Tensor
-    pose: Tensor
+    root: Tensor = field(metadata=PER_PERSON)
+    pose: Tensor = field(metadata=PER_PERSON)
     mean: Tensor
     sigma: Tensor
     fingers: Tensor
-    log_z: Tensor
-    side: Tensor
-    lean: Tensor
+    log_z: Tensor = field(metadata=PER_PERSON)
+    side: Tensor = field(metadata=PER_PERSON)
+    lean: Tensor = field(metadata=PER_PERSON)
     up: Tensor
-    up_angle: Tensor
-    feet: Tensor
+    up_angle: Tensor = field(metadata=PER_PERSON)
+    feet: Tensor = field(metadata=PER_PERSON)
     soles: tuple[int, int]
-    num_outline: int
-    upright: Tensor
-    trunk: Tensor
+    upright: Tensor = field(metadata=PER_PERSON)
+    trunk: Tensor = field(metadata=PER_PERSON)
     upper: Tensor
-    outline_vertex: Tensor
-    outline_normal: Tensor
-    outline_offset: Tensor
-    outline_weight: Tensor
+    outlines: _Outlines | None = field(metadata=PER_PERSON)
     stature: Tensor
     adult: Tensor
     settings: FitSettings
@@ -199,8 +184,7 @@ class FitProblem:
 
     def select(self, rows: Tensor) -> FitProblem:
         """Select people by index (n,) int64; an index may repeat."""
-        values = {name: getattr(self, name) for name in _PER_PERSON}
-        return replace(self, **{name: value[rows] for name, value in values.items() if value is not None})
+        return select_people(self, rows)
 
     def decode(self, unknowns: Tensor) -> DecodedUnknowns:
         """Convert unknowns (N, W) to body parameters."""
@@ -266,8 +250,8 @@ class FitProblem:
 
         column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
         angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
-        soles, outline = posed["vertices"].split([sum(self.soles), self.num_outline], 1)  # type: ignore[no-untyped-call]
-        heights = (soles @ self.up).split(self.soles, 1)
+        soles, outline = posed["vertices"].tensor_split([sum(self.soles)], 1)
+        heights = (soles @ self.up).tensor_split([self.soles[0]], 1)
         left, right = (
             -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights
         )  # a smooth minimum
@@ -280,22 +264,22 @@ class FitProblem:
         # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled at all.
         trunk = (_TRUNK_LIMIT / s.trunk_sigma) ** 2 * (1 - torch.exp(-(tilt / _TRUNK_LIMIT).square()))
         constraints = vertical + self.trunk * trunk + level
-        if self.num_outline:
-            constraints = constraints + self._outline_loss(outline)
+        if self.outlines is not None:
+            constraints = constraints + self._outline_loss(self.outlines, outline)
         return loss, constraints, projected
 
-    def _outline_loss(self, vertices: Tensor) -> Tensor:
+    def _outline_loss(self, pairs: _Outlines, vertices: Tensor) -> Tensor:
         """Return the loss (N,) of bodies that reach outside their masks, and masks outside their bodies.
 
         Each pair has the loss of Geman and McClure (1987), which tends to a constant.
         """
         s = self.settings
-        chosen = vertices.gather(1, self.outline_vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
+        chosen = vertices.gather(1, pairs.vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
         pixels = chosen[..., :2] / chosen[..., 2:].clamp(min=0.1)
-        excess = torch.relu((self.outline_normal * pixels).sum(-1) - self.outline_offset) / s.outline_sigma
+        excess = torch.relu((pairs.normal * pixels).sum(-1) - pairs.offset) / s.outline_sigma
         # A square that starts as a cube: Newton's method needs second derivatives without jumps.
         square = excess.pow(3) / (excess + 0.5)
-        return (self.outline_weight * square * s.outline_limit**2 / (s.outline_limit**2 + square)).sum(1)
+        return (pairs.weight * square * s.outline_limit**2 / (s.outline_limit**2 + square)).sum(1)
 
 
 def fit_problem(
@@ -360,11 +344,7 @@ def fit_problem(
         up=tensor(up),
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
-        num_outline=0,
-        outline_vertex=torch.zeros(count, 0, dtype=torch.int64),
-        outline_normal=tensor(np.zeros((count, 0, 2))),
-        outline_offset=tensor(np.zeros((count, 0))),
-        outline_weight=tensor(np.zeros((count, 0))),
+        outlines=None,
         upright=tensor(upright),
         trunk=tensor(trunk),
         upper=tensor([not any(part in name for part in _LEGS) for name in used]),
@@ -382,11 +362,10 @@ def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
         landmarks=model.landmarks_only(
             [problem.skeleton], torch.cat([*_soles(model), torch.as_tensor(pairs.vertex_ids)])
         ),
-        num_outline=len(pairs.vertex_ids),
-        outline_vertex=torch.as_tensor(pairs.vertex),
-        outline_normal=torch.as_tensor(pairs.normal, dtype=model.dtype),
-        outline_offset=torch.as_tensor(pairs.offset, dtype=model.dtype),
-        outline_weight=torch.as_tensor(pairs.weight, dtype=model.dtype),
+        outlines=_Outlines(
+            torch.as_tensor(pairs.vertex),
+            *(torch.as_tensor(values, dtype=model.dtype) for values in (pairs.normal, pairs.offset, pairs.weight)),
+        ),
     )
 
 

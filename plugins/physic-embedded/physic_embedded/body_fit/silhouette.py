@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from physic_core.body import JOINT_NAMES
 from physic_core.geometry.raster import rasterise
+from physic_embedded.body_fit.outline_pairs import OutlinePairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,28 +41,6 @@ _NEARER = 0.95  # of the person's depth; what is nearer hides the person
 _SEEN, _FEWEST_SEEN = 0.5, 0.7  # confidence of a keypoint, and share of these that a usable mask holds
 _CLOSE = 0.03  # sizes of the person between a keypoint and the mask that holds it
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
-
-
-@dataclass(frozen=True)
-class OutlinePairs:
-    """Pairs of a body vertex and a line in the picture; N people, P pairs.
-
-    The residual of a pair is ``normal @ (pixel of the vertex) - offset``, in sizes of the person; only a positive one
-    counts.
-
-    Attributes:
-        vertex_ids: (V,) of the body model.
-        vertex: (N, P) rows of ``vertex_ids``.
-        normal: (N, P, 2) per px.
-        offset: (N, P).
-        weight: (N, P), zero for pairs that do not count.
-    """
-
-    vertex_ids: IntArray
-    vertex: IntArray
-    normal: FloatArray
-    offset: FloatArray
-    weight: FloatArray
 
 
 @dataclass(frozen=True)
