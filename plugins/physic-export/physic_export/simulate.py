@@ -9,6 +9,7 @@ import numpy as np
 
 from physic_core import ExportRequest
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.posture import lean_deg
 from physic_core.types.support import SupportState
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import body_of_result
@@ -22,13 +23,19 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import Person, Reconstruction
+    from physic_core.types import Person, Plane, Reconstruction
     from physic_export.tiles import Tile
 
     Array = NDArray[np.float64]
 
 STAY_M = 0.05
 """Distance up to which a person stays, metres: of the pelvis, and of the parts that carry, over the whole time."""
+
+FALL_M = 0.2
+"""Drop of the highest point from which on a person who does not stay falls, metres: more than a soft seat gives way."""
+
+LYING_DEG = 45.0
+"""Angle of the trunk from the vertical from which on a person whose trunk or seat is carried lies: nearer to level."""
 
 CONTROLS = ("raised", "tilted", "no contact")
 """Changes after which no person should stay: the body 0.25 m higher, the floor tilted by 10 degrees backward under the
@@ -49,6 +56,7 @@ class Motion:
         moved_m: greatest distance of the pelvis from its start.
         slip_m: greatest horizontal distance of a carrying part from its start; None if nothing carries.
         sinking_m: greatest drop of the pelvis.
+        unseen: names of supports in the result that the scene does not have, such as "hidden seat".
         contacts: number of parts that the result has in contact with floor or scene.
         lasting: number of these that touch floor or scene at the end.
         start: (n, 3) vertices of the skin before, m, z up.
@@ -62,6 +70,7 @@ class Motion:
     moved_m: float
     slip_m: float | None
     sinking_m: float
+    unseen: tuple[str, ...]
     contacts: int
     lasting: int
     start: Array
@@ -74,18 +83,45 @@ class Motion:
         near = self.moved_m <= STAY_M and (self.slip_m or 0.0) <= STAY_M
         return near and (self.lasting > 0 or not self.contacts)
 
+    @property
+    def outcome(self) -> str:
+        """Return "stays", "falls", "slides" (the carrying parts move), or "moves"."""
+        if self.stays:
+            return "stays"
+        if self.start[:, 2].max() - self.end[:, 2].max() > FALL_M:
+            return "falls"
+        return "slides" if (self.slip_m or 0.0) > STAY_M else "moves"
 
-def posture(person: Person) -> str:
-    """Return "stands on both feet", "sits or lies", or "in motion".
+    @property
+    def explanation(self) -> str:
+        """Return why a person who does not stay cannot; "" if nothing in the result explains it."""
+        if self.stays or self.control:
+            return ""
+        if self.unseen:
+            lost = ", ".join(f"the {name.removeprefix('hidden ')}" for name in self.unseen)
+            return f"the scene does not have {lost} of person {self.person}, who {self.outcome}"
+        if self.posture == "in motion":
+            return f"person {self.person} {self.outcome}, as people in motion do"
+        return ""
 
-    A person is in motion if they are not balanced over contacts that the photo shows, or stand on one foot.
+
+def posture(person: Person, floor: Plane) -> str:
+    """Return "stands on both feet", "sits", "lies", or "in motion".
+
+    People whose supports list a seat sit or lie, also on a seat that the scene does not have. A person without a seat
+    is in motion if they are not balanced over contacts that the photo shows, or stand on one foot.
     """
     support = person.support
-    if support is None or support.state != SupportState.BALANCED:
+    if support is None:
+        return "in motion"
+    lies = lean_deg(person.joints, floor, "trunk")[0] > LYING_DEG
+    if any(one.part == "seat" or one.partner.surface == "seat" for one in support.contacts):
+        return "lies" if lies else "sits"
+    if support.state != SupportState.BALANCED:
         return "in motion"
     parts = {one.part for one in support.contacts if one.partner.kind in ("floor", "scene")}
-    if parts & {"seat", "back", "torso", "left_upper_leg", "right_upper_leg"}:
-        return "sits or lies"
+    if parts & {"back", "torso", "left_upper_leg", "right_upper_leg"}:
+        return "lies" if lies else "sits"
     return "stands on both feet" if {"left_foot", "right_foot"} <= parts else "in motion"
 
 
@@ -96,6 +132,7 @@ def simulate_people(
     seconds: float = 2.0,
     control: str = "",
     body_file: Path | None = None,
+    tiles: Sequence[Tile] | None = None,
 ) -> list[Motion]:
     """Let each person stand alone, with the others as rigid obstacles.
 
@@ -107,19 +144,20 @@ def simulate_people(
         seconds: simulated time.
         control: one of CONTROLS, or "".
         body_file: SMPL-X file of the user.
+        tiles: of the scene; None to make them.
 
     Raises:
         InputError: there is no floor, or the skeleton is not known.
     """
     posed = tuple(index for index, one in enumerate(result.people) if np.isfinite(one.vertices).all())
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "z"), "a", ".xml", body_file=body_file)
-    tiles = convex_tiles(result)
+    tiles = convex_tiles(result) if tiles is None else tiles
     part = vertex_segments(body_of_result(result, body_file).skin.weights.T.double().numpy())
     return [_simulate(request, index, tiles, part, seconds, control) for index in people]
 
 
 def _simulate(
-    request: ExportRequest, index: int, tiles: list[Tile], part: NDArray[np.int64], seconds: float, control: str
+    request: ExportRequest, index: int, tiles: Sequence[Tile], part: NDArray[np.int64], seconds: float, control: str
 ) -> Motion:
     import mujoco
 
@@ -147,9 +185,11 @@ def _simulate(
                 touching.add(int(model.geom_bodyid[other]))
     lasting = sum(body in touching for body in carrying)
     end, faces = _skin(model, data, bodies), _faces(model, bodies)
-    what = posture(person)
+    floor, support = request.result.scene.floor, person.support
+    what = "in motion" if floor is None else posture(person, floor)
+    unseen = () if support is None else support.hidden
     carried = slip if carrying else None
-    return Motion(index, what, control, moved, carried, sinking, len(carrying), lasting, start, end, faces)
+    return Motion(index, what, control, moved, carried, sinking, unseen, len(carrying), lasting, start, end, faces)
 
 
 def _change(model: Any, data: Any, pelvis: int, root: int, control: str) -> None:

@@ -27,10 +27,11 @@ def simulate(
     body_model: Path | None,
     folder: Path | None,
 ) -> None:
-    """Let the people of the result in folder OUT stand under gravity in MuJoCo, with passive joints.
+    """Let the people of the result in folder OUT stand or sit under gravity in MuJoCo, with passive joints.
 
     Writes simulation.json, and simulation.png with each person before and after.
     """
+    from functools import partial
     from importlib.util import find_spec
 
     import numpy as np
@@ -46,9 +47,11 @@ def simulate(
     from physic_core.files.atomic import atomic_write
     from physic_core.files.own import MARK, check_own
     from physic_core.types import Reconstruction
+    from physic_core.visual.export.request import export_frame
     from physic_export.mjcf_humanoid import PASSIVE
     from physic_export.simulate import CONTROLS, simulate_people
     from physic_export.simulate_picture import draw_motions
+    from physic_export.tiles import convex_tiles
 
     folder = folder or out
     check_own(folder / "simulation.json", folder / "simulation.png")
@@ -59,16 +62,22 @@ def simulate(
     if missing := [index for index in person if index not in posed]:
         raise InputError(f"there is no person {missing[0]} with a body: choose from {posed}")
     motions: list[Motion] = []
+    tiles = convex_tiles(result)
+    run = partial(simulate_people, result, person or posed, seconds=seconds, body_file=body_model, tiles=tiles)
     for control in ("", *(CONTROLS if controls else ())):
-        motions += simulate_people(result, person or posed, seconds=seconds, control=control, body_file=body_model)
+        motions += run(control=control)
     echo(_table(motions))
+    for explanation in filter(None, (motion.explanation for motion in motions)):
+        echo(f"note: {explanation}")
     names = {name: vars(passive) for name, passive in PASSIVE.items()}
     rows = [_row(motion) for motion in motions]
     document = {"note": MARK, "seconds": seconds, "passive_joints": names, "people": rows}
     folder.mkdir(parents=True, exist_ok=True)
+    as_it_is = [one for one in motions if not one.control]
+    picture = draw_motions(as_it_is, seconds, tiles, export_frame(result.scene.floor, "z").from_camera)
     with atomic_write(folder) as temporary:
         temporary("simulation.json").write_text(json.dumps(document, indent=2) + "\n", "utf-8")
-        temporary("simulation.png").write_bytes(draw_motions([one for one in motions if not one.control], seconds))
+        temporary("simulation.png").write_bytes(picture)
     echo(f"{folder / 'simulation.json'}\n{folder / 'simulation.png'}")
 
 
@@ -78,6 +87,8 @@ def _row(motion: Motion) -> dict[str, Any]:
         "posture": motion.posture,
         "control": motion.control,
         "stays": motion.stays,
+        "outcome": motion.outcome,
+        "unseen_supports": list(motion.unseen),
         "moved_m": round(motion.moved_m, 4),
         "slip_m": None if motion.slip_m is None else round(motion.slip_m, 4),
         "sinking_m": round(motion.sinking_m, 4),
@@ -87,13 +98,12 @@ def _row(motion: Motion) -> dict[str, Any]:
 
 
 def _table(motions: list[Motion]) -> str:
-    rows = [("person", "posture", "change", "stays", "moved", "slip", "sinking", "contacts that last")]
+    rows = [("person", "posture", "change", "outcome", "moved", "slip", "sinking", "contacts that last")]
     for one in motions:
         slip = "not measured" if one.slip_m is None else f"{100 * one.slip_m:.1f} cm"
         lasting = f"{one.lasting} of {one.contacts}" if one.contacts else "none in the result"
-        change, stays = one.control or "-", "yes" if one.stays else "no"
         moved, sinking = f"{100 * one.moved_m:.1f} cm", f"{100 * one.sinking_m:.1f} cm"
-        rows.append((str(one.person), one.posture, change, stays, moved, slip, sinking, lasting))
+        rows.append((str(one.person), one.posture, one.control or "-", one.outcome, moved, slip, sinking, lasting))
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import torch
 from click.testing import CliRunner
 from PIL import Image
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from physic_core import Reconstruction
@@ -18,9 +20,13 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.cli import main
+from physic_core.geometry.upright import transform_points
 from physic_core.types import BodyContact, ContactPartner
 from physic_core.types.support import Support, SupportState
+from physic_core.visual.export.request import export_frame
 from physic_export.simulate import CONTROLS, STAY_M, posture, simulate_people
+from physic_export.simulate_picture import draw_motions
+from physic_export.tiles import Tile
 
 pytest.importorskip("mujoco")
 
@@ -101,20 +107,78 @@ def test_a_person_does_not_stay_under_a_control(standing: Reconstruction, contro
     assert motion.control == control
 
 
+FLOOR, UNSEEN_SEAT = ContactPartner("floor"), ContactPartner("hidden", "seat")
+
+
 @pytest.mark.parametrize(
-    ("state", "parts", "words"),
+    ("state", "parts", "partner", "words"),
     [
-        (SupportState.BALANCED, ("left_foot", "right_foot"), "stands on both feet"),
-        (SupportState.BALANCED, ("left_foot",), "in motion"),
-        (SupportState.BALANCED, ("left_foot", "seat"), "sits or lies"),
-        (SupportState.UNBALANCED, ("left_foot", "right_foot"), "in motion"),
-        (SupportState.ASSUMED, ("seat",), "in motion"),
+        (SupportState.BALANCED, ("left_foot", "right_foot"), FLOOR, "stands on both feet"),
+        (SupportState.BALANCED, ("left_foot",), FLOOR, "in motion"),
+        (SupportState.BALANCED, ("left_foot", "seat"), FLOOR, "sits"),
+        (SupportState.BALANCED, ("left_foot", "left_upper_leg"), FLOOR, "sits"),
+        (SupportState.UNBALANCED, ("left_foot", "right_foot"), FLOOR, "in motion"),
+        (SupportState.UNBALANCED, ("left_foot", "right_foot", "seat"), FLOOR, "sits"),
+        (SupportState.ASSUMED, ("seat",), UNSEEN_SEAT, "sits"),
+        (SupportState.ASSUMED, ("left_upper_leg",), UNSEEN_SEAT, "sits"),
     ],
 )
-def test_the_posture_follows_from_the_support(result: Reconstruction, state: SupportState, parts, words: str):
-    contacts = tuple(BodyContact(part, ContactPartner("floor"), 0.9, 100) for part in parts)
-    support = Support(state, contacts, -0.1, (0.0, 0.0, 3.0))
-    assert posture(replace(result.people[0], support=support)) == words
+def test_the_posture_follows_from_the_support(
+    standing: Reconstruction, state: SupportState, parts, partner: ContactPartner, words: str
+):
+    assert posture(replace(standing.people[0], support=support(state, parts, partner)), standing.scene.floor) == words
+
+
+def test_a_body_whose_trunk_is_level_lies(standing: Reconstruction):
+    on_floor = support(SupportState.BALANCED, ("seat", "back"), FLOOR)
+    floor = standing.scene.floor
+    level = replace(floor, normal=np.array([0.0, floor.normal[2], -floor.normal[1]]))
+    assert posture(replace(standing.people[0], support=on_floor), level) == "lies"
+
+
+def support(state: SupportState, parts, partner: ContactPartner) -> Support:
+    contacts = tuple(BodyContact(part, partner, 0.9, 100) for part in parts)
+    return Support(state, contacts, -0.1, (0.0, 0.0, 3.0))
+
+
+def test_a_person_on_a_seat_that_the_scene_lacks_falls_and_the_command_says_why(
+    standing: Reconstruction, tmp_path: Path
+):
+    up = standing.scene.floor.normal
+    sitter = replace(
+        standing.people[0],
+        support=support(SupportState.ASSUMED, ("seat",), UNSEEN_SEAT),
+        vertices=standing.people[0].vertices + 0.3 * up,
+        joints=standing.people[0].joints + 0.3 * up,
+        parameters=replace(
+            standing.people[0].parameters, transl=standing.people[0].parameters.transl + np.float32(0.3) * up
+        ),
+        contact=np.zeros_like(standing.people[0].contact),
+        contact_partner=np.full_like(standing.people[0].contact_partner, -1),
+    )
+    replace(standing, people=(sitter,)).save(str(tmp_path / "out"), "exact")
+    done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--seconds", "0.5"])
+    assert done.exit_code == 0, done.output
+    assert "note: the scene does not have the seat of person 0, who falls" in done.output
+    (row,) = json.loads((tmp_path / "out" / "simulation.json").read_text())["people"]
+    assert (row["posture"], row["outcome"], row["unseen_supports"]) == ("sits", "falls", ["hidden seat"])
+
+
+def test_the_picture_has_the_floor_and_the_scene_that_carry(standing: Reconstruction):
+    (motion,) = simulate_people(standing, [0], seconds=0.1)
+    matrix = export_frame(standing.scene.floor, "z").from_camera
+    x, y, _ = motion.start.mean(0)
+    corners = np.array([[i, j, k] for i in (x + 0.6, x + 0.9) for j in (y, y + 0.3) for k in (0.0, 0.4)])
+    hull = ConvexHull(corners)
+    red = np.array([0.9, 0.1, 0.1])
+    box = Tile(transform_points(np.linalg.inv(matrix), corners), hull.simplices.astype(np.int64), red)
+    drawn = [np.array(Image.open(BytesIO(draw_motions([motion], 0.1, tiles, matrix)))) for tiles in ([], [box])]
+    empty, furnished = (picture.astype(int) for picture in drawn)
+    greys = (empty.max(2) - empty.min(2) < 8) & (empty.max(2) < 240)
+    assert greys[200:].mean() > 0.3  # the chequered floor
+    reds = furnished[..., 0] - furnished[..., 1] > 60
+    assert reds.sum() > 500
+    assert not (empty[..., 0] - empty[..., 1] > 60).any()
 
 
 def test_the_command_writes_numbers_and_a_picture(standing: Reconstruction, tmp_path: Path):
@@ -122,8 +186,8 @@ def test_the_command_writes_numbers_and_a_picture(standing: Reconstruction, tmp_
     done = CliRunner().invoke(main, ["simulate", str(tmp_path / "out"), "--seconds", "0.2", "-o", str(tmp_path / "s")])
     assert done.exit_code == 0, done.output
     head, row = done.output.splitlines()[:2]
-    assert head.split()[:4] == ["person", "posture", "change", "stays"]
-    assert "yes" in row
+    assert head.split()[:4] == ["person", "posture", "change", "outcome"]
+    assert "stays" in row
     document = json.loads((tmp_path / "s" / "simulation.json").read_text())
     assert document["passive_joints"]["trunk"] == {"stiffness": 10000.0, "damping": 500.0, "friction": 5.0}
     assert document["people"][0]["stays"] is True
