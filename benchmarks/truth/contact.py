@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.metrics.intervals import Figure
+from physic_core.metrics.tables import markdown_table
 from physic_core.types.skeletons import SIDES
 
 from .measures import SCORES, match_boxes, probability_scores
 from .sets import FILMS_APART, FILMS_OF_FITS, Sample
-from .statistics import Figure, Record, Strata, figure, pooled
+from .statistics import Record, Strata, figure, pooled
 from .table import Row
 
 if TYPE_CHECKING:
@@ -142,13 +144,13 @@ def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
     """As Markdown: a line for each kind of part, each score with its interval."""
     heads = ["judged", "touch", "AUC", "Brier", "Brier, constant", "recall", "specificity", "balanced", "F1"]
     heads.append("calibration error")
-    lines = [f"| {' | '.join(('contact with the world', *heads))} |", "|---|" + "---:|" * len(heads)]
+    rows = [["contact with the world", *heads]]
     for group, kinds in tables.items():
         for kind, scores in kinds.items():
             counts = [str(scores["auc"]["count"]), str(scores["touching"])]
             cells = [_cell(Figure(**scores[name]), name != "constant") for name in SCORES]
-            lines.append(f"| {group}: {kind} | {' | '.join(counts + cells)} |")
-    return "\n".join(lines)
+            rows.append([f"{group}: {kind}", *counts, *cells])
+    return markdown_table(rows)
 
 
 def _cell(found: Figure, interval: bool) -> str:

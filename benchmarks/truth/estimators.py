@@ -14,7 +14,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +63,7 @@ def main() -> int:
         records, name = photo_records(samples, given), "photos"
     figures = statistics_of(records)
     given.out.mkdir(parents=True, exist_ok=True)
-    document = {"figures": {key: figure.as_dict() for key, figure in figures.items()}, "records": records}
+    document = {"figures": {key: asdict(figure) for key, figure in figures.items()}, "records": records}
     (given.out / f"{name}.json").write_text(json.dumps(without_nan(document), indent=1, allow_nan=False))
     print(text_of(figures))
     return 0

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.detections import box_iou
+from physic_core.metrics.matching import assign
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import bone_lengths, root
 
@@ -60,23 +62,17 @@ def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any
     }
 
 
-def box_iou(one: Sequence[float], two: Sequence[float]) -> float:
-    """Of boxes x0, y0, x1, y1."""
-    sides = [max(0.0, min(one[k + 2], two[k + 2]) - max(one[k], two[k])) for k in (0, 1)]
-    area = [(box[2] - box[0]) * (box[3] - box[1]) for box in (one, two)]
-    union = area[0] + area[1] - sides[0] * sides[1]
-    return sides[0] * sides[1] / union if union > 0 else 0.0
-
-
 def match_boxes(
     boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]], least: float
 ) -> dict[int, int]:
     """True box -> found box, one to one, of pairs whose intersection over union is at least ``least``."""
-    from scipy.optimize import linear_sum_assignment
+    iou = _iou(boxes, true_boxes)
+    return assign(-iou, iou >= least).predicted_of
 
-    iou = np.array([[box_iou(true, box) for box in boxes] for true in true_boxes]).reshape(len(true_boxes), len(boxes))
-    iou = np.where(iou >= least, iou, 0.0)
-    return {int(i): int(j) for i, j in zip(*linear_sum_assignment(-iou), strict=True) if iou[i, j]}
+
+def _iou(boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]]) -> Array:
+    """(N, M) of found and true boxes x0, y0, x1, y1."""
+    return box_iou(*(np.array(some, np.float64).reshape(-1, 4) for some in (boxes, true_boxes)))
 
 
 def share_inside(points: Array, box: Sequence[float]) -> float:
@@ -97,16 +93,14 @@ def match_people(
     Somebody is found where the boxes overlap by more than half, or where most of the true keypoints lie in the found
     box and most of the found ones in the true box: boxes of half hidden people differ by what is guessed of them.
     """
-    from scipy.optimize import linear_sum_assignment
-
-    quality = np.zeros((len(true_boxes), len(boxes)))
-    for i, (true_box, true) in enumerate(zip(true_boxes, true_points, strict=True)):
-        for j, (box, found) in enumerate(zip(boxes, points, strict=True)):
-            iou = box_iou(true_box, box)
-            mutual = min(share_inside(true, box), share_inside(found, true_box))
-            quality[i, j] = 1 + iou + mutual if iou > MIN_IOU or mutual > 0.5 else 0
-    rows, columns = linear_sum_assignment(-quality)
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if quality[i, j]}
+    iou, truth = _iou(boxes, true_boxes), list(zip(true_boxes, true_points, strict=True))
+    mutual = np.array(
+        [
+            [min(share_inside(true, box), share_inside(found, true_box)) for true_box, true in truth]
+            for box, found in zip(boxes, points, strict=True)
+        ]
+    ).reshape(iou.shape)
+    return assign(-iou - mutual, (iou > MIN_IOU) | (mutual > 0.5)).predicted_of
 
 
 def points_error(predicted: Array, truth: Array, counted: NDArray[np.bool_], box: Sequence[float]) -> list[float]:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from physic_testing.bench.estimator_statistics import Figure
+from physic_core.metrics.intervals import Figure, resampled_interval
 
 Record = Mapping[str, Any]
 Strata = Sequence[Sequence[Record]]
 """The records of each data set."""
 
-DRAWS, SEED = 1000, 20261121
+_DRAWS = 1000
 
 
 def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> Figure:
@@ -27,16 +27,12 @@ def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> F
     for record in records:
         sets.setdefault(record["set"], []).append(record)
     strata = [max(_grouped(of_set, "group"), _grouped(of_set, "photo"), key=_several) for of_set in sets.values()]
-    value = statistic([[r for group in stratum for r in group] for stratum in strata])
-    if min((len(stratum) for stratum in strata), default=0) < 2:
-        return Figure(value, math.nan, math.nan, len(records))
-    rng, draws = np.random.default_rng(SEED), []
-    for _ in range(DRAWS):
-        drawn = [[r for k in rng.integers(len(s), size=len(s)) for r in s[k]] for s in strata]
-        draws.append(statistic(drawn))
-    known = [draw for draw in draws if math.isfinite(draw)]
-    low, high = np.percentile(known, [2.5, 97.5]) if known else (math.nan, math.nan)
-    return Figure(value, float(low), float(high), len(records))
+
+    def of_groups(drawn: Sequence[Sequence[Sequence[Record]]]) -> float:
+        return statistic([[r for group in stratum for r in group] for stratum in drawn])
+
+    value = of_groups(strata)
+    return Figure(value, *resampled_interval(strata, of_groups, _DRAWS), len(records))
 
 
 def _grouped(records: Sequence[Record], key: str) -> list[list[Record]]:

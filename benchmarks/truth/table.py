@@ -7,7 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .statistics import Figure, Record, Strata, figure, median_of, of_lists, of_sets, pooled
+from physic_core.metrics.intervals import Figure
+from physic_core.metrics.tables import markdown_table
+
+from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
 WRONG = {"pa_mpjpe_mm": 150.0, "pelvis_depth_ratio": 0.25, "floor_angle_deg": 10.0, "camera_height_off": 0.25}
@@ -154,11 +157,11 @@ def is_wrong_person(person: Record) -> bool:
 
 def text_table(rows: Sequence[Row]) -> str:
     """For a terminal and for Markdown alike."""
-    lines = ["| figure | value | 95 % interval | of | to reach |", "|---|---:|---:|---:|---|"]
+    cells = [["figure", "value", "95 % interval", "of", "to reach"]]
     for r in rows:
         name = f"&nbsp; {r.name.strip()}" if r.name.startswith(" ") else r.name
-        lines.append(f"| {name} | {r.text(r.figure.value)} | {r.interval} | {r.figure.count} | {r.goal} |")
-    return "\n".join(lines)
+        cells.append([name, r.text(r.figure.value), r.interval, str(r.figure.count), r.goal])
+    return markdown_table(cells)
 
 
 def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:

@@ -37,6 +37,11 @@ class Matching:
     missed: Indices
     false_alarms: Indices
 
+    @property
+    def predicted_of(self) -> dict[int, int]:
+        """True person -> predicted person."""
+        return dict(zip(self.truth.tolist(), self.predicted.tolist(), strict=True))
+
 
 def mask_iou(predicted: BoolArray, truth: BoolArray) -> FloatArray:
     """Return the intersection over union (N, M) of masks (N, H, W) and (M, H, W) bool; 0 for two empty masks.
@@ -68,10 +73,16 @@ def match_by_masks(predicted: BoolArray, truth: BoolArray, min_iou: float = 0.5)
         PhysicError: the image sizes differ.
     """
     iou = mask_iou(predicted, truth)
-    return _assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
+    return assign(1.0 - iou, (iou >= min_iou) & (iou > 0))
 
 
-def _assign(cost: FloatArray, allowed: BoolArray) -> Matching:
+def assign(cost: FloatArray, allowed: BoolArray) -> Matching:
+    """Match people by costs of your own.
+
+    Args:
+        cost: (N, M) of each predicted and each true person, finite.
+        allowed: (N, M) bool, pairs that may match.
+    """
     usual = np.where(allowed, cost, 0.0)
     # A forbidden pair costs more than any set of allowed pairs.
     rows, columns = linear_sum_assignment(np.where(allowed, cost, usual.max(initial=0.0) * min(cost.shape) + 1.0))

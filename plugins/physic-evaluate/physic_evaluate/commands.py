@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.contract import Frame
     from physic_evaluate.datasets.base import DataSet
+    from physic_evaluate.evaluation import Method, UnexpectedError
     from physic_evaluate.reconstruct import Reconstruction
-    from physic_evaluate.run import Method, UnexpectedError
 
 CONTACT_CM = "2,4,5"
 NAMED_ERRORS = 5
@@ -310,10 +310,10 @@ def _release_methods(
     Errors of this program are appended to ``errors``; they cost their frame.
     """
     from physic_core.files.atomic import atomic_write, check_writable
+    from physic_evaluate.evaluation import Method, UnexpectedError
     from physic_evaluate.readers import open_reader
     from physic_evaluate.readers.physic_release import release_file
     from physic_evaluate.release_engine import optimise_release
-    from physic_evaluate.run import Method, UnexpectedError
 
     assert given.from_release is not None
     import numpy as np
@@ -353,9 +353,9 @@ def _reconstruction(given: _Given) -> Reconstruction:
 
 def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodies: BodyFiles) -> Method:
     """Reconstruct the pictures, and return that as a method."""
+    from physic_evaluate.evaluation import Method
     from physic_evaluate.readers import open_reader
     from physic_evaluate.reconstruct import reconstruct
-    from physic_evaluate.run import Method
 
     folder = out / "reconstructions"
     failures = reconstruct(frames, folder, how, lambda text: echo(text, err=True))
@@ -365,9 +365,9 @@ def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodie
 
 def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
     """Return the methods of --results."""
+    from physic_evaluate.evaluation import Method
     from physic_evaluate.frame_of_results import ALTERNATIVES
     from physic_evaluate.readers import READERS, open_reader
-    from physic_evaluate.run import Method
 
     chosen: dict[str, str] = {}
     for text in given.results_frame:

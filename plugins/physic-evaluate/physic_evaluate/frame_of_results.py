@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.adapters.detections import box_iou
 from physic_core.errors import InputError
-from physic_evaluate.projection import box_iou, box_of_points, person_points, project
+from physic_evaluate.projection import box_of_points, person_points, project
 from physic_evaluate.scoring import true_box
 from physic_evaluate.wording import counted
 
@@ -107,7 +108,8 @@ def check_frame(
         for name, (_, move) in ALTERNATIVES.items():
             moved = [move(person_points(person), frame.camera) for person in prediction.people]
             own = [box_of_points(project(points, K)) for points in moved if _is_of_human_size(points)]
-            found[name] += [max((box_iou(box, o) for o in own if o is not None), default=0.0) for box in boxes]
+            known = np.array([box for box in own if box is not None]).reshape(-1, 4)
+            found[name] += box_iou(np.array(boxes), known).max(1, initial=0.0).tolist()
     overlap = {name: median(values) for name, values in found.items() if values}
     check = FrameCheck(assumed, overlap, count)
     if not overlap or forced or overlap[assumed] >= MIN_OVERLAP:

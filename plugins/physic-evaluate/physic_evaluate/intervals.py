@@ -7,10 +7,11 @@ drawn: all views of a moment, or a frame.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from physic_core.metrics.intervals import Figure, draw_counts, percentile_interval
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,35 +21,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Record = Mapping[str, Any]
 
-DRAWS, SEED = 2000, 20261121
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A number with its 95 % interval; NaN where it is unknown.
-
-    Attributes:
-        value: over all people.
-        low: end of the interval.
-        high: end of the interval.
-        count: number of people with a value.
-        groups: number of independent groups.
-    """
-
-    value: float
-    low: float
-    high: float
-    count: int
-    groups: int
-
 
 def figure(records: Sequence[Record], column: Column) -> Figure:
     """Return a column's figure over the records of one method."""
     sums, count = _group_sums(records, column, _group_key(records))
     if not len(sums):
-        return Figure(np.nan, np.nan, np.nan, 0, 0)
-    low, high = _interval(column.value(_weights(len(sums)) @ sums), len(sums))
-    return Figure(float(column.value(sums.sum(0))), low, high, count, len(sums))
+        return Figure(np.nan)
+    draws = column.value(draw_counts(len(sums)) @ sums)
+    return _figure(float(column.value(sums.sum(0))), draws, count, len(sums))
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], column: Column) -> Figure:
@@ -60,13 +40,12 @@ def difference(first: Sequence[Record], second: Sequence[Record], column: Column
         for records in (first, second)
     ]
     if not both:
-        return Figure(np.nan, np.nan, np.nan, 0, 0)
+        return Figure(np.nan)
     key = _group_key(kept[0])
     (one, count), (two, _) = (_group_sums(records, column, key) for records in kept)
-    weights = _weights(len(one))
-    low, high = _interval(column.value(weights @ two) - column.value(weights @ one), len(one))
+    weights = draw_counts(len(one))
     value = float(column.value(two.sum(0)) - column.value(one.sum(0)))
-    return Figure(value, low, high, count, len(one))
+    return _figure(value, column.value(weights @ two) - column.value(weights @ one), count, len(one))
 
 
 def _group_key(records: Sequence[Record]) -> Callable[[Record], str]:
@@ -89,17 +68,7 @@ def _group_sums(records: Sequence[Record], column: Column, key: Callable[[Record
     return np.array([groups[name] for name in sorted(groups)]), count
 
 
-def _weights(groups: int) -> Array:
-    """Return how often each group is drawn, (DRAWS, G)."""
-    drawn = np.random.default_rng(SEED).integers(groups, size=(DRAWS, groups))
-    weights: Array = np.zeros((DRAWS, groups))
-    np.add.at(weights, (np.arange(DRAWS)[:, None], drawn), 1.0)
-    return weights
-
-
-def _interval(draws: Array, groups: int) -> tuple[float, float]:
-    known = draws[np.isfinite(draws)]
-    if groups < 2 or not len(known):
-        return float("nan"), float("nan")
-    low, high = np.percentile(known, [2.5, 97.5])
-    return float(low), float(high)
+def _figure(value: float, draws: Array, count: int, groups: int) -> Figure:
+    """Return a figure; one group has no interval."""
+    low, high = percentile_interval(draws) if groups > 1 else (np.nan, np.nan)
+    return Figure(value, low, high, count, groups)

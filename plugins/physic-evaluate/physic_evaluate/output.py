@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from physic_evaluate.metrics import CONTACT_FIGURES
 from physic_evaluate.score_journal import SCORES
-from physic_evaluate.tables import Tables, compute_tables, latex_table, markdown_table, text_table
+from physic_evaluate.tables import Tables, compute_tables, latex_table, markdown_tables, text_table
 from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
-    from physic_evaluate.run import Evaluation
+    from physic_evaluate.evaluation import Evaluation
 
 _TABLES = ("table.txt", "table.md", "table.tex", "results.json")
 PLOTS = "plots.png"
@@ -68,7 +68,7 @@ def write_evaluation(
     header = settings["header"]
     texts = {
         "table.txt": f"{header}\n\n{text_table(tables)}\n" + "\n".join(lines) + "\n",
-        "table.md": f"{header}\n\n{markdown_table(tables)}\n" + "\n".join(f"- {line}" for line in lines) + "\n",
+        "table.md": f"{header}\n\n{markdown_tables(tables)}\n" + "\n".join(f"- {line}" for line in lines) + "\n",
         "table.tex": _comment(header) + latex_table(tables) + "".join(map(_comment, lines)),
         "results.json": _document(evaluation, tables, {"note": MARK, **settings}, notes),
     }

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_evaluate.contract import Frame, PredictedPerson, TruePerson
-    from physic_evaluate.run import Evaluation, Method
+    from physic_evaluate.evaluation import Evaluation, Method
 
     Array = NDArray[np.float64]
     Pixels = NDArray[np.uint8]

@@ -34,12 +34,3 @@ def box_of_points(pixels: Array) -> Array | None:
     if 2 * len(known) < len(pixels) or len(known) < 2:
         return None
     return np.concatenate([known.min(0), known.max(0)])
-
-
-def box_iou(first: Array, second: Array) -> float:
-    """Return the intersection over union of two boxes x0, y0, x1, y1."""
-    low, high = np.maximum(first[:2], second[:2]), np.minimum(first[2:], second[2:])
-    shared = float(np.prod(np.maximum(high - low, 0)))
-    areas = [float(np.prod(np.maximum(box[2:] - box[:2], 0))) for box in (first, second)]
-    union = areas[0] + areas[1] - shared
-    return shared / union if union > 0 else 0.0

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.detections import box_iou
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.rays import RayCaster
 from physic_core.metrics.contact_scores import contact_counts
 from physic_core.metrics.geodesic import geodesic_error, surface_graph
+from physic_core.metrics.matching import assign
 from physic_core.metrics.physics import contact_gap, penetration
 from physic_core.metrics.pose import mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 from physic_evaluate.joints import LIMB_JOINTS
-from physic_evaluate.projection import box_iou, box_of_points, person_points, project
+from physic_evaluate.projection import box_of_points, person_points, project
 from physic_evaluate.scene_surface import EXACT_WITHIN_M, SceneIndex, contact_by_rule
 
 if TYPE_CHECKING:
@@ -127,25 +129,22 @@ def score_frame(
     return records
 
 
+_NO_BOX = (0.0, 0.0, 0.0, 0.0)  # overlaps no other box
+
+
 def match_people(frame: Frame, truth: Truth, prediction: Prediction) -> dict[int, int]:
     """Return annotated person -> predicted person, one to one, by the overlap of their boxes in the picture.
 
     Without a camera, the best predicted person belongs to the only annotated one.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if not truth.people or not prediction.people:
         return {}
     boxes = [true_box(frame, person) for person in truth.people]
     if len(boxes) == 1 and boxes[0] is None:
         return {0: 0}
-    iou = np.zeros((len(boxes), len(prediction.people)))
-    for i, box in enumerate(boxes):
-        for j, person in enumerate(prediction.people):
-            own = predicted_box(frame, person, prediction.K)
-            iou[i, j] = 0.0 if box is None or own is None else box_iou(box, own)
-    rows, columns = linear_sum_assignment(-np.where(iou >= MIN_IOU, 1 + iou, 0))
-    return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if iou[i, j] >= MIN_IOU}
+    found = [predicted_box(frame, person, prediction.K) for person in prediction.people]
+    iou = box_iou(*(np.array([_NO_BOX if box is None else box for box in some]) for some in (found, boxes)))
+    return assign(-iou, iou >= MIN_IOU).predicted_of
 
 
 def true_box(frame: Frame, person: TruePerson) -> Array | None:

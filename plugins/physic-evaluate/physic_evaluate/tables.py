@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from physic_evaluate.intervals import Figure, difference, figure
+from physic_core.metrics.intervals import Figure
+from physic_core.metrics.tables import aligned_table, markdown_table
+from physic_evaluate.intervals import difference, figure
 from physic_evaluate.metrics import columns_for
 
 if TYPE_CHECKING:
@@ -64,12 +66,12 @@ def compute_tables(records: Sequence[Record], methods: Sequence[str], rules: Seq
 
 def text_table(tables: Tables) -> str:
     """Return the figures with intervals for a terminal, then the differences."""
-    return _with_differences(tables, _aligned)
+    return _with_differences(tables, aligned_table)
 
 
-def markdown_table(tables: Tables) -> str:
+def markdown_tables(tables: Tables) -> str:
     """Return the same as Markdown."""
-    return _with_differences(tables, _markdown)
+    return _with_differences(tables, markdown_table)
 
 
 def _with_differences(tables: Tables, draw: Callable[[list[list[str]]], str]) -> str:
@@ -134,20 +136,6 @@ def _with_interval(column: Column, found: Figure, *, signed: bool = False) -> st
     if found.low != found.low:
         return text
     return f"{text} [{column.text(found.low)}, {column.text(found.high)}]"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
-
-
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|---|" + "---:|" * (len(rows[0]) - 1), *lines[1:]])
 
 
 _TEX = {letter: f"\\{letter}" for letter in "&%$#_{}"} | {

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.carry import Carrier
     from physic_evaluate.contract import Frame, Prediction
-    from physic_evaluate.run import Evaluation
+    from physic_evaluate.evaluation import Evaluation
 
 
 @dataclass(frozen=True)

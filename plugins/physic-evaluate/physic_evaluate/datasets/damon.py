@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from physic_evaluate.bodies import BodyFiles
     from physic_evaluate.carry import Carrier
-    from physic_evaluate.run import Evaluation
+    from physic_evaluate.evaluation import Evaluation
 
     Bools = NDArray[np.bool_]
 

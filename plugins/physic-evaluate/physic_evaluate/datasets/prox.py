@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from physic_core.adapters.detections import box_iou
 from physic_core.errors import InputError
 from physic_evaluate.cameras import Camera
 from physic_evaluate.contract import Frame, Picture, Surface, TruePerson, Truth
@@ -36,7 +37,7 @@ from physic_evaluate.datasets.base import (
 from physic_evaluate.meshes import read_mesh, require_metres, scene_mesh
 from physic_evaluate.pickled import pickled_arrays
 from physic_evaluate.pictures import open_picture
-from physic_evaluate.projection import box_iou, box_of_points, project
+from physic_evaluate.projection import box_of_points, project
 from physic_evaluate.wording import counted
 
 if TYPE_CHECKING:
@@ -192,7 +193,7 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
             for mirrored in (False, True):
                 points = keypoints * [-1, 1] + [camera.width - 1, 0] if mirrored else keypoints
                 box = box_of_points(points)
-                iou = 0.0 if own is None or box is None else box_iou(own, box)
+                iou = 0.0 if own is None or box is None else float(box_iou(own[None], box[None])[0, 0])
                 found.setdefault((kind, mirrored), []).append(iou)
     if not count:
         raise InputError(f"no frame of {root} has both a mesh and keypoints{reason}: give --mesh-frame")

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from physic_core.metrics.intervals import Figure, resampled_interval
+from physic_core.metrics.tables import markdown_table
+
 Record = Mapping[str, Any]
 Records = Sequence[Record]
 
-_DRAWS, _SEED = 300, 20261121
+_DRAWS = 300
 
 
 @dataclass(frozen=True)
@@ -28,20 +31,6 @@ class Statistic:
     kind: str
     value: Callable[[Record], Sequence[Any]]
     reduce: Callable[[Sequence[float]], float]
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A statistic, its 95 % interval by a bootstrap, and how many values it is of; NaN where it is unknown."""
-
-    value: float
-    low: float
-    high: float
-    count: int
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the fields."""
-        return {"value": self.value, "low": self.low, "high": self.high, "count": self.count}
 
 
 def _of(key: str, where: Callable[[Record], bool] = lambda r: True) -> Callable[[Record], Sequence[Any]]:
@@ -146,12 +135,12 @@ def statistics_of(records: Mapping[str, Records]) -> dict[str, Figure]:
 
 def text_of(figures: Mapping[str, Figure]) -> str:
     """Format figures as a Markdown table."""
-    lines = ["| statistic | value | 95 % interval | of |", "|---|---:|---:|---:|"]
+    rows = [["statistic", "value", "95 % interval", "of"]]
     for label, f in figures.items():
         value = "-" if math.isnan(f.value) else f"{f.value:.3g}"
         between = "" if math.isnan(f.low) else f"{f.low:.3g} .. {f.high:.3g}"
-        lines.append(f"| {label} | {value} | {between} | {f.count} |")
-    return "\n".join(lines)
+        rows.append([label, value, between, str(f.count)])
+    return markdown_table(rows)
 
 
 def _figure(records: Records, statistic: Statistic) -> Figure:
@@ -164,14 +153,11 @@ def _figure(records: Records, statistic: Statistic) -> Figure:
     groups = list(photos.values())
     every = [v for group in groups for v in group]
     if not every:
-        return Figure(math.nan, math.nan, math.nan, 0)
+        return Figure(math.nan)
     value = statistic.reduce(every)
     if len(groups) < 3:
-        return Figure(value, math.nan, math.nan, len(every))
-    rng = np.random.default_rng(_SEED)
-    draws = [
-        statistic.reduce([v for k in rng.integers(len(groups), size=len(groups)) for v in groups[k]])
-        for _ in range(_DRAWS)
-    ]
-    low, high = np.percentile(draws, [2.5, 97.5])
-    return Figure(value, float(low), float(high), len(every))
+        return Figure(value, count=len(every))
+    between = resampled_interval(
+        [groups], lambda drawn: statistic.reduce([v for group in drawn[0] for v in group]), _DRAWS
+    )
+    return Figure(value, *between, len(every))

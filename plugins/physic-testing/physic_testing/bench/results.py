@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from physic_core.files.atomic import atomic_write
 from physic_core.files.own import MARK, check_own
 from physic_core.files.strict_json import to_json
+from physic_core.metrics.intervals import DRAWS
 from physic_testing.bench.contact_partners import PARTNER_METRICS
 from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
-from physic_testing.bench.summary import BOOTSTRAP_DRAWS, by_action, row_statistics, truth_statistics
+from physic_testing.bench.summary import by_action, row_statistics, truth_statistics
 from physic_testing.bench.support_scores import SUPPORT_METRICS
 from physic_testing.bench.table_rows import FULL, TRIAL
 from physic_testing.bench.tables import accuracy_tables, as_markdown, as_text, trial_table
@@ -83,7 +84,7 @@ def summarise_records(
         "versions": _versions(work),
         "settings": {**settings, "rows": {r.key: {"label": r.label, "engine": _engine(r.settings)} for r in work.rows}},
         "metrics": {**PERSON_METRICS, **WORLD_METRICS, **PARTNER_METRICS, **SUPPORT_METRICS},
-        "interval": f"95 %, percentile bootstrap over worlds, {BOOTSTRAP_DRAWS} draws",
+        "interval": f"95 %, percentile bootstrap over worlds, {DRAWS} draws",
         "summary": {key: _row_summary(f) for key, f in found.items()},
         "truth": {name: asdict(figure) for name, figure in truth.items()},
         "actions": actions,

@@ -13,34 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.metrics.intervals import Figure, draw_counts, percentile_interval
 from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.evaluation import PERSON_METRICS, WORLD_METRICS
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
-BOOTSTRAP_DRAWS = 2000
-"""Number of bootstrap draws."""
-
 _LEVEL = 95.0
-_SEED = 20_260_101
-
-
-@dataclass(frozen=True)
-class Statistic:
-    """Mean with a 95 % confidence interval.
-
-    Attributes:
-        value: mean; NaN without data.
-        low: 2.5th percentile of the bootstrap draws.
-        high: 97.5th percentile.
-        count: number of people or worlds.
-    """
-
-    value: float
-    low: float
-    high: float
-    count: int
 
 
 @dataclass(frozen=True)
@@ -58,12 +38,12 @@ class RowStatistics:
         left_at_start: number of people with a body that the engine did not optimise.
         false_alarms: number of bodies without a true person.
         errors: number of worlds in which the row failed.
-        draws: name -> (BOOTSTRAP_DRAWS,) values, for differences between rows.
+        draws: name -> (DRAWS,) values, for differences between rows.
         reliability: (BINS, 3) per bin of the contact probability: vertices, sum of their probabilities, and how many of
             them are in contact.
     """
 
-    figures: Mapping[str, Statistic]
+    figures: Mapping[str, Figure]
     people: int
     missed: int
     left_at_start: int
@@ -117,7 +97,7 @@ def row_statistics(records: Sequence[Mapping[str, Any]], row: str) -> RowStatist
     )
 
 
-def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Statistic]:
+def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Figure]:
     """Average the contact metrics of the ground truth itself, the lower bound for reconstructions."""
     people = [[person["measured"] for person in record["people"]] for record in records]
     names = [
@@ -128,11 +108,11 @@ def truth_statistics(records: Sequence[Mapping[str, Any]]) -> Mapping[str, Stati
     return _with_intervals({name: _ratio(people, name) for name in names})[0]
 
 
-def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> Statistic:
+def row_difference(row: RowStatistics, base: RowStatistics, name: str) -> Figure:
     """Return the mean difference of one metric between two rows, with its bootstrap interval."""
     spread = row.draws[name] - base.draws[name]
-    low, high = _interval(spread)
-    return Statistic(
+    low, high = percentile_interval(spread)
+    return Figure(
         row.figures[name].value - base.figures[name].value,
         low,
         high,
@@ -201,7 +181,7 @@ def _reliability(people: Sequence[Sequence[Mapping[str, Any]]], name: str) -> Fl
     return np.array([np.sum([person.get(name, empty) for person in those] or [empty], axis=0) for those in people])
 
 
-def _calibration_error(bins: FloatArray) -> tuple[Statistic, FloatArray]:
+def _calibration_error(bins: FloatArray) -> tuple[Figure, FloatArray]:
     """Return the expected calibration error over some bins (W, b, 3) of each world, and its bootstrap draws."""
     off, count = bins[:, :, 1] - bins[:, :, 2], bins[:, :, 0].sum(axis=1)
 
@@ -210,9 +190,9 @@ def _calibration_error(bins: FloatArray) -> tuple[Statistic, FloatArray]:
             value: FloatArray = np.abs(weights @ off).sum(axis=1) / (weights @ count)
         return value
 
-    draws = error(_weights(len(bins)))
+    draws = error(draw_counts(len(bins)))
     value = float(error(np.ones((1, len(bins))))[0])
-    return Statistic(value, *_interval(draws), int(count.sum())), draws
+    return Figure(value, *percentile_interval(draws), int(count.sum())), draws
 
 
 def _paired_change(
@@ -231,10 +211,10 @@ def _paired_change(
     return float(moved.mean()), float(quantile * moved.std(ddof=1) / np.sqrt(len(moved)))
 
 
-def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Statistic], dict[str, FloatArray]]:
+def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Figure], dict[str, FloatArray]]:
     """Return the statistics and bootstrap draws of all metrics."""
     worlds = len(next(iter(ratios.values())).total)
-    draws = {name: ratio.value(_weights(worlds)) for name, ratio in ratios.items()}
+    draws = {name: ratio.value(draw_counts(worlds)) for name, ratio in ratios.items()}
     values = {name: float(ratio.value(np.ones((1, worlds)))[0]) for name, ratio in ratios.items()}
     counts = {name: int(ratio.count.sum()) for name, ratio in ratios.items()}
     for made, parts in (("f1_of_means", ("precision", "recall")), ("f1_pooled", ("precision_pooled", "recall_pooled"))):
@@ -242,23 +222,8 @@ def _with_intervals(ratios: Mapping[str, _Ratio]) -> tuple[dict[str, Statistic],
             draws[made] = _harmonics(*(draws[part] for part in parts))
             values[made] = _harmonic(*(values[part] for part in parts))
             counts[made] = counts[parts[0]]
-    answer = {name: Statistic(value, *_interval(draws[name]), counts[name]) for name, value in values.items()}
+    answer = {name: Figure(value, *percentile_interval(draws[name]), counts[name]) for name, value in values.items()}
     return answer, draws
-
-
-def _weights(worlds: int) -> FloatArray:
-    """Return the bootstrap weights (BOOTSTRAP_DRAWS, worlds)."""
-    rng = np.random.default_rng(_SEED)
-    return rng.multinomial(worlds, np.full(worlds, 1 / max(worlds, 1)), BOOTSTRAP_DRAWS).astype(np.float64)
-
-
-def _interval(draws: FloatArray) -> tuple[float, float]:
-    """Return the 95 % interval of bootstrap draws."""
-    known = draws[np.isfinite(draws)]
-    if not len(known):
-        return float("nan"), float("nan")
-    low, high = np.percentile(known, [(100 - _LEVEL) / 2, (100 + _LEVEL) / 2])
-    return float(low), float(high)
 
 
 def _ratio(groups: Sequence[Sequence[Mapping[str, Any]]], name: str) -> _Ratio:

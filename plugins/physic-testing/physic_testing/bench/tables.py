@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from physic_core.metrics.tables import aligned_table, markdown_table
 from physic_testing.bench.contact_partners import BINS
 from physic_testing.bench.paper_results import PAPER_RESULTS
 from physic_testing.bench.summary import row_difference
 
 if TYPE_CHECKING:
-    from physic_testing.bench.summary import RowStatistics, Statistic
+    from physic_core.metrics.intervals import Figure
+    from physic_testing.bench.summary import RowStatistics
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ _Rows = Mapping[str, "RowStatistics"]
 def accuracy_tables(
     rows: _Rows,
     labels: Mapping[str, str],
-    truth: Mapping[str, Statistic],
+    truth: Mapping[str, Figure],
     actions: Mapping[str, Mapping[str, Mapping[str, Any]]],
     blind: Sequence[str] = (),
 ) -> tuple[Table, ...]:
@@ -185,22 +187,14 @@ def trial_table(trial: RowStatistics, full: RowStatistics, label: str, worlds: s
 
 def as_text(table: Table) -> str:
     """Format a table as aligned text."""
-    lines = [table.head, *table.rows]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(table.head))]
-    body = [
-        "  ".join(
-            t.ljust(w) if i == 0 else t.rjust(w) for i, (t, w) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
+    body = aligned_table([table.head, *table.rows]).split("\n")
     return "\n".join([table.title, "", body[0], "-" * max(map(len, body)), *body[1:], *table.notes])
 
 
 def as_markdown(table: Table) -> str:
     """Format a table as Markdown."""
-    bars = ["| " + " | ".join(line) + " |" for line in (table.head, *table.rows)]
-    rule = "|---|" + "---:|" * (len(table.head) - 1)
-    return "\n".join([f"## {table.title}", "", bars[0], rule, *bars[1:], "", *(f"{note}  " for note in table.notes)])
+    cells = markdown_table([table.head, *table.rows])
+    return "\n".join([f"## {table.title}", "", cells, "", *(f"{note}  " for note in table.notes)])
 
 
 def _figures_table(title: str, rows: _Rows, labels: Mapping[str, str], columns: Sequence[Column]) -> Table:
@@ -279,7 +273,7 @@ def _action_table(actions: Mapping[str, Mapping[str, Mapping[str, Any]]], labels
     return [Table(f"By action: {labels[chosen]}", tuple(head), tuple(body), notes)]
 
 
-def _text(figure: Statistic | None, column: Column) -> str:
+def _text(figure: Figure | None, column: Column) -> str:
     """Format a statistic."""
     if figure is None or not math.isfinite(figure.value):
         return "–"
