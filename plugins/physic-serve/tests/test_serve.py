@@ -93,7 +93,7 @@ def test_a_program_gets_the_files_of_a_result(address: str, photo: Path, tmp_pat
         assert (done["state"], done["summary"]["people"]) == ("done", 1)
         assert set(done["files"]) == {
             *("combined.glb", "person_0.glb", "preview.png", "reconstruction.json", "reconstruction.npz"),
-            *("report.html", "scene.glb", "skinned.glb", "skeleton.bvh", "mujoco.xml"),
+            *("report.html", "scene.glb", "skinned.glb", "skeleton.bvh", "mujoco.xml", "mujoco_scene.png"),
             *(USD_FILES if find_spec("pxr") else ()),
         }
         for name, place in done["files"].items():
