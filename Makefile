@@ -42,8 +42,9 @@ QUICK := $(addprefix tests/, body/test_model.py body/test_parameters.py body/tes
 	engine/test_surface_terms.py engine/test_terms.py files geometry io/test_results.py metrics \
 	pipeline/test_mock_worlds.py pipeline/test_pipeline.py pipeline/test_stage_runner.py project/test_packaging.py \
 	project/test_public_api.py weights) plugins/physic-mock/tests/test_mock.py plugins/physic-setup/tests/test_config_schema.py \
+	$(addprefix plugins/physic-bench/tests/worlds/, test_evaluation.py test_summary.py) \
 	$(addprefix plugins/physic-testing/tests/, \
-	bench/test_evaluation.py bench/test_summary.py conformance/test_kit.py \
+	conformance/test_kit.py \
 	conformance/test_requests_and_comparison.py worlds/test_labels.py worlds/test_rooms.py)
 
 quick: $(VENV)/test.stamp

@@ -30,6 +30,7 @@ import torch
 from numpy.typing import NDArray
 
 from benchmarks.rules import _setup
+from physic_bench.worlds.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
 from physic_core.body.model import BodyModel
 from physic_core.engine.contact.features import KINDS, feature_columns, measure_distances
 from physic_core.engine.contact.partner import VertexContacts, body_contacts
@@ -40,7 +41,6 @@ from physic_core.engine.presets import DEFAULT
 from physic_core.metrics.matching import match_by_masks
 from physic_core.pipeline import optimise
 from physic_core.pipeline.stage_runner import StageRunner
-from physic_testing.bench.world_evidence import WorldCase, benchmark_cases, estimate_evidence, with_other_bodies
 from physic_testing.worlds import RAISED_FEET_WORLDS, World, benchmark_worlds, build_world
 
 Array = NDArray[np.float64]

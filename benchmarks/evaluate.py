@@ -19,7 +19,7 @@ import numpy as np
 import trimesh
 
 FRAMES, SCAN_TRIANGLES = 178, 1_000_000
-TESTS = Path(__file__).resolve().parents[1] / "plugins" / "physic-evaluate"
+TESTS = Path(__file__).resolve().parents[1] / "plugins" / "physic-bench"
 
 
 def main() -> None:

@@ -50,7 +50,7 @@ def main() -> None:
 
 def rooms(count: int, seed: int) -> Iterator[Any]:
     """Yield worlds of everyday actions in rooms."""
-    from physic_testing.bench.world_evidence import benchmark_cases, with_other_bodies
+    from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
     cases = (case for case in benchmark_cases(2 * count, seed, SIZE) if case.name not in OUTDOORS)
     yield from with_other_bodies(case for case, _ in zip(cases, range(count), strict=False))
@@ -88,10 +88,10 @@ def _setup() -> tuple[Any, Any]:
 
 def floor_record(case: Any, evidence: Path | None) -> dict[str, Any]:
     """Return the floor of one room after stage 2, and the one that stage 2 refused, against the true one."""
+    from physic_bench.worlds.world_evidence import estimate_evidence
     from physic_core.errors import PhysicError
     from physic_core.pipeline import optimise
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_testing.bench.world_evidence import estimate_evidence
     from physic_testing.worlds import build_world
 
     plan, model = _setup()

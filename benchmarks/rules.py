@@ -137,7 +137,7 @@ def main() -> int:
 
 def run_rows(given: argparse.Namespace, chosen: Sequence[Rule], removed: Sequence[Rule]) -> None:
     """Run all rows of all worlds whose files are missing."""
-    from physic_testing.bench.world_evidence import benchmark_cases, with_other_bodies
+    from physic_bench.worlds.world_evidence import benchmark_cases, with_other_bodies
 
     cases = with_other_bodies(benchmark_cases(given.worlds, given.seed, (320, 240), "both"))
     given.out.mkdir(parents=True, exist_ok=True)
@@ -157,12 +157,12 @@ def run_rows(given: argparse.Namespace, chosen: Sequence[Rule], removed: Sequenc
 def _setup() -> tuple[Any, Any, Any]:
     import torch
 
+    from physic_bench.worlds.evaluation import Evaluator
     from physic_core import load_config
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve
     from physic_core.discovery.plugins import discover
     from physic_core.interfaces import INTERFACES
-    from physic_testing.bench.evaluation import Evaluator
 
     torch.set_num_threads(1)
     mocks = {name: {"options": {"version": 4}} for name in INTERFACES}
@@ -180,9 +180,9 @@ def run_named(number: int, case: Any, out: Path, chosen: Sequence[str], removed:
 
 def run_case(number: int, case: Any, out: Path, chosen: tuple[Rule, ...], removed: tuple[Rule, ...]) -> str:
     """Run the missing rows of one world; return a line about it."""
+    from physic_bench.worlds.evaluation import Evaluator
+    from physic_bench.worlds.world_evidence import cache_folder, estimate_evidence
     from physic_core.files.strict_json import to_json
-    from physic_testing.bench.evaluation import Evaluator
-    from physic_testing.bench.world_evidence import cache_folder, estimate_evidence
     from physic_testing.worlds import build_world
 
     files = {rule.name: out / f"{number:04d}-{rule.name.replace(' ', '_')}.json" for rule in (BASE, *chosen)}
@@ -233,10 +233,10 @@ def run_row(rules: tuple[Rule, ...], evidence: Any, evaluator: Any, model: Any, 
     """Run the engine without ``rules`` and score it."""
     import torch
 
+    from physic_bench.worlds.evaluation import engine_estimate
     from physic_core import load_config
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_testing.bench.evaluation import engine_estimate
 
     overrides = [f"engine.{text}" for rule in rules for text in rule.settings]
     settings = load_config(preset="mock", overrides=overrides).engine.settings()
@@ -300,7 +300,7 @@ def _watching(rule: Rule, acted: set[str]) -> Iterator[None]:
 
 def table_of(out: Path, level: float) -> str:
     """Return the Markdown table of all rows, over the worlds that have the row and the base."""
-    from physic_testing.bench.summary import row_statistics
+    from physic_bench.worlds.summary import row_statistics
 
     heads = ["rule", "people changed", *FIGURES]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
@@ -343,7 +343,7 @@ def table_of(out: Path, level: float) -> str:
 
 def comparison(out: Path, other: Path, level: float) -> str:
     """Return the Markdown table of the full model of two versions, and their paired difference."""
-    from physic_testing.bench.summary import row_statistics
+    from physic_bench.worlds.summary import row_statistics
 
     records = []
     for file in sorted(out.glob("*-base.json")):

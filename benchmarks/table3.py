@@ -61,8 +61,8 @@ def main() -> int:
     for command in (run, table, eps):
         command.add_argument("--readings", default="", help="names, with commas between them; all by default")
     given = parser.parse_args()
-    from physic_testing.bench.ablation import ABLATION
-    from physic_testing.bench.world_evidence import benchmark_cases
+    from physic_bench.worlds.ablation import ABLATION
+    from physic_bench.worlds.world_evidence import benchmark_cases
 
     names = [name.strip() for name in given.readings.split(",") if name.strip()] or list(READINGS)
     if unknown := set(names) - set(READINGS):
@@ -101,12 +101,12 @@ def run_worlds(
 def _setup(noise_version: int) -> tuple[Any, Any, Any]:
     import torch
 
+    from physic_bench.worlds.evaluation import Evaluator
     from physic_core import load_config
     from physic_core.body import load_body
     from physic_core.configuration.resolve import resolve
     from physic_core.discovery.plugins import discover
     from physic_core.interfaces import INTERFACES
-    from physic_testing.bench.evaluation import Evaluator
 
     torch.set_num_threads(1)
     noise = {name: {"options": {"version": noise_version}} for name in INTERFACES}
@@ -119,12 +119,12 @@ def run_case(
     case: Any, noise_version: int, readings: Sequence[str], steps: Sequence[Any], rows: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the record of a world: ``rows`` with the start and the ``steps`` of ``readings`` added."""
+    from physic_bench.worlds.evaluation import Evaluator, engine_estimate, initial_estimate
+    from physic_bench.worlds.table_rows import ablation_rows
+    from physic_bench.worlds.world_evidence import cache_folder, estimate_evidence
     from physic_core import load_config
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.stage_runner import StageRunner
-    from physic_testing.bench.evaluation import Evaluator, engine_estimate, initial_estimate
-    from physic_testing.bench.table_rows import ablation_rows
-    from physic_testing.bench.world_evidence import cache_folder, estimate_evidence
     from physic_testing.worlds import build_world
 
     plan, model, skin = _setup(noise_version)
@@ -215,8 +215,8 @@ def with_eps(records: Sequence[Mapping[str, Any]], eps_cm: float) -> None:
 
 def sign_table(records: Sequence[Mapping[str, Any]], readings: Sequence[str], eps_cm: float | None = None) -> str:
     """Return the Markdown tables of rows and of signs."""
-    from physic_testing.bench.paper_results import PAPER_RESULTS
-    from physic_testing.bench.summary import row_difference, row_statistics
+    from physic_bench.worlds.paper_results import PAPER_RESULTS
+    from physic_bench.worlds.summary import row_difference, row_statistics
 
     if eps_cm is not None:
         with_eps(records, eps_cm)

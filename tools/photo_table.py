@@ -16,10 +16,10 @@ import time
 import traceback
 from pathlib import Path
 
+from physic_bench.worlds.consistency import consistency, summarise
 from physic_core.body import load_body
 from physic_core.errors import PhysicError
 from physic_core.pipeline.run import reconstruct_photo
-from physic_testing.bench.consistency import consistency, summarise
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".bmp", ".avif", ".heic"}
 HEADER = (

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_bench.joints import bone_lengths, root
 from physic_core.adapters.detections import box_iou
 from physic_core.metrics.matching import assign
 from physic_core.metrics.pose import mpjpe_mm, pa_mpjpe_mm
-from physic_evaluate.joints import bone_lengths, root
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

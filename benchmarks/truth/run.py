@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_evaluate.joints import LIMB_JOINTS
+from physic_bench.joints import LIMB_JOINTS
 
 from .measures import depth_errors
 from .sets import Sample, picture_of

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_evaluate.joints import BODY_ROWS, is_upright, limb_joints, root
-from physic_evaluate.triangulation import match_views, visible_joints
+from physic_bench.joints import BODY_ROWS, is_upright, limb_joints, root
+from physic_bench.triangulation import match_views, visible_joints
 
 from .contact import part_record
 from .measures import floor_errors, match_people, points_error, pose_errors, spread_m

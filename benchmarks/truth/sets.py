@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_evaluate.cameras import Camera, calibrated, undistorted
+from physic_bench.cameras import Camera, calibrated, undistorted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

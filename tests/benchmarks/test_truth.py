@@ -14,8 +14,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from physic_evaluate import cameras, triangulation
-from physic_evaluate import joints as joints_by_name
+from physic_bench import cameras, triangulation
+from physic_bench import joints as joints_by_name
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "truth"
 NAME = "truth_benchmark"

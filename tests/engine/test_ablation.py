@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 import torch
 
+from physic_bench.worlds.ablation import ABLATION, rows
 from physic_core import engine_preset
 from physic_core.engine.joint.solve import optimize
-from physic_testing.bench.ablation import ABLATION, rows
 
 from .adjusted import adjusted
 

@@ -128,7 +128,7 @@ WRITTEN = {
         "tests/batch/test_files_of_the_user.py::test_the_table_of_photos_is_never_replaced_by_the_table_of_results",
         "tests/files/test_own.py::test_everything_else_is_of_the_user",
         "tests/io/test_report_file.py::test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page",
-        "plugins/physic-evaluate/tests/test_mistakes_of_users.py::test_a_file_of_the_user_is_never_replaced",
+        "plugins/physic-bench/tests/test_mistakes_of_users.py::test_a_file_of_the_user_is_never_replaced",
         "plugins/physic-scene/tests/test_moments.py::test_the_command_replaces_no_file_of_the_user",
     ),
     "No file of an output folder": "tests/files/test_own.py::test_a_file_is_appended_to_and_a_link_is_not",

@@ -1,4 +1,4 @@
-"""Synthetic worlds with ground truth, tools for authors of plugins, and the benchmark of the engine."""
+"""Synthetic worlds with ground truth, and tools for authors of plugins."""
 
 from __future__ import annotations
 
@@ -36,11 +36,8 @@ _ON_FIRST_USE = {
 
 @hookimpl
 def physic_commands() -> list[CommandRecord]:
-    """Return the command "bench", and those below "plugins" for authors of plugins."""
+    """Return the commands below "plugins" for authors of plugins."""
     return [
-        CommandRecord(
-            "bench", "physic_testing.commands.bench:bench", "Measure the accuracy and the speed of the engine."
-        ),
         CommandRecord(
             "plugins check",
             "physic_testing.commands.conformance:check",

@@ -1,0 +1,20 @@
+"""Benches: the engine on synthetic worlds, and results of several methods on data sets with ground truth."""
+
+from __future__ import annotations
+
+from physic_core import CommandRecord, hookimpl
+
+__all__: list[str] = []
+
+
+@hookimpl
+def physic_commands() -> list[CommandRecord]:
+    """Return the commands "bench" and "evaluate"."""
+    return [
+        CommandRecord("bench", "physic_bench.bench_command:bench", "Measure the accuracy and the speed of the engine."),
+        CommandRecord(
+            "evaluate",
+            "physic_bench.evaluate_command:evaluate",
+            "Measure results on data sets with ground truth, beside other methods.",
+        ),
+    ]

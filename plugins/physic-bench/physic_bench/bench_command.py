@@ -1,0 +1,316 @@
+"""Command ``physic bench``: accuracy and speed of the engine, and the processor time of a photo."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_core.cli.output import echo
+from physic_core.errors import ConfigError, PhysicError
+
+if TYPE_CHECKING:
+    from physic_bench.worlds.results import Results
+    from physic_bench.worlds.run_worlds import BenchmarkJob
+    from physic_bench.worlds.world_evidence import WorldCase
+    from physic_core.configuration.model import Config
+
+
+class _Size(click.ParamType[Any]):
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        width, _, height = str(value).lower().partition("x")
+        if not (width.isdecimal() and height.isdecimal() and int(width) >= 64 and int(height) >= 64):
+            self.fail(f"'{value}' is not a size in px of at least 64x64, such as 320x240", param, ctx)
+        return int(width), int(height)
+
+
+@click.group()
+def bench() -> None:
+    """Measure the accuracy and the speed of the engine.
+
+    "accuracy" needs the plugin physic-mock: pip install -e plugins/physic-mock in a checkout of PhySIC
+    """
+
+
+@bench.command()
+@click.option("--worlds", metavar="N", type=click.IntRange(1), default=34, show_default=True, help="How many worlds.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the worlds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset, the full model.")
+@click.option("--size", type=_Size(), default="320x240", show_default=True, help="Photos, px.")
+@click.option(
+    "--noise-seed", metavar="K", type=click.IntRange(0), default=0, show_default=True, help="Draws the errors."
+)
+@click.option(
+    "--noise-version",
+    metavar="V",
+    type=click.IntRange(3, 4),
+    default=4,
+    show_default=True,
+    help="Errors as large as those of the embedded estimators on real photos (4), or as in the paper (3).",
+)
+@click.option(
+    "--other-bodies/--model-bodies",
+    default=True,
+    show_default=True,
+    help="People with proportions and skin that no shape of the body model has, or people of the body model.",
+)
+@click.option(
+    "--actions",
+    type=click.Choice(["default", "contact", "both"]),
+    default="default",
+    show_default=True,
+    help="Everyday actions; those that touch the own body, other people, hidden or soft supports and small objects; or "
+    "--worlds of each.",
+)
+@click.option("--rows", metavar="NAME,...", default="", help="Rows of the table, or other presets of the engine.")
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="A setting of the engine (joint.depth.weight=10) makes a trial beside the full row; one of a backend "
+    "(metric_depth.options...) changes all rows. May be repeated.",
+)
+@click.option("--jobs", metavar="J", type=click.IntRange(1), default=1, show_default=True, help="Processes.")
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("physic-bench"), show_default=True, help="Folder."
+)
+@click.option("--cache", type=click.Path(path_type=Path), help="Keeps evidence.  [default: user's cache folder]")
+@click.option("--no-cache", is_flag=True, help="Keep no evidence between runs.")
+def accuracy(**options: Any) -> None:
+    """Print the ablation table on synthetic worlds with ground truth; write the tables, all values and a plot to --out.
+
+    Ctrl-C ends the run and writes the results of the completed worlds; the same command continues the run.
+    """
+    _measure_accuracy(_AccuracyOptions(**options))
+
+
+@dataclass(frozen=True)
+class _AccuracyOptions:
+    """Options of ``physic bench accuracy``, named as on the command line."""
+
+    worlds: int
+    seed: int
+    preset: str
+    size: tuple[int, int]
+    noise_seed: int
+    noise_version: int
+    other_bodies: bool
+    actions: str
+    rows: str
+    overrides: tuple[str, ...]
+    jobs: int
+    out: Path
+    cache: Path | None
+    no_cache: bool
+
+
+def _measure_accuracy(options: _AccuracyOptions) -> None:
+    """Check the options, run the benchmark and write its results."""
+    if options.no_cache and options.cache is not None:
+        raise click.UsageError("--cache and --no-cache exclude each other: give one of them")
+    trial, others = _split(options.overrides)
+    config, noisy = _configs(options, trial, others)
+
+    from physic_bench.worlds.results import check_results
+    from physic_core.configuration.resolve import check_backends, require_available, resolve
+    from physic_core.discovery.plugins import discover
+    from physic_core.files.atomic import check_writable
+
+    registry = discover()
+    check_backends(config, registry)
+    require_available(resolve(noisy, registry))
+    check_results(check_writable(options.out))
+
+    from physic_bench.worlds.run_worlds import BenchmarkJob
+    from physic_bench.worlds.table_rows import FULL, TRIAL, Row, select_rows
+    from physic_bench.worlds.world_evidence import benchmark_cases, cache_folder, with_other_bodies
+
+    keys = [key.strip() for key in options.rows.split(",") if key.strip()]
+    chosen = select_rows(options.preset, keys or ([FULL] if trial else []))
+    if trial:
+        label = "full, " + ", ".join(text.partition(".")[2] for text in trial)
+        chosen = (*chosen, Row(TRIAL, label, config.engine.settings()))
+    work = BenchmarkJob(noisy, chosen, None if options.no_cache else (options.cache or cache_folder()))
+    cases = benchmark_cases(options.worlds, options.seed, options.size, options.actions)
+    cases = with_other_bodies(cases) if options.other_bodies else cases
+    settings = {
+        "worlds": options.worlds,
+        "seed": options.seed,
+        "preset": options.preset,
+        "size": list(options.size),
+        "noise_seed": options.noise_seed,
+        "noise_version": options.noise_version,
+        "other_bodies": options.other_bodies,
+        "actions": options.actions,
+        "set": list(options.overrides),
+        "config": noisy.as_dict(),
+    }
+    _run(cases, work, options.jobs, options.out, settings)
+
+
+@bench.command()
+@click.option(
+    "--sections", metavar="NAME,...", default="", help="floor, nearest, people, size, threads, cuda.  [default: all]"
+)
+@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Rounds.")
+@click.option("--preset", metavar="NAME", default="default", show_default=True, help="Engine's preset.")
+@click.option("--size", type=_Size(), default="640x480", show_default=True, help="Photos, px.")
+@click.option("--seed", metavar="S", type=click.IntRange(0), default=0, show_default=True, help="Draws the problems.")
+@click.option("--json", "file", type=click.Path(path_type=Path), help="Write every number to this file, too.")
+def speed(sections: str, repeats: int, preset: str, size: tuple[int, int], seed: int, file: Path | None) -> None:
+    """Print run-time ratios of the engine on this machine, measured in one run."""
+    from physic_bench.worlds.speed import SECTIONS, format_report, measure_speed
+    from physic_core.files.own import MARK, check_own
+
+    if file is not None:
+        check_own(file)
+    report = measure_speed(
+        repeats,
+        sections=[name.strip() for name in sections.split(",") if name.strip()] or tuple(SECTIONS),
+        preset=preset,
+        size=size,
+        seed=seed,
+        progress=lambda title: echo(title, err=True),
+    )
+    if file is not None:
+        import json
+
+        from physic_core.files.atomic import atomic_write
+
+        text = json.dumps({"note": MARK, **report.as_dict()}, indent=1)
+        with atomic_write(file.parent) as temporary:
+            temporary(file.name).write_text(f"{text}\n", encoding="utf-8")
+    echo(format_report(report))
+
+
+@bench.command()
+@click.argument("path", metavar="PHOTO", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option("--repeats", metavar="N", type=click.IntRange(1), default=5, show_default=True, help="Processes.")
+@click.option("--preset", metavar="NAME", default="embedded", show_default=True, help="Preset of the pipeline.")
+@click.option("--no-report", is_flag=True, help="Write no page.")
+@click.option("--json", "as_json", is_flag=True, help="Print every number as JSON.")
+def photo(path: Path, repeats: int, preset: str, no_report: bool, as_json: bool) -> None:
+    """Print the processor time of PHOTO from a cold start, by part, without cached results.
+
+    Each repeat is a new process. Ratios are to twenty passes of the packaged depth network in the same process.
+    """
+    from physic_bench.worlds.photo import format_cost, measure_photo
+    from physic_core.cli.output import echo_json
+
+    cost = measure_photo(path, repeats, preset=preset, report=not no_report)
+    if as_json:
+        echo_json(asdict(cost))
+    else:
+        echo(format_cost(cost))
+
+
+def _split(overrides: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """Split overrides into engine settings, such as "engine.joint.x=1", and backend settings."""
+    stages = ("scene.", "placement.", "joint.", "contact.")
+    full = [f"engine.{text}" if text.strip().startswith(stages) else text.strip() for text in overrides]
+    if any(text.startswith("engine.preset") for text in full):
+        raise ConfigError("--set engine.preset=...: say it with --preset NAME, or with --rows full,NAME")
+    return [t for t in full if t.startswith("engine.")], [t for t in full if not t.startswith("engine.")]
+
+
+def _configs(options: _AccuracyOptions, trial: list[str], others: list[str]) -> tuple[Config, Config]:
+    """Return the trial's config, and the config of the estimators, which all rows share.
+
+    Backends of other plugins have a noise seed, and no version of the noise.
+    """
+    from physic_core.configuration.model import load_config
+    from physic_core.interfaces import INTERFACES
+
+    usual, chosen = load_config(preset="mock"), load_config(preset="mock", overrides=others)
+    noise: dict[str, dict[str, dict[str, int]]] = {}
+    for name in INTERFACES:
+        noise[name] = {"options": {"noise_seed": options.noise_seed}}
+        if chosen.choice(name).backend == usual.choice(name).backend:
+            noise[name]["options"]["version"] = options.noise_version
+    engine = {"engine": {"preset": options.preset}}
+    return (
+        load_config(
+            preset="mock",
+            overrides=[*others, *trial],
+            flags={"--noise-seed, --noise-version": noise, "--preset": engine},
+        ),
+        load_config(preset="mock", overrides=others, flags={"--noise-seed, --noise-version": noise}),
+    )
+
+
+def _run(cases: tuple[WorldCase, ...], work: BenchmarkJob, jobs: int, out: Path, settings: dict[str, Any]) -> None:
+    """Run the benchmark, write the results and print the tables."""
+    from physic_bench.worlds.plot import draw_plot, draw_reliability
+    from physic_bench.worlds.results import summarise_records, write_results
+    from physic_bench.worlds.run_worlds import run_cases
+    from physic_bench.worlds.tables import as_text
+
+    records: list[dict[str, Any]] = []
+    stopped: BaseException | None = None
+    try:
+        with _progress(len(cases)) as progress:
+            for record in run_cases(cases, work, jobs):
+                records.append(record)
+                failed = " failed" if record["error"] or any(row["error"] for row in record["rows"].values()) else ""
+                progress(f"{record['name']} {record['seed']}{failed}")
+    except (KeyboardInterrupt, PhysicError) as cause:  # raised again after the results are written
+        stopped = cause
+    results: Results = summarise_records(records, cases, work, settings)
+    paths = [*write_results(results, out)]
+    if records:
+        echo("\n\n\n".join(map(as_text, results.tables)) + "\n")
+        try:
+            paths.append(draw_plot(results, out / "ablation.png"))
+            diagram = draw_reliability(results, out / "reliability.png")
+            paths += [] if diagram is None else [diagram]
+        except PhysicError as error:  # the results are already written
+            echo(f"note: {error}", err=True)
+    echo(f"{len(records)} of {len(cases)} worlds; results: {', '.join(map(str, paths))}")
+    if isinstance(stopped, PhysicError):
+        raise stopped
+    if stopped is not None:
+        raise click.Abort
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[str], None]]:
+    """Report progress on stderr: a bar on a terminal, otherwise one line per world."""
+    if not sys.stderr.isatty():
+        done, start = 0, time.monotonic()
+
+        def say(title: str) -> None:
+            nonlocal done
+            done += 1
+            echo(f"[{done}/{total}] {title}  ({time.monotonic() - start:.0f} s)", err=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description:<24}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("worlds", total=total)
+        yield lambda title: bar.update(task, description=title, advance=1)

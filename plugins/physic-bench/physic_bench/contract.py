@@ -1,0 +1,170 @@
+"""What a data set gives, and what a method gives: frames with truth, and predictions.
+
+Lengths are metres and pixels. A camera frame is OpenCV's: x right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_bench.cameras import Camera
+
+    Array = NDArray[Any]
+
+TOPOLOGY_OF_COUNT: Mapping[int, str] = {6890: "smpl", 10475: "smplx", 13348: "physic-embedded-1", 18439: "mhr"}
+"""Number of vertices -> name of the mesh topology."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A photo as it lies on the disk.
+
+    Attributes:
+        path: of the file.
+        mirrored: whether the file is the mirror image of what the camera saw.
+        crop: (x0, y0, x1, y1) px that the camera is for, or None for all; after mirroring.
+    """
+
+    path: Path
+    mirrored: bool = False
+    crop: tuple[int, int, int, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A triangle mesh, or points without faces.
+
+    Attributes:
+        vertices: (V, 3) m.
+        faces: (F, 3) int64, counter-clockwise seen from outside; (0, 3) for points.
+    """
+
+    vertices: Array
+    faces: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TruePerson:
+    """Ground truth of one person, camera frame, metres; None is unknown.
+
+    Attributes:
+        name: unique in the frame.
+        joints: (J, 3), NaN where unknown.
+        joint_names: J names as in SMPL-X ("left_knee").
+        joint_source: where the joints come from, for the table.
+        vertices: (V, 3).
+        topology: name of the mesh ("smplx", "smpl"); "" without vertices and contact.
+        faces: (F, 3) int64, or None.
+        contact: (V,) bool, of the same topology unless ``contact_topology`` is given.
+        contact_topology: name of the mesh of ``contact``; "" is ``topology``.
+        contact_classes: class of ``touched_classes.CLASSES`` -> (V,) bool, what the contact vertices touch; None if it
+            is not annotated.
+        box: (4,) px, x0 y0 x1 y1, if it is known otherwise than by projection.
+        labels: such as action and occlusion.
+    """
+
+    name: str = "0"
+    joints: Array | None = None
+    joint_names: tuple[str, ...] = ()
+    joint_source: str = ""
+    vertices: Array | None = None
+    topology: str = ""
+    faces: Array | None = None
+    contact: Array | None = None
+    contact_topology: str = ""
+    contact_classes: Mapping[str, Array] | None = None
+    box: Array | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Ground truth of one frame.
+
+    Attributes:
+        people: everybody who is annotated.
+        scene: mesh of the scene in the world frame of the frame's camera, or None.
+        up: (3,) unit, camera frame, or None.
+        camera_height: metres of the camera over the floor; NaN if unknown.
+    """
+
+    people: tuple[TruePerson, ...] = ()
+    scene: Surface | None = None
+    up: Array | None = None
+    camera_height: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture of a data set; it can be pickled.
+
+    Attributes:
+        id: unique in the data set, fit for a file path ("vicon_03301_01/s001_frame_00001").
+        sequence: pictures of one sequence are not independent.
+        camera: intrinsics with distortion, and the transform from the world; None if unknown.
+        picture: the file, or None.
+        truth: reads the ground truth.
+        labels: such as action and occlusion.
+        group: pictures of one moment from several cameras share it; "" without such.
+    """
+
+    id: str
+    sequence: str
+    truth: Callable[[], Truth]
+    camera: Camera | None = None
+    picture: Picture | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+    group: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPerson:
+    """One person of a method's result, OpenCV camera frame, metres; None is unknown.
+
+    Attributes:
+        vertices: (V, 3).
+        topology: name of the mesh of the vertices and of the contact.
+        joints: (J, 3).
+        joint_names: J names as in SMPL-X.
+        contact: (V,) bool.
+        contact_topology: name of the mesh of the contact; "" is ``topology``.
+        contact_classes: class of ``touched_classes.CLASSES`` -> (V,) bool, on the mesh of the contact; None if the
+            method does not estimate what is touched.
+        keypoints: (12, 2) px of ``physic_bench.joints.LIMB_JOINTS``, NaN where not seen.
+        box: (4,) px, x0 y0 x1 y1.
+        grade: the method's own judgement, "" without.
+    """
+
+    vertices: Array | None = None
+    topology: str = ""
+    joints: Array | None = None
+    joint_names: tuple[str, ...] = ()
+    contact: Array | None = None
+    contact_topology: str = ""
+    contact_classes: Mapping[str, Array] | None = None
+    keypoints: Array | None = None
+    box: Array | None = None
+    grade: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A method's result for one frame.
+
+    Attributes:
+        people: best first.
+        K: (3, 3) px that the method assumed, of the picture of the frame's camera; None if it states none.
+        scene_points: (M, 3) m, camera frame, or None.
+        floor: (4,) normal and offset of the floor's plane, camera frame, or None.
+    """
+
+    people: tuple[PredictedPerson, ...]
+    K: Array | None = None
+    scene_points: Array | None = None
+    floor: Array | None = None

@@ -1,0 +1,26 @@
+"""Data sets, by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from physic_bench.datasets.base import DataSet
+
+__all__ = ["DATA_SETS", "data_set"]
+
+DATA_SETS = {
+    "prox": "PROX quantitative: bodies by motion capture in a scanned room",
+    "rich": "RICH: bodies, contact and scans before several cameras",
+    "damon": "DAMON: annotated contact of vertices on photos from the internet",
+    "physic-release": "the published results of the paper's authors, as a reference for this engine",
+    "calibrated": "your own photos with known cameras: truth.json, or cameras.json for several views",
+}
+"""Name -> summary; each is a module of this package, with "_" for "-"."""
+
+
+def data_set(name: str) -> DataSet:
+    """Return a data set by its name, which must be a key of DATA_SETS."""
+    found: DataSet = import_module(f"{__name__}.{name.replace('-', '_')}").DATA_SET
+    return found

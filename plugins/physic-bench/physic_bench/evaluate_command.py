@@ -1,0 +1,409 @@
+"""The commands ``physic evaluate``: list, show, readers, and one command per data set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from physic_bench.datasets import DATA_SETS, data_set
+from physic_bench.wording import counted
+from physic_core.cli.output import echo
+from physic_core.errors import InputError, PackageMissingError, PhysicError
+
+if TYPE_CHECKING:
+    from physic_bench.bodies import BodyFiles
+    from physic_bench.contract import Frame
+    from physic_bench.datasets.base import DataSet
+    from physic_bench.evaluation import Method, UnexpectedError
+    from physic_bench.reconstruct import Reconstruction
+
+CONTACT_CM = "2,4,5"
+NAMED_ERRORS = 5
+
+
+class _DataSets(click.Group):
+    """A group with a command for each data set, which is imported when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        return [*super().list_commands(ctx), *DATA_SETS]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command of the group, or that of a data set."""
+        return _command_of(cmd_name) if cmd_name in DATA_SETS else super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List commands, then data sets, without importing these."""
+        with formatter.section("Commands"):
+            own = {name: command.get_short_help_str(90) for name, command in self.commands.items()}
+            formatter.write_dl(sorted(own.items()))
+        with formatter.section("Data sets"):
+            formatter.write_dl(list(DATA_SETS.items()))
+
+
+@click.group(cls=_DataSets)
+def evaluate() -> None:
+    """Measure results on data sets with ground truth, beside those of other methods."""
+
+
+@evaluate.command("list")
+def list_() -> None:
+    """List the data sets."""
+    width = max(map(len, DATA_SETS))
+    for name, summary in DATA_SETS.items():
+        echo(f"{name.ljust(width)}  {summary}")
+
+
+@evaluate.command()
+def readers() -> None:
+    """List the readers of results, and the files that each reads."""
+    from physic_bench.frame_of_results import ALTERNATIVES
+    from physic_bench.readers import READERS, reader_class
+
+    for name in READERS:
+        found = reader_class(name)
+        echo(f"{name}: {found.summary}\n  files: {found.layout}")
+    echo("\nFrames of reference for --results-frame METHOD=FRAME:")
+    for name, (words, _) in ALTERNATIVES.items():
+        echo(f"  {name}: {words}")
+
+
+@evaluate.command()
+@click.argument("name", metavar="DATASET", type=click.Choice(list(DATA_SETS)))
+@click.argument("root", required=False, type=click.Path(path_type=Path))
+def show(name: str, root: Path | None) -> None:
+    """Show what a data set needs: what to get where, under which terms, the folders, and what is missing in ROOT."""
+    chosen = data_set(name)
+    about = chosen.describe()
+    echo(f"{name}: {about.title}\n\nWhat to get:")
+    for source in about.sources:
+        echo(f"  {source.what}\n    from   {source.where}\n    terms  {source.terms}")
+    echo(f"\nFolders:\n{_indented(about.tree)}\n\nHow it is measured:")
+    for note in about.notes:
+        echo(f"  - {note}")
+    if root is not None:
+        missing = chosen.check(root, chosen.Options())
+        echo(f"\nMissing in {root}:" if missing else f"\nNothing is missing in {root}.")
+        for sentence in missing:
+            echo(f"  {sentence}")
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"  {line}" for line in text.splitlines())
+
+
+_COMMON = (
+    click.Argument(["root"], type=click.Path(path_type=Path)),
+    click.Option(["-o", "--out"], type=click.Path(path_type=Path), required=True, help="Folder for the results."),
+    click.Option(
+        ["--results"],
+        metavar="[NAME=][READER:]FOLDER",
+        multiple=True,
+        help="Score results that exist; see `physic evaluate readers`. May be repeated. The first is compared with all "
+        "others.  [default reader: physic]",
+    ),
+    click.Option(
+        ["--results-frame"],
+        metavar="NAME=FRAME",
+        multiple=True,
+        help="Frame of reference of a method's files, instead of the reader's.",
+    ),
+    click.Option(
+        ["--from-release"],
+        type=click.Path(path_type=Path, exists=True, file_okay=False),
+        help="Folder of physic-eval-release: score its start and end, and this engine run from its start.",
+    ),
+    click.Option(["--preset"], metavar="NAME", help="Reconstruct the pictures with this preset, and score that."),
+    click.Option(
+        ["--set", "overrides"],
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Change one value of the preset's configuration.",
+    ),
+    click.Option(["--device"], metavar="NAME", default="", help="cpu, cuda or cuda:N."),
+    click.Option(["--no-camera"], is_flag=True, help="Do not give the true camera to the pipeline."),
+    click.Option(
+        ["--smplx"], type=click.Path(path_type=Path, exists=True), help="SMPL-X model file, or folder of them."
+    ),
+    click.Option(["--smpl"], type=click.Path(path_type=Path, exists=True), help="SMPL model file, or folder of them."),
+    click.Option(
+        ["--contact-cm"],
+        default=CONTACT_CM,
+        show_default=True,
+        help="Thresholds of contact by rule, where contact is not annotated; the first is the main one.",
+    ),
+    click.Option(["--no-geodesic"], is_flag=True, help="Leave out the way over the skin of wrong contact."),
+    click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
+    click.Option(["--limit"], type=click.IntRange(1), help="Only the first N frames."),
+)
+
+
+def _command_of(name: str) -> click.Command:
+    """Return the command of a data set, with the options of its own."""
+    chosen = data_set(name)
+    own = [_option_of(entry.name, entry.default, entry.metadata) for entry in fields(chosen.Options)]
+    return click.Command(
+        name,
+        params=[*_COMMON, *own],
+        callback=_callback(chosen),
+        help=f"{chosen.describe().title} `physic evaluate show {name}` lists the files of ROOT.",
+        short_help=DATA_SETS[name],
+    )
+
+
+def _option_of(name: str, default: Any, metadata: Mapping[str, Any]) -> click.Option:
+    flag = "--" + name.replace("_", "-")
+    more = {key: value for key, value in metadata.items() if key != "help"}
+    if isinstance(default, bool):
+        return click.Option([flag], is_flag=True, help=metadata["help"])
+    if default not in (None, ""):
+        more.setdefault("show_default", True)
+    return click.Option([flag], default=default, help=metadata["help"], **more)
+
+
+def _callback(chosen: DataSet) -> Callable[..., None]:
+    names = {entry.name for entry in fields(chosen.Options)}
+
+    def run(**given: Any) -> None:
+        own = chosen.Options(**{name: given.pop(name) for name in names})
+        _evaluate(chosen, own, _Given(**given))
+
+    return run
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Options of every data set's command, named as on the command line."""
+
+    root: Path
+    out: Path
+    results: tuple[str, ...]
+    results_frame: tuple[str, ...]
+    from_release: Path | None
+    preset: str | None
+    overrides: tuple[str, ...]
+    device: str
+    no_camera: bool
+    smplx: Path | None
+    smpl: Path | None
+    contact_cm: str
+    no_geodesic: bool
+    workers: int
+    limit: int | None
+
+
+def _evaluate(chosen: DataSet, options: Any, given: _Given) -> None:
+    """Check everything that can be wrong before anything is computed; then reconstruct, score and write."""
+    contact_cm = _thresholds(given.contact_cm)
+    if not given.root.is_dir():
+        raise InputError(f"there is no folder {given.root}")
+    missing = chosen.check(given.root, options, pictures=_reconstructs(given))
+    if missing:
+        lines = "\n".join(f"  {sentence}" for sentence in missing)
+        raise InputError(
+            f"{given.root} is not complete for '{chosen.name}'; `physic evaluate show {chosen.name}` lists what to get "
+            f"where. Missing:\n{lines}"
+        )
+    from physic_bench.bodies import BodyFiles
+    from physic_bench.carry import Carrier
+    from physic_bench.datasets.base import FrameSet
+    from physic_bench.output import PLOTS, check_output, write_evaluation
+    from physic_bench.plots import draw_plots
+    from physic_bench.run import evaluate_methods, require_any_truth
+    from physic_bench.scoring import ScoringRules
+    from physic_core.files.atomic import check_writable
+    from physic_core.files.own import MARK
+
+    bodies = BodyFiles(given.smplx, given.smpl)
+    check_writable(given.out)
+    check_output(given.out)
+    methods = _methods(given, bodies)
+    errors: list[UnexpectedError] = []
+    how = _reconstruction(given)
+    if _reconstructs(given):
+        how.check()
+    found = chosen.frames(given.root, options, bodies)
+    total = len(found.frames)
+    found = FrameSet(found.frames[: given.limit], found.notes, found.left_out)
+    if not found.frames:
+        raise InputError(
+            f"no frame of {given.root} can be evaluated: {next(iter(found.left_out.values()), 'it is empty')}"
+        )
+    echo(counted(len(found.frames), "frame"), err=True)
+    for note in found.notes:
+        echo(note, err=True)
+    if given.from_release is not None:
+        methods += _release_methods(chosen.name, found.frames, given, bodies, errors)
+    require_any_truth(found.frames, given.root)
+    if _reconstructs(given):
+        methods.insert(0, _own_method(found.frames, how, given.out, bodies))
+    rules = ScoringRules(Carrier(bodies), contact_cm, not given.no_geodesic)
+    evaluation = evaluate_methods(
+        chosen, found, methods, rules, given.root, given.workers, lambda text: echo(text, err=True), given.out
+    )
+    header = _header(chosen, options, given, len(found.frames), total)
+    settings = {
+        "data_set": chosen.name,
+        "options": {k: str(v) for k, v in vars(options).items()},
+        "contact_cm": contact_cm,
+        "header": header,
+    }
+    tables, files = write_evaluation(evaluation, given.out, settings, contact_cm)
+    files += chosen.write_more(evaluation, given.out, rules.carrier)
+    echo((given.out / "table.txt").read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
+    for file in files:
+        if file.parent == given.out:
+            echo(f"wrote {file}")
+    try:
+        if plot := draw_plots(evaluation.records, tables, given.out / PLOTS):
+            echo(f"wrote {plot}")
+    except PackageMissingError as error:
+        echo(f"note: {error}", err=True)
+    errors += evaluation.errors
+    if errors:
+        echo("".join(error.traceback for error in errors), nl=False, err=True)
+        raise PhysicError(_words_of(errors))
+
+
+def _words_of(errors: Sequence[UnexpectedError]) -> str:
+    named = "; ".join(f"{error.where}: {error.message}" for error in errors[:NAMED_ERRORS])
+    more = f"; and {len(errors) - NAMED_ERRORS} more" if len(errors) > NAMED_ERRORS else ""
+    return (
+        f"{counted(len(errors), 'score')} failed by an error of this program, not of a file, and the table counts them "
+        f"as without a result: {named}{more}. PHYSIC_DEBUG=1 prints the tracebacks. Please report it"
+    )
+
+
+def _header(chosen: DataSet, options: Any, given: _Given, frames: int, total: int) -> str:
+    """Return the line over the tables: the data set, and every option that changes the figures."""
+    changed = [
+        f"--{entry.name.replace('_', '-')} {getattr(options, entry.name)}".removesuffix(" True")
+        for entry in fields(chosen.Options)
+        if getattr(options, entry.name) != entry.default
+    ]
+    if given.limit is not None:
+        changed.append(f"--limit {given.limit} (of {counted(total, 'frame')})")
+    if _thresholds(given.contact_cm) != _thresholds(CONTACT_CM):
+        changed.append(f"--contact-cm {given.contact_cm}")
+    changed += ["--no-geodesic"] * given.no_geodesic
+    if _reconstructs(given):
+        changed += ["--no-camera"] * given.no_camera + [f"--set {text}" for text in given.overrides]
+    changed += [f"--results-frame {text}" for text in given.results_frame]
+    words = f"{chosen.name}, {counted(frames, 'frame')}"
+    return f"{words}, with {', '.join(changed)}" if changed else words
+
+
+def _reconstructs(given: _Given) -> bool:
+    """Whether the pictures are reconstructed."""
+    return given.preset is not None or not (given.results or given.from_release)
+
+
+def _release_methods(
+    name: str, frames: tuple[Frame, ...], given: _Given, bodies: BodyFiles, errors: list[UnexpectedError]
+) -> list[Method]:
+    """Return start and end of the published results, and this engine run from their start.
+
+    Errors of this program are appended to ``errors``; they cost their frame.
+    """
+    from physic_bench.evaluation import Method, UnexpectedError
+    from physic_bench.readers import open_reader
+    from physic_bench.readers.physic_release import release_file
+    from physic_bench.release_engine import optimise_release
+    from physic_core.files.atomic import atomic_write, check_writable
+
+    assert given.from_release is not None
+    import numpy as np
+
+    folder, failures = check_writable(given.out / "engine"), {}
+    for i, frame in enumerate(frames, 1):
+        target = folder / f"{frame.id.replace('/', '__')}.npz"
+        file = release_file(given.from_release, frame)
+        if file is None or target.exists():
+            continue
+        try:
+            arrays = optimise_release(file, bodies)
+        except PhysicError as error:
+            failures[frame.id] = str(error)
+            continue
+        except Exception as error:
+            errors.append(UnexpectedError.of(error, f"{frame.id} (engine from init)"))
+            failures[frame.id] = errors[-1].reason
+            continue
+        with atomic_write(folder) as temporary, temporary(target.name).open("wb") as stream:
+            np.savez(stream, **arrays)
+        echo(f"[{i}/{len(frames)}] engine on {frame.id}", err=True)
+    ours = Method("engine from init", open_reader("plain", folder, bodies), failures=failures)
+    init = Method("release init", open_reader("physic-release-init", given.from_release, bodies))
+    if name == "physic-release":
+        return [init, ours]
+    return [init, Method("release final", open_reader("physic-release", given.from_release, bodies)), ours]
+
+
+def _reconstruction(given: _Given) -> Reconstruction:
+    from physic_bench.reconstruct import Reconstruction
+
+    return Reconstruction(
+        given.preset, None, given.overrides, given.device, given.workers, with_camera=not given.no_camera
+    )
+
+
+def _own_method(frames: tuple[Frame, ...], how: Reconstruction, out: Path, bodies: BodyFiles) -> Method:
+    """Reconstruct the pictures, and return that as a method."""
+    from physic_bench.evaluation import Method
+    from physic_bench.readers import open_reader
+    from physic_bench.reconstruct import reconstruct
+
+    folder = out / "reconstructions"
+    failures = reconstruct(frames, folder, how, lambda text: echo(text, err=True))
+    name = f"physic {how.preset or 'embedded'}"
+    return Method(name, open_reader("physic", folder, bodies), failures=failures)
+
+
+def _methods(given: _Given, bodies: BodyFiles) -> list[Method]:
+    """Return the methods of --results."""
+    from physic_bench.evaluation import Method
+    from physic_bench.frame_of_results import ALTERNATIVES
+    from physic_bench.readers import READERS, open_reader
+
+    chosen: dict[str, str] = {}
+    for text in given.results_frame:
+        name, separator, alternative = text.partition("=")
+        if not separator or alternative not in ALTERNATIVES:
+            raise click.UsageError(f"--results-frame is NAME=FRAME, where FRAME is one of {', '.join(ALTERNATIVES)}")
+        chosen[name] = alternative
+    methods: list[Method] = []
+    for text in given.results:
+        name, separator, rest = text.partition("=")
+        name, rest = (name, rest) if separator else ("", text)
+        kind, separator, folder = rest.partition(":")
+        if separator and kind not in READERS and not Path(rest).is_dir():
+            raise click.UsageError(f"no reader is named '{kind}': choose one of {', '.join(READERS)}")
+        kind, folder = (kind, folder) if separator and kind in READERS else ("physic", rest)
+        reader = open_reader(kind, Path(folder), bodies)
+        name = name or (Path(folder).resolve().name if kind in ("physic", "plain") else kind)
+        if name in (".", ".."):  # previews lie in a folder of this name
+            raise click.UsageError(f"no results can be named '{name}': give another name, as --results NAME={rest}")
+        if any(method.name == name for method in methods):
+            raise click.UsageError(f"two results are named '{name}': give names, as --results NAME={rest}")
+        methods.append(Method(name, reader, chosen.pop(name, "camera"), forced=name in dict(_pairs(given))))
+    if chosen:
+        raise click.UsageError(f"--results-frame names '{next(iter(chosen))}', but there are no such results")
+    return methods
+
+
+def _pairs(given: _Given) -> list[tuple[str, str]]:
+    return [(name, value) for name, _, value in (text.partition("=") for text in given.results_frame)]
+
+
+def _thresholds(text: str) -> tuple[float, ...]:
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if not found or not all(0 < cm <= 15 for cm in found):
+        raise click.UsageError(f"--contact-cm is centimetres above 0 and up to 15, such as 2,4,5 (got '{text}')")
+    return found

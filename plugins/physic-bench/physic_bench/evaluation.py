@@ -1,0 +1,97 @@
+"""The methods of an evaluation, and everything that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from physic_bench.frame_of_results import into_camera
+
+if TYPE_CHECKING:
+    from physic_bench.contract import Frame, Prediction
+    from physic_bench.frame_of_results import FrameCheck
+    from physic_bench.readers.base import ResultReader
+
+    Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method whose results are scored; it can be pickled.
+
+    Attributes:
+        name: in the tables.
+        reader: of its results.
+        assumed: frame of reference of its files.
+        forced: whether the user chose it.
+        failures: frame id -> why there is no result.
+    """
+
+    name: str
+    reader: ResultReader
+    assumed: str = "camera"
+    forced: bool = False
+    failures: Mapping[str, str] = field(default_factory=dict)
+
+    def result(self, frame: Frame) -> Prediction | None:
+        """Return the result of a frame, in the camera frame; None if there is none."""
+        found = self.reader.result(frame)
+        return None if found is None else into_camera(found, frame, self.assumed)
+
+    def result_or_none(self, frame: Frame) -> Prediction | None:
+        """Return the result of a frame; None too if it cannot be read, which its record has the reason of."""
+        try:
+            return self.result(frame)
+        except Exception:
+            return None
+
+
+@dataclass(frozen=True)
+class UnexpectedError:
+    """An exception that no damaged file explains: an error of this program.
+
+    Attributes:
+        where: frame, and method if there is one.
+        message: class, message and code line of the exception.
+        traceback: as text if PHYSIC_DEBUG is set, else "".
+    """
+
+    where: str
+    message: str
+    traceback: str
+
+    @classmethod
+    def of(cls, error: Exception, where: str) -> UnexpectedError:
+        """Describe an exception; the object can be pickled."""
+        from physic_core.discovery.error_text import describe_error, traceback_text
+
+        return cls(where, describe_error(error, __package__), traceback_text(error))
+
+    @property
+    def reason(self) -> str:
+        """The reason in a record."""
+        return f"unexpected error: {self.message}"
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Everything that was measured.
+
+    Attributes:
+        methods: in order.
+        frames: that were scored.
+        checks: method -> in which frame of reference its results are.
+        records: one per annotated person and method.
+        notes: sentences that the figures depend on.
+        left_out: frame id -> why it is not scored.
+        errors: exceptions that are errors of this program.
+    """
+
+    methods: tuple[Method, ...]
+    frames: tuple[Frame, ...]
+    checks: Mapping[str, FrameCheck]
+    records: tuple[Record, ...]
+    notes: tuple[str, ...]
+    left_out: Mapping[str, str]
+    errors: tuple[UnexpectedError, ...] = ()

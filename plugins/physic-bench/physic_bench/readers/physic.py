@@ -1,0 +1,115 @@
+"""Results of this tool: the folder of ``physic batch``, of ``physic evaluate``, or one folder per frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from physic_bench.contract import PredictedPerson, Prediction
+from physic_bench.joints import LIMB_JOINTS
+from physic_bench.readers.base import ResultReader, file_names
+from physic_bench.touched_classes import class_of_partner, contact_by_class
+from physic_core.body.joints import JOINT_NAMES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_bench.contract import Frame
+    from physic_core.types import Person, Reconstruction
+
+    Array = NDArray[np.float64]
+
+MIN_CONFIDENCE = 0.3
+"""Keypoints from which on triangulation uses them."""
+
+
+class Physic(ResultReader):
+    """Reads ``reconstruction.json`` and ``reconstruction.npz``."""
+
+    name: ClassVar[str] = "physic"
+    summary: ClassVar[str] = "results of physic run and physic batch"
+    layout: ClassVar[str] = "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/"
+
+    def locate(self, frame: Frame) -> Path | None:
+        """Return the folder of the frame's result."""
+        from physic_core.batch.photos import photo_folder
+
+        for name in file_names(frame):
+            for folder in (photo_folder(name), name, f"{name}-physic"):
+                if (self.folder / folder / "reconstruction.json").is_file():
+                    return self.folder / folder
+        return None
+
+    def read(self, path: Path, frame: Frame) -> Prediction:
+        """Read the people, contact, camera and floor."""
+        from physic_core import load_reconstruction
+
+        return prediction_of(load_reconstruction(str(path)), frame)
+
+
+def prediction_of(result: Reconstruction, frame: Frame) -> Prediction:
+    """Return what is measured of a result, in px of the frame's picture."""
+    width, height = _size(result, frame)
+    factor = np.array([width / result.intrinsics.width, height / result.intrinsics.height])
+    topology = {"embedded": "physic-embedded-1"}.get(result.body_model, result.body_model)
+    people = [_person(person, topology, result, factor) for person in result.people]
+    floor = result.scene.floor
+    refused = any(check.name == "floor" and check.failed for check in result.checks)
+    return Prediction(
+        tuple(person for person in people if person.joints is not None),
+        K=result.intrinsics.resized(width, height).matrix,
+        scene_points=result.scene.points[result.scene.valid].astype(np.float64),
+        # A floor that the result itself reports as assumed was not measured.
+        floor=None if floor is None or refused else np.array([*floor.normal, floor.offset], np.float64),
+    )
+
+
+def _person(person: Person, topology: str, result: Reconstruction, factor: Array) -> PredictedPerson:
+    from physic_core.types import skeleton_named
+
+    skeleton = result.skeleton if not isinstance(result.skeleton, str) else skeleton_named(result.skeleton)
+    names = list(skeleton.names)
+    keypoints = np.full((len(LIMB_JOINTS), 2), np.nan)
+    for row, name in enumerate(LIMB_JOINTS):
+        if name in names and person.keypoint_confidence[names.index(name)] >= MIN_CONFIDENCE:
+            keypoints[row] = (person.keypoints[names.index(name)] + 0.5) * factor - 0.5
+    finite = bool(np.isfinite(person.vertices).all() and np.isfinite(person.joints).all())
+    return PredictedPerson(
+        vertices=person.vertices.astype(np.float64) if finite else None,
+        topology=topology,
+        joints=person.joints.astype(np.float64) if finite else None,
+        joint_names=tuple(JOINT_NAMES),
+        contact=_contact(person, result),
+        contact_classes=_classes(person, result),
+        keypoints=keypoints,
+        box=np.asarray(person.box, np.float64) * np.tile(factor, 2),
+        grade=str(person.grade or ""),
+    )
+
+
+def _contact(person: Person, result: Reconstruction) -> NDArray[np.bool_]:
+    """Return contact with anything but the own body, which no data set annotates."""
+    if person.contact_partner is None:
+        return person.contact
+    own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
+    found: NDArray[np.bool_] = person.contact & ~own[person.contact_partner]
+    return found
+
+
+def _classes(person: Person, result: Reconstruction) -> dict[str, NDArray[np.bool_]] | None:
+    """Return the contact vertices of each class; None for results of versions without contact partners."""
+    if person.contact_partner is None:
+        return None
+    names = np.array([*map(class_of_partner, result.contact_partners), ""])
+    return contact_by_class(names[person.contact_partner])
+
+
+def _size(result: Reconstruction, frame: Frame) -> tuple[int, int]:
+    if frame.camera is not None:
+        return frame.camera.width, frame.camera.height
+    return result.intrinsics.width, result.intrinsics.height
+
+
+READER = Physic

@@ -1,0 +1,383 @@
+"""Metrics of one reconstruction against the ground truth of its world, for every person.
+
+Joint errors use the first 22 SMPL-X joints, pelvis to wrists (:data:`physic_core.metrics.pose.BODY_JOINTS`).
+:data:`PERSON_METRICS` and :data:`WORLD_METRICS` define all metrics.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_bench.worlds.contact_partners import NO_CONTACT, ContactMap, contact_counts_by_partner
+from physic_bench.worlds.support_scores import SupportScorer
+from physic_core.body import load_body
+from physic_core.errors import PhysicError
+from physic_core.geometry.mesh import vertex_areas, vertex_normals
+from physic_core.metrics.contact_scores import contact_counts, precision_recall_f1
+from physic_core.metrics.geodesic import geodesic_error, surface_graph
+from physic_core.metrics.matching import match_by_masks
+from physic_core.metrics.physics import contact_gap, penetration
+from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
+from physic_core.metrics.proximity import PROXIMITY_RADIUS_M, SignedDistances, hidden_by_depth_map, scene_distance
+from physic_core.metrics.scene import floor_error, scene_error
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_array
+
+    from physic_core.body.model import BodyModel
+    from physic_core.metrics.matching import Matching
+    from physic_core.pipeline.estimate import Estimates
+    from physic_core.pipeline.solution import Solution
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Scene, Support
+    from physic_testing.worlds import World
+
+    Indices = NDArray[np.int64]
+
+LIMB_JOINTS = (4, 5, 7, 8, 10, 11, 18, 19, 20, 21)
+"""Indices of the limb joints: knees, ankles, feet, elbows and wrists."""
+
+_TRUE_PENETRATION_M = 0.01
+_SHOWN = 0.05
+
+PERSON_METRICS = {
+    "mpjpe_mm": "mean distance of 22 joints, nothing aligned",
+    "pa_mpjpe_mm": "the same after the best similarity",
+    "mpvpe_mm": "mean distance of all vertices, nothing aligned",
+    "hidden_limbs_pa_mm": "mean distance, after the similarity that fits all 22 joints best, of the knees, ankles, "
+    "feet, elbows and wrists that the photo does not show: outside it, or behind objects, people or the own body; "
+    "people without such joints have none",
+    "depth_error_mm": "pelvis, along z; positive where it is too far",
+    "precision": "of the contact vertices",
+    "recall": "of the contact vertices",
+    "f1": "of the person's own precision and recall",
+    "geodesic_fp_cm": "mean way over the skin from a predicted contact vertex to the nearest true one; none where "
+    "either set is empty",
+    "geodesic_fn_cm": "mean way over the skin from a true contact vertex to the nearest predicted one",
+    "penetration_mm": "mean depth, in the reconstructed scene and floor, of the vertices inside it; 0 where none is; "
+    "looking no farther than 150 mm; without vertices that an object truly hides, unless they truly touch, and without "
+    "those that this measure puts over 10 mm inside the true scene",
+    "penetration_max_mm": "of the deepest of these",
+    "penetration_share": "of the counted vertices, those inside",
+    "penetration_litres": "integral of the depth over the surface inside, as far as it faces the scene's: exact for a "
+    "plane",
+    "floating_mm": "mean distance, from the reconstructed scene or floor, of the vertices that truly touch what "
+    "the true point map or floor has within 50 mm; 0 inside, and 150 mm at most",
+    "floating_all_mm": "the same of all that truly touch, though it may be something that no photo shows",
+    "true_penetration_mm": "mean depth, in the true walls, ground and furniture, of the vertices inside them, after "
+    "the factor about the camera that gives the reconstructed scene its true median depth; 0 where none is, 150 mm at "
+    "most, and without vertices that truly are over 10 mm inside",
+    "true_floating_mm": "mean distance of the vertices that truly touch from the true scene, after the same factor; 0 "
+    "inside, and 150 mm at most",
+    "true_penetration_unscaled_mm": "true_penetration_mm with nothing aligned",
+    "true_floating_unscaled_mm": "true_floating_mm with nothing aligned",
+}
+"""Metric of a person -> definition."""
+
+WORLD_METRICS = {
+    "scene_point_mm": "median distance of the scene's points from the true scene without people, pixel by pixel",
+    "scene_depth_percent": "median of |Z - Z*| / Z*",
+    "scene_scale_percent": "|s - 1|, where s is the median depth over the true median depth",
+    "scene_scale_signed_percent": "s - 1",
+    "floor_angle_deg": "between the floors' normals; none where no floor was found",
+    "floor_height_mm": "size of the error of the floor's height under the people's feet",
+    "seconds": "of the engine",
+}
+"""Metric of a world -> definition."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Reconstruction of the N people of a world, computed with the settings of one table row.
+
+    The people are in the order of the estimators' output.
+
+    Attributes:
+        vertices: (N, V, 3) m, camera frame.
+        joints: (N, 55, 3) m.
+        contact: (N, V) bool, contact with the scene.
+        scene: reconstructed scene; None if the row has none.
+        intrinsics: camera intrinsics of the scene.
+        failures: for each person, why the engine did not optimise the body; empty if it did.
+        contacts: contact with anything; None if the row does not estimate what people touch.
+        supports: for each person, what carries them, None for an incomplete body; None if the row does not estimate it.
+    """
+
+    vertices: FloatArray
+    joints: FloatArray
+    contact: BoolArray
+    scene: Scene | None
+    intrinsics: Intrinsics
+    failures: tuple[str, ...]
+    contacts: ContactMap | None = None
+    supports: tuple[Support | None, ...] | None = None
+
+
+def initial_estimate(evidence: Estimates, model: BodyModel, contact_probability: float) -> Estimate:
+    """Return the estimators' bodies before optimisation; vertices with a high contact probability are in contact."""
+    import torch
+
+    from physic_core.body.parameters import rotations_from_parameters
+    from physic_core.geometry.tensors import tensor
+
+    parameters = evidence.bodies.parameters
+    betas, transl, expression = (
+        tensor(value).to(model.device, model.dtype)
+        for value in (parameters.betas, parameters.transl, parameters.expression)
+    )
+    with torch.inference_mode():
+        body = model(rotations_from_parameters(parameters, model.device, model.dtype), betas, transl, expression)
+    return Estimate(
+        vertices=body.vertices.cpu().numpy(),
+        joints=body.joints.cpu().numpy(),
+        contact=evidence.contact.probability >= contact_probability,
+        scene=None,
+        intrinsics=evidence.intrinsics,
+        failures=("",) * len(parameters),
+    )
+
+
+def engine_estimate(solution: Solution) -> Estimate:
+    """Return the engine's solution as an Estimate."""
+    contacts = ContactMap(solution.contact, solution.contact_probability, solution.contact_partner, solution.partners)
+    return Estimate(
+        solution.vertices,
+        solution.joints,
+        contacts.with_scene(),
+        solution.scene,
+        solution.intrinsics,
+        solution.failures,
+        contacts,
+        solution.supports,
+    )
+
+
+class Evaluator:
+    """Evaluation of reconstructions against the ground truth of one world.
+
+    Args:
+        world: ground truth.
+        people: (N, H, W) bool, masks of the evidence's people.
+        graph: result of :meth:`body_graph`, for geodesic errors.
+    """
+
+    def __init__(self, world: World, people: BoolArray, graph: csr_array) -> None:
+        self.world = world
+        model = load_body(world.body_model)
+        self._part = model.part_of_vertex.numpy()
+        self._support = SupportScorer(model)
+        self.matching: Matching = match_by_masks(people, world.masks, min_iou=0.3)
+        self._graph = graph
+        self._empty = world.points(people=False)
+        self._known: BoolArray = np.asarray(np.isfinite(self._empty).all(-1))
+        self._near = scene_distance(
+            world.vertices, self._empty, world.empty_normals, self._known, world.intrinsics, world.floor
+        )
+        hidden = hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics)
+        self._counted = world.outer & (~hidden | world.contact) & (self._near.distance > -_TRUE_PENETRATION_M)
+        self._shown = world.contact & (np.abs(self._near.distance) <= _SHOWN)
+        self._limbs = np.zeros(world.joints_visible.shape, bool)
+        self._limbs[:, LIMB_JOINTS] = ~world.joints_visible[:, LIMB_JOINTS]
+
+    @staticmethod
+    def body_graph(model: BodyModel) -> csr_array:
+        """Return the edge graph of the rest body's surface, with shortcuts across pairs of adjacent faces."""
+        vertices = model(*model.zero_pose()).vertices[0]
+        return surface_graph(vertices.cpu().numpy(), model.faces.cpu().numpy(), across=True)
+
+    def truth_records(self) -> list[dict[str, Any]]:
+        """Return distance, visibility and contact metrics of every person in the ground truth."""
+        world = self.world
+        everybody = np.arange(len(world.masks))
+        touch = self._touch(everybody, self._near, world.vertices)
+        for facts, true in zip(touch, self._true_touch(everybody, world.vertices), strict=True):
+            facts |= true
+        seen, whole = world.masks.sum((1, 2)), world.unoccluded_masks.sum((1, 2))
+        return [
+            {
+                "action": _action(world, i),
+                "distance_m": float(world.joints[i, 0, 2]),
+                "visible_share": float(seen[i] / max(whole[i], 1)),
+                "hidden_limb_joints": int(self._limbs[i].sum()),
+                "contact_vertices": int(world.contact[i].sum()),
+                "shown_contact_vertices": int(self._shown[i].sum()),
+                "measured": touch[i],
+            }
+            for i in range(len(world.masks))
+        ]
+
+    def person_records(self, estimate: Estimate) -> list[dict[str, Any]]:
+        """Return one record per true person: whether a body was found, and its metrics.
+
+        Raises:
+            PhysicError: the bodies are not of the world's mesh.
+        """
+        world, matching = self.world, self.matching
+        if estimate.vertices.shape[1:] != world.vertices.shape[1:]:
+            raise PhysicError(
+                f"The bodies have {estimate.vertices.shape[1]} vertices and those of the worlds "
+                f"{world.vertices.shape[1]}: only bodies of the mesh {world.topology} can be compared."
+            )
+        answers: list[dict[str, Any]] = [
+            {"found": False, "why": "no person was found there", **self._missed(i)} for i in range(len(world.masks))
+        ]
+        rows, true = matching.predicted, matching.truth
+        finite = np.isfinite(estimate.vertices[rows]).all((1, 2)) & np.isfinite(estimate.joints[rows]).all((1, 2))
+        for i in true[~finite]:
+            answers[i]["why"] = "the body is not finite"
+        rows, true = rows[finite], true[finite]
+        if len(rows):
+            measured = zip(self._pose(estimate, rows, true), self._contact(estimate, rows, true), strict=True)
+            touch = self._scene_touch(estimate, rows, true)
+            for j, (pose, contact) in enumerate(measured):
+                failure, found = estimate.failures[rows[j]], touch[j] if touch else {}
+                partners = self._partners(estimate, int(rows[j]), int(true[j]))
+                support = self._reported_support(estimate, int(rows[j]), int(true[j]))
+                answers[true[j]] = {"found": True, "why": failure, **pose, **contact, **partners, **support, **found}
+        return answers
+
+    def missed_records(self, why: str) -> list[dict[str, Any]]:
+        """Return the records of all true people for a table row whose run failed."""
+        return [{"found": False, "why": why, **self._missed(i)} for i in range(len(self.world.masks))]
+
+    def scene_record(self, estimate: Estimate) -> dict[str, Any]:
+        """Return the errors of scene and floor; empty if the estimate has no scene."""
+        if estimate.scene is None:
+            return {}
+        world, scene = self.world, estimate.scene
+        error = scene_error(scene.points, self._empty, scene.valid, self._known)
+        feet = world.joints[:, 10:12].reshape(-1, 3).mean(0)
+        floor = floor_error(scene.floor, world.floor, feet)
+        scale = math.exp(error.log_scale) - 1 if math.isfinite(error.log_scale) else math.nan
+        return {
+            "scene_point_mm": 1000 * error.point_median,
+            "scene_depth_percent": 100 * error.depth_relative_median,
+            "scene_scale_percent": 100 * abs(scale),
+            "scene_scale_signed_percent": 100 * scale,
+            "floor_angle_deg": floor.angle_deg,
+            "floor_height_mm": 1000 * abs(floor.height),
+            "scene_engine_scale": scene.scale,
+            "floor_found": scene.floor is not None,
+            "all": asdict(error),
+        }
+
+    def _pose(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
+        """Return the pose errors of matched people."""
+        world = self.world
+        joints, fact = (np.asarray(a[:, BODY_JOINTS], np.float64) for a in (estimate.joints[rows], world.joints[true]))
+        aligned = align_similarity(joints, fact)
+        limbs = self._limbs[true][:, BODY_JOINTS]
+        columns = {
+            "mpjpe_mm": mpjpe_mm(joints, fact),
+            "pa_mpjpe_mm": pa_mpjpe_mm(joints, fact),
+            "mpvpe_mm": mpvpe_mm(estimate.vertices[rows], world.vertices[true]),
+            "hidden_limbs_pa_mm": mpjpe_mm(aligned, fact, limbs),
+            "depth_error_mm": 1000 * (joints[:, 0, 2] - fact[:, 0, 2]),
+        }
+        return [{name: float(values[j]) for name, values in columns.items()} for j in range(len(rows))]
+
+    def _contact(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, Any]]:
+        """Return the contact scores of matched people."""
+        predicted, fact = estimate.contact[rows], self.world.contact[true]
+        counts = contact_counts(predicted, fact)
+        precision, recall, f1 = precision_recall_f1(counts)
+        skin = geodesic_error(self._graph, predicted, fact)
+        return [
+            {
+                "hits": int(counts.hits[j]),
+                "false_alarms": int(counts.false_alarms[j]),
+                "misses": int(counts.misses[j]),
+                "precision": float(precision[j]),
+                "recall": float(recall[j]),
+                "f1": float(f1[j]),
+                "geodesic_fp_cm": float(skin.false_positive_cm[j]),
+                "geodesic_fn_cm": float(skin.false_negative_cm[j]),
+            }
+            for j in range(len(rows))
+        ]
+
+    def _partners(self, estimate: Estimate, row: int, person: int) -> dict[str, Any]:
+        """Return the counts of contact partners of a person; empty if the estimate has none."""
+        if estimate.contacts is None:
+            return {}
+        true_person = dict(zip(self.matching.predicted.tolist(), self.matching.truth.tolist(), strict=True))
+        return contact_counts_by_partner(self.world, estimate.contacts, row, person, true_person, self._part)
+
+    def _reported_support(self, estimate: Estimate, row: int, person: int) -> dict[str, int]:
+        """Return the counts of body parts that carry a person; empty if the estimate has none."""
+        if estimate.supports is None:
+            return {}
+        return self._support.counts(estimate.supports[row], self.world.support[person])
+
+    def _scene_touch(self, estimate: Estimate, rows: Indices, true: Indices) -> list[dict[str, float]]:
+        """Return penetration and floating of matched people relative to the reconstructed scene."""
+        scene = estimate.scene
+        if scene is None:
+            return []
+        vertices = estimate.vertices[rows]
+        near = scene_distance(vertices, scene.points, scene.normals, scene.valid, estimate.intrinsics, scene.floor)
+        error = scene_error(scene.points, self._empty, scene.valid, self._known)
+        factor = math.exp(-error.log_scale) if math.isfinite(error.log_scale) else 1.0
+        scaled, unscaled = self._true_touch(true, factor * vertices), self._true_touch(true, vertices)
+        return [
+            {**touch, **own, **{name.replace("_mm", "_unscaled_mm"): value for name, value in raw.items()}}
+            for touch, own, raw in zip(self._touch(true, near, vertices), scaled, unscaled, strict=True)
+        ]
+
+    def _true_touch(self, true: Indices, vertices: FloatArray) -> list[dict[str, float]]:
+        """Return penetration and floating of vertices (n, V, 3) of true people relative to the true scene."""
+        world = self.world
+        distance = world.room.signed_distance(world.camera.to_room(np.asarray(vertices, np.float64)))
+        distance = np.maximum(distance, -PROXIMITY_RADIUS_M)
+        counted = world.outer & (world.distance[true] > -_TRUE_PENETRATION_M)
+        inside = penetration(distance, np.ones(distance.shape), counted=counted)
+        gap = contact_gap(distance, world.contact[true], reach=PROXIMITY_RADIUS_M)
+        return [
+            {"true_penetration_mm": 1000 * float(inside.mean_depth[j]), "true_floating_mm": 1000 * float(gap[j])}
+            for j in range(len(true))
+        ]
+
+    def _touch(self, true: Indices, near: SignedDistances, vertices: FloatArray) -> list[dict[str, float]]:
+        """Return penetration and floating for given scene distances."""
+        world = self.world
+        facing = -(vertex_normals(vertices, world.faces) * near.normal).sum(-1)
+        inside = penetration(
+            near.distance, vertex_areas(vertices, world.faces), facing=facing, counted=self._counted[true]
+        )
+        shown, every = (
+            contact_gap(near.distance, c[true], reach=PROXIMITY_RADIUS_M) for c in (self._shown, world.contact)
+        )
+        return [
+            {
+                "penetration_mm": 1000 * float(inside.mean_depth[j]),
+                "penetration_max_mm": 1000 * float(inside.max_depth[j]),
+                "penetration_share": float(inside.share[j]),
+                "penetration_litres": 1000 * float(inside.volume[j]),
+                "floating_mm": 1000 * float(shown[j]),
+                "floating_all_mm": 1000 * float(every[j]),
+            }
+            for j in range(len(true))
+        ]
+
+    def _missed(self, i: int) -> dict[str, Any]:
+        """Return the contact scores of a missed person: all true contacts are misses, all scores 0."""
+        return {
+            "hits": 0,
+            "false_alarms": 0,
+            "misses": int(self.world.contact[i].sum()),
+            "precision": 0.0,
+            "recall": 0.0,
+            "f1": 0.0,
+            **contact_counts_by_partner(self.world, NO_CONTACT, 0, i, {}, self._part),
+            **self._support.counts(None, self.world.support[i]),
+        }
+
+
+def _action(world: World, person: int) -> str:
+    """Return the action of a person."""
+    actions = getattr(world, "action", None)
+    return str(actions[person]) if actions is not None else world.name

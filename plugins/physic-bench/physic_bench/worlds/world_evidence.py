@@ -1,0 +1,151 @@
+"""Estimates of a world: the output of all estimators for its photo, computed once and cached."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import physic_core
+from physic_bench.worlds.evidence_file import load_evidence, save_evidence
+from physic_core.pipeline.estimate import run_backends
+from physic_core.pipeline.stage_runner import StageRunner
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from physic_core.body.model import BodyModel
+    from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.pipeline.estimate import Estimates
+    from physic_testing.worlds import World
+
+
+@dataclass(frozen=True)
+class WorldCase:
+    """Name, seed and photo size of a world.
+
+    Attributes:
+        name: one of ``physic_testing.worlds.WORLDS`` or ``CONTACT_WORLDS``.
+        seed: seed of the world.
+        size: width and height of the photo, px.
+    """
+
+    name: str
+    seed: int
+    size: tuple[int, int]
+
+    @property
+    def title(self) -> str:
+        """Name and seed for messages, such as "lie 7"."""
+        return f"{self.name} {self.seed}"
+
+
+def estimate_evidence(
+    case: WorldCase, world: World, plan: ResolvedPipeline, model: BodyModel, folder: Path | None
+) -> Estimates:
+    """Run the estimators on a world's photo, or load their output from ``folder``.
+
+    The camera is not given: what the estimators take it for is part of the start.
+
+    Raises:
+        PhysicError: nobody was found, or a backend failed.
+    """
+    path = None if folder is None else folder / f"{evidence_key(case, plan)}.npz"
+    known = None if path is None else load_evidence(path)
+    if known is not None:
+        return known
+    evidence = run_backends(world.image, None, plan, lambda: model, StageRunner(plan.device, len(plan.backends)))
+    if path is not None:
+        save_evidence(path, evidence)
+    return evidence
+
+
+def evidence_key(case: WorldCase, plan: ResolvedPipeline) -> str:
+    """Return the cache key of a world's evidence: a hash of world, backends, options and source code."""
+    facts = {
+        "world": [case.name, case.seed, *case.size],
+        "photo": plan.photo.model_dump(mode="json"),
+        "backends": {
+            name: [
+                found.provenance.backend,
+                found.provenance.distribution,
+                found.provenance.version,
+                found.provenance.options,
+            ]
+            for name, found in plan.backends.items()
+        },
+        "source": [
+            source_hash(("physic_core/body", "physic_core/pipeline/ages.py", "physic_core/pipeline/estimate.py")),
+            _folder_hash("physic_testing"),
+            *sorted({_folder_hash(found.provenance.plugin) for found in plan.backends.values()}),
+        ],
+    }
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:24]
+
+
+@cache
+def source_hash(parts: tuple[str, ...] = ("physic_core", "physic_testing")) -> str:
+    """Return a hash of source files in packages, folders or modules, such as "physic_core/body"."""
+    root = {"physic_core": Path(physic_core.__file__).parents[1], "physic_testing": Path(__file__).parents[2]}
+    digest = hashlib.sha256()
+    for part in parts:
+        top = root[part.partition("/")[0]]
+        digest.update(_hash(top, _modules(top / part)).encode())
+    return digest.hexdigest()
+
+
+@cache
+def _folder_hash(package: str) -> str:
+    """Return a hash of all source files of an installed package."""
+    from importlib.util import find_spec
+
+    spec = find_spec(package.partition(".")[0])
+    places = list(spec.submodule_search_locations or []) if spec is not None else []
+    return _hash(Path(places[0]), _modules(Path(places[0]))) if places else package
+
+
+def _modules(path: Path) -> Iterable[Path]:
+    """Return the Python files of a path, and the data files with fitted numbers."""
+    return [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.suffix in (".py", ".json"))
+
+
+def _hash(root: Path, paths: Iterable[Path]) -> str:
+    """Return a hash of file names and contents."""
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Return the default cache folder of the benchmark: ``physic/bench`` in the user's cache folder."""
+    import os
+
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if base else Path.home() / ".cache") / "physic" / "bench"
+
+
+def benchmark_cases(count: int, seed: int, size: tuple[int, int], actions: str = "default") -> tuple[WorldCase, ...]:
+    """Return the worlds of the benchmark for a seed.
+
+    Args:
+        count: number of worlds of each kind of action; the actions of a kind take turns.
+        seed: seed of the random world seeds.
+        size: width and height of the photos, px.
+        actions: "default" for those of ``WORLDS``, "contact" for those of ``CONTACT_WORLDS``, or "both".
+    """
+    from physic_testing.worlds import CONTACT_WORLDS, WORLDS, benchmark_worlds
+
+    kinds = {"default": (WORLDS,), "contact": (CONTACT_WORLDS,), "both": (WORLDS, CONTACT_WORLDS)}[actions]
+    return tuple(WorldCase(name, own, size) for names in kinds for name, own in benchmark_worlds(count, seed, names))
+
+
+def with_other_bodies(cases: Iterable[WorldCase]) -> tuple[WorldCase, ...]:
+    """Return the same worlds with people whose body no shape of the body model has."""
+    from physic_testing.worlds import OTHER_BODIES
+
+    return tuple(replace(case, name=case.name + OTHER_BODIES) for case in cases)

@@ -1,0 +1,158 @@
+"""A person of a world as truth, model files made from the embedded body, and miniatures of results."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from physic_bench.bodies import BodyFiles, PosedBody
+from physic_bench.joints import LIMB_JOINTS
+from physic_core.cli import main
+
+ROOT = Path(__file__).parents[3]
+K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+SIZE = (640, 480)
+TRUE = np.random.default_rng(0).uniform([-0.4, -0.9, 2.9], [0.4, 0.9, 3.1], (12, 3))
+"""Limb joints of the person of every measured photo, m."""
+STANDING = {"global_orient": [np.pi, 0, 0], "transl": [0.1, 0.35, 3.5]}
+"""Upright before an OpenCV camera, facing it."""
+
+
+def other_body() -> ModuleType:
+    """The module of the core's tests that makes bodies of SMPL-X's and SMPL's kind from the embedded one."""
+    if "other_body" not in sys.modules:
+        spec = importlib.util.spec_from_file_location("other_body", ROOT / "tests" / "body" / "other_body.py")
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules["other_body"] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules["other_body"])
+    return sys.modules["other_body"]
+
+
+@dataclass(frozen=True)
+class Files:
+    """Model files, and their bodies posed."""
+
+    bodies: BodyFiles
+
+    def standing(self, **parameters: Any) -> PosedBody:
+        return self.bodies.smplx_body(STANDING | parameters, "male")
+
+    def arguments(self) -> list[str]:
+        return ["--smplx", str(self.bodies.smplx), "--smpl", str(self.bodies.smpl)]
+
+
+def write_models(folder: Path) -> Files:
+    """Write files of the size and layout of SMPLX_{NEUTRAL,MALE}.npz and SMPL_NEUTRAL.pkl; male is the larger."""
+    from physic_core.body import load_body
+    from physic_testing.body_files import write_published
+
+    made, embedded = other_body(), load_body("embedded")
+    for name in ("smplx", "smpl"):
+        (folder / name).mkdir(parents=True)
+    arrays = made.smplx_file_arrays(made.make(embedded, 10475))
+    rng = np.random.default_rng(0)
+    for side in "lr":
+        arrays[f"hands_mean{side}"] = 0.1 * np.ones(45)
+        arrays[f"hands_components{side}"] = np.linalg.qr(rng.standard_normal((45, 45)))[0]
+    np.savez(folder / "smplx" / "SMPLX_NEUTRAL.npz", **arrays)
+    np.savez(folder / "smplx" / "SMPLX_MALE.npz", **arrays | {"v_template": 1.05 * arrays["v_template"]})
+    write_published(folder / "smpl" / "SMPL_NEUTRAL.pkl", made.smpl_file_arrays(made.make(embedded, 6890)))
+    return Files(BodyFiles(folder / "smplx", folder / "smpl"))
+
+
+def write_measured_photos(folder: Path, count: int = 3) -> Path:
+    """Write photos p0.png ... with one measured person each, and truth.json."""
+    folder.mkdir()
+    joints = dict(zip(LIMB_JOINTS, TRUE.tolist(), strict=True))
+    record = {"width": 640, "height": 480, "K": K.tolist(), "joints": joints}
+    for i in range(count):
+        Image.new("RGB", SIZE).save(folder / f"p{i}.png")
+    (folder / "truth.json").write_text(json.dumps([{"image": f"p{i}.png", **record} for i in range(count)]))
+    return folder
+
+
+def run(*arguments: str) -> Result:
+    """Run ``physic evaluate`` with these arguments."""
+    return CliRunner().invoke(main, ["evaluate", *arguments])
+
+
+def write_plain(folder: Path, name: str, **arrays: Any) -> None:
+    """Write a result of the plain reader."""
+    path = folder / f"{name}.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **arrays)
+
+
+def figures(out: Path, method: str) -> dict[str, float]:
+    """Column -> value of a method in results.json."""
+    document = json.loads((out / "results.json").read_text())
+    return {key: found["value"] for key, found in document["figures"][method].items() if found["count"]}
+
+
+def python2_pickle(path: Path, values: dict[str, Any]) -> None:
+    """Write a pickle as Python 2 with numpy 1 wrote it: texts and bytes are both "str"."""
+    import io
+    import pickle
+    import struct
+
+    class Python2(pickle._Pickler):  # type: ignore[misc, name-defined]
+        def save_text(self, value: Any) -> None:
+            data = value if isinstance(value, bytes) else value.encode("latin1")
+            self.write(pickle.BINSTRING + struct.pack("<i", len(data)) + data)
+            self.memoize(value)
+
+        dispatch: ClassVar[dict[Any, Any]] = {**pickle._Pickler.dispatch, str: save_text, bytes: save_text}  # type: ignore[attr-defined]
+
+    stream = io.BytesIO()
+    Python2(stream, protocol=2).dump(values)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(stream.getvalue().replace(b"cnumpy._core.", b"cnumpy.core."))
+
+
+def ring(contact: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Contact (V,) and all neighbours of its vertices: moved outward by one ring."""
+    grown = contact.copy()
+    grown[faces[contact[faces].any(1)]] = True
+    return grown
+
+
+def rotation(axis: str, degrees: float) -> np.ndarray:
+    """(3, 3) about x, y or z."""
+    a, (i, j) = np.radians(degrees), {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    R = np.eye(3)
+    R[[i, i, j, j], [i, j, i, j]] = np.cos(a), -np.sin(a), np.sin(a), np.cos(a)
+    return R
+
+
+def rigid(R: np.ndarray, t: Any) -> np.ndarray:
+    """(4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = R, t
+    return matrix
+
+
+def moved_by(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) after a rigid transform."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def moved_parameters(files: Files, matrix: np.ndarray, parameters: dict[str, Any], gender: str) -> dict[str, Any]:
+    """Parameters of the same body after a rigid transform."""
+    import roma
+    import torch
+
+    pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender).joints[0]
+    orient = roma.rotvec_to_rotmat(torch.tensor(np.array(parameters["global_orient"], np.float64))).numpy()
+    turned = roma.rotmat_to_rotvec(torch.from_numpy(matrix[:3, :3] @ orient)).numpy()
+    transl = matrix[:3, :3] @ (np.array(parameters["transl"]) + pelvis) + matrix[:3, 3] - pelvis
+    return {**parameters, "global_orient": turned, "transl": transl}

@@ -1,0 +1,241 @@
+"""``physic evaluate calibrated``: errors that are put in by hand come out as those numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_bench.joints import LIMB_JOINTS
+
+from .miniatures import SIZE, K, figures, run, write_plain
+
+JOINTS = {
+    "left_shoulder": (0.2, -0.5, 3.0),
+    "right_shoulder": (-0.2, -0.5, 3.0),
+    "left_elbow": (0.25, -0.2, 3.0),
+    "right_elbow": (-0.25, -0.2, 3.1),
+    "left_wrist": (0.3, 0.05, 3.0),
+    "right_wrist": (-0.3, 0.05, 2.8),
+    "left_hip": (0.1, 0.0, 3.0),
+    "right_hip": (-0.1, 0.0, 3.0),
+    "left_knee": (0.1, 0.45, 2.95),
+    "right_knee": (-0.1, 0.45, 2.9),
+    "left_ankle": (0.1, 0.9, 3.0),
+    "right_ankle": (-0.1, 0.9, 3.0),
+}
+TRUE = np.array([JOINTS[name] for name in LIMB_JOINTS])
+SWAPPED = TRUE.reshape(6, 2, 3)[:, ::-1].reshape(12, 3)
+
+
+def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    return points + np.array([x, y, z])
+
+
+def photo(root: Path, name: str) -> None:
+    root.mkdir(parents=True, exist_ok=True)
+    Image.new("RGB", SIZE, (90, 90, 90)).save(root / name)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Three photos with one measured person each."""
+    folder = tmp_path / "mine"
+    records = []
+    for i in range(3):
+        photo(folder, f"p{i}.png")
+        joints = {name.replace("left_", "l_"): list(place) for name, place in JOINTS.items()}
+        records.append({"image": f"p{i}.png", "width": 640, "height": 480, "K": K.tolist(), "joints": joints})
+        records[i] |= {"up": [0, -1, 0], "floor_point": [0, 1.0, 3], "sequence": f"s{i % 2}", "action": "standing"}
+    (folder / "truth.json").write_text(json.dumps(records))
+    return folder
+
+
+def results(tmp_path: Path, joints: np.ndarray, name: str = "theirs", **more: object) -> str:
+    for i in range(3):
+        write_plain(tmp_path / name, f"p{i}", joints=joints[None], joint_names=np.array(LIMB_JOINTS), **more)
+    return f"{name}=plain:{tmp_path / name}"
+
+
+def evaluated(root: Path, out: Path, *arguments: str) -> dict[str, float]:
+    done = run("calibrated", str(root), "-o", str(out), *arguments)
+    assert done.exit_code == 0, done.output
+    return figures(out, "theirs")
+
+
+def test_a_shift_of_5_cm_is_5_cm(root: Path, tmp_path: Path):
+    found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, moved(TRUE, 0.03, 0, 0.04)))
+    assert found == {
+        "found": 1.0,
+        "me_mpjpe": pytest.approx(50),
+        "ca_mpjpe": pytest.approx(0, abs=1e-6),
+        "pa_mpjpe": pytest.approx(0, abs=1e-6),
+        "rt_error": pytest.approx(50),
+        "depth_ratio": pytest.approx(3.04 / 3),
+    }
+
+
+def test_exchanged_sides_are_the_distance_between_them(root: Path, tmp_path: Path):
+    found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, SWAPPED))
+    apart = 1000 * np.linalg.norm(SWAPPED - TRUE, axis=1).mean()
+    assert (found["me_mpjpe"], found["ca_mpjpe"]) == (pytest.approx(apart), pytest.approx(apart))
+    assert found["rt_error"] == pytest.approx(0, abs=1e-9)
+
+
+def test_floor_and_height_of_the_camera(root: Path, tmp_path: Path):
+    tilt = np.radians(2)
+    floor = np.array([np.sin(tilt), -np.cos(tilt), 0, 1.1])
+    found = evaluated(root, tmp_path / "out", "--results", results(tmp_path, TRUE, floor=floor))
+    assert (found["floor_angle_deg"], found["camera_height_ratio"]) == (pytest.approx(2), pytest.approx(1.1))
+
+
+def test_methods_are_compared_in_pairs_and_written_as_tables(root: Path, tmp_path: Path):
+    one, two = results(tmp_path, moved(TRUE, 0.02, 0, 0), "one"), results(tmp_path, moved(TRUE, 0.05, 0, 0), "two")
+    (tmp_path / "two" / "p2.npz").unlink()
+    out = tmp_path / "out"
+    done = run("calibrated", str(root), "-o", str(out), "--results", one, "--results", two)
+    assert done.exit_code == 0, done.output
+    document = json.loads((out / "results.json").read_text())
+    assert document["differences"]["two"]["me_mpjpe"]["value"] == pytest.approx(30)
+    assert document["differences"]["two"]["me_mpjpe"]["count"] == 2
+    assert figures(out, "two")["found"] == pytest.approx(2 / 3)
+    missing = [r for r in document["records"] if not r["found"]]
+    assert [(r["frame"], r["reason"]) for r in missing] == [("p2", "no result")]
+    assert "& \\textbf{20.0} \\\\\n" in (out / "table.tex").read_text()
+    assert "MPJPE, mm" in (out / "table.md").read_text()
+    assert (out / "plots.png").is_file()
+    assert len(list((out / "worst" / "two").glob("*.jpg"))) == 3
+
+
+@pytest.mark.parametrize(
+    ("move", "name"),
+    [
+        (lambda p: p * [1, -1, -1], "y-up"),
+        (lambda p: 1000 * p, "millimetres"),
+    ],
+)
+def test_results_in_another_frame_are_refused_with_its_name(root: Path, tmp_path: Path, move, name: str):
+    shifted = results(tmp_path, move(moved(TRUE, 0.03, 0, 0.04)))
+    done = run("calibrated", str(root), "-o", str(tmp_path / "out"), "--results", shifted)
+    assert done.exit_code != 0
+    assert f"give --results-frame theirs={name}" in done.output
+    found = evaluated(root, tmp_path / "out", "--results", shifted, "--results-frame", f"theirs={name}")
+    assert found["me_mpjpe"] == pytest.approx(50)
+
+
+def test_everything_that_is_missing_is_named_at_once(root: Path, tmp_path: Path):
+    records = json.loads((root / "truth.json").read_text())
+    del records[0]["K"]
+    (root / "truth.json").write_text(json.dumps(records))
+    (root / "p1.png").unlink()
+    done = run("calibrated", str(root), "-o", str(tmp_path / "out"))
+    text = done.output
+    assert f"{root / 'truth.json'}, photo 1: there is no 'K'" in text
+    assert f"{root / 'p1.png'}: the photo is not there" in text
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_result_that_is_cut_off_is_a_missing_person_with_a_reason(root: Path, tmp_path: Path):
+    theirs = results(tmp_path, TRUE)
+    file = tmp_path / "theirs" / "p1.npz"
+    file.write_bytes(file.read_bytes()[:200])
+    assert evaluated(root, tmp_path / "out", "--results", theirs)["found"] == pytest.approx(2 / 3)
+    records = json.loads((tmp_path / "out" / "results.json").read_text())["records"]
+    assert records[1]["reason"] == f"{file} cannot be read: it is damaged or cut off, copy it again"
+
+
+VIEWS = ("east", "north", "west", "south")
+
+
+@pytest.fixture
+def views(tmp_path: Path) -> Path:
+    """Four cameras round two people; z is up in the world."""
+    folder = tmp_path / "views"
+    cameras = {}
+    for k, name in enumerate(VIEWS):
+        angle = np.pi / 2 * k + 0.3
+        forward = np.array([-np.cos(angle), -np.sin(angle), 0])
+        right = np.array([forward[1], -forward[0], 0])
+        R = np.stack([right, [0, 0, -1], forward])
+        t = -R @ np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.5])
+        cameras[name] = {"width": 640, "height": 480, "K": (K * [[0.8], [0.8], [1]]).tolist(), "dist": [0] * 5}
+        cameras[name] |= {"R": R.tolist(), "t_m": t.tolist()}
+        photo(folder, f"{name}_0.png")
+    (folder / "cameras.json").write_text(json.dumps({"cameras": cameras, "up": [0, 0, 1]}))
+    return folder
+
+
+def people_of_views() -> list[np.ndarray]:
+    upright = (TRUE - [0, 0.9, 3]) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).T
+    return [upright, moved(upright, -0.8, 0.9, 0)]
+
+
+def written_views(views: Path, tmp_path: Path, shift: dict[str, np.ndarray]) -> str:
+    from physic_bench.cameras import calibrated
+
+    document = json.loads((views / "cameras.json").read_text())
+    for name in VIEWS:
+        camera, _ = calibrated(document["cameras"][name])
+        joints = np.stack([camera.in_camera(person + shift.get(name, np.zeros(3))) for person in people_of_views()])
+        keypoints = np.stack([camera.project(person) for person in people_of_views()])
+        write_plain(
+            tmp_path / "theirs", f"{name}_0", joints=joints, joint_names=np.array(LIMB_JOINTS), keypoints=keypoints
+        )
+    return f"theirs=plain:{tmp_path / 'theirs'}"
+
+
+def test_views_are_triangulated_and_their_spread_is_measured(views: Path, tmp_path: Path):
+    theirs = written_views(views, tmp_path, {"east": np.array([0, 0, 0.08])})
+    found = evaluated(views, tmp_path / "out", "--results", theirs)
+    assert found["me_mpjpe"] == pytest.approx(80 / 4, abs=0.1)
+    assert found["spread_mm"] == pytest.approx(1000 * np.std([0.08, 0, 0, 0]), abs=0.1)
+    text = (tmp_path / "out" / "table.txt").read_text()
+    assert "joints of 2 people are triangulated from 2D keypoints of theirs: no independent truth" in text
+
+
+def test_measured_joints_of_the_world_are_the_truth_of_all_views(views: Path, tmp_path: Path):
+    people = [dict(zip(LIMB_JOINTS, person.tolist(), strict=True)) for person in people_of_views()]
+    (views / "joints.json").write_text(json.dumps({"0": people}))
+    found = evaluated(views, tmp_path / "out", "--results", written_views(views, tmp_path, {}))
+    assert found["me_mpjpe"] == pytest.approx(0, abs=1e-6)
+
+
+def write_calibration(views: Path, **changed: object) -> None:
+    """Replace cameras.json by calibration.toml as Pose2Sim writes it."""
+    lines = ["[metadata]", "adjusted = false"]
+    for name, camera in json.loads((views / "cameras.json").read_text())["cameras"].items():
+        entries = {"name": name, "size": [640.0, 480.0], "matrix": camera["K"], "distortions": [0.0] * 4}
+        entries |= {"rotation": cv2.Rodrigues(np.array(camera["R"]))[0].ravel().tolist(), "translation": camera["t_m"]}
+        kept = {key: value for key, value in (entries | {"fisheye": False} | changed).items() if value is not None}
+        lines += [f"[cam_{name}]", *(f"{key} = {json.dumps(value)}" for key, value in kept.items())]
+    (views / "calibration.toml").write_text("\n".join(lines))
+    (views / "cameras.json").unlink()
+
+
+def test_a_calibration_of_pose2sim_gives_the_same_figures_as_cameras_json(views: Path, tmp_path: Path):
+    theirs = written_views(views, tmp_path, {"east": np.array([0, 0, 0.08])})
+    expected = evaluated(views, tmp_path / "out", "--results", theirs)
+    write_calibration(views)
+    assert evaluated(views, tmp_path / "again", "--results", theirs) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"fisheye": True}, "is a fisheye, whose distortion is not supported"),
+        ({"rotation": None}, "has no rotation"),
+        ({"matrix": None}, "names no camera"),
+    ],
+)
+def test_a_calibration_that_cannot_be_used_is_refused(
+    views: Path, tmp_path: Path, changed: dict[str, object], reason: str
+):
+    write_calibration(views, **changed)
+    done = run("calibrated", str(views), "-o", str(tmp_path / "out"))
+    assert done.exit_code != 0
+    assert f"{views / 'calibration.toml'}" in done.output
+    assert reason in done.output

@@ -1,0 +1,164 @@
+"""Wrong folders, missing frames and damaged results: each is named, counted or refused, and nothing is left out."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from physic_bench.joints import LIMB_JOINTS
+
+from .miniatures import TRUE, figures, run, write_measured_photos, write_plain
+
+NAMES = np.array(LIMB_JOINTS)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Three photos with one measured person each."""
+    return write_measured_photos(tmp_path / "mine")
+
+
+def results(root: Path, name: str, frames: tuple[int, ...] = (0, 1, 2), shift: float = 0.0) -> str:
+    for i in frames:
+        write_plain(root.parent / name, f"p{i}", joints=TRUE[None] + [shift, 0, 0], joint_names=NAMES)
+    return f"{name}=plain:{root.parent / name}"
+
+
+def call(root: Path, *theirs: str, fails: bool = False) -> str:
+    """Evaluate, and return the text of the table, or the error."""
+    more = [part for one in theirs for part in ("--results", one)]
+    done = run("calibrated", str(root), "-o", str(root.parent / "out"), *more)
+    assert (done.exit_code != 0) == fails, done.output
+    if fails:
+        return done.output.partition("Error: ")[2].strip()
+    return (root.parent / "out" / "table.txt").read_text()
+
+
+def test_results_of_another_data_set_are_refused(root: Path):
+    write_plain(root.parent / "other", "vicon_1/s1", joints=TRUE[None], joint_names=NAMES)
+    folder = root.parent / "other"
+    assert call(root, f"other=plain:{folder}", fails=True) == (
+        f"{folder} has no result of other for any of 3 frames, such as p0. The reader 'plain' expects FRAME.npz, "
+        "where FRAME is the frame's id; folders of the id may be folders, _ or __; `physic evaluate readers` lists all "
+        "readers"
+    )
+
+
+def test_a_reader_that_there_is_not(root: Path):
+    text = call(root, f"other=plian:{root}", fails=True)
+    assert text.startswith("no reader is named 'plian': choose one of physic, plain, physic-release, ")
+
+
+def test_previews_stay_in_their_folder(root: Path):
+    text = call(root, f"..={results(root, 'perfect').partition('=')[2]}", fails=True)
+    assert text.startswith("no results can be named '..': give another name, as --results NAME=plain:")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere no file has such a name")
+def test_a_name_of_a_photo_does_not_control_the_terminal(root: Path):
+    name = "p\x1b]0;OWNED\x07"
+    (root / "p0.png").rename(root / f"{name}.png")
+    truth = (root / "truth.json").read_text()
+    (root / "truth.json").write_text(truth.replace('"p0.png"', json.dumps(f"{name}.png")))
+    done = run("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one", (1, 2)))
+    assert r"p\x1b]0;OWNED\x07 (no result)" in done.output
+    assert all(c.isprintable() or c in "\n\t" for c in done.output), ascii(done.output)
+
+
+def test_without_matplotlib_the_tables_are_printed(root: Path, monkeypatch: pytest.MonkeyPatch):
+    arguments = ("calibrated", str(root), "-o", str(root.parent / "out"), "--results", results(root, "one"))
+    assert "plots.png" in run(*arguments).stdout
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    done = run(*arguments)
+    assert done.exit_code == 0, done.output
+    assert "MPJPE" in done.stdout
+    assert done.stderr.splitlines()[-1] == (
+        "note: plots.png is not written, since matplotlib.figure is not installed: "
+        "`pip install -e 'plugins/physic-bench[plot]'` in a checkout of PhySIC"
+    )
+    assert not (root.parent / "out" / "plots.png").exists()
+
+
+def test_missing_frames_are_counted_and_named(root: Path):
+    text = call(root, results(root, "one"), results(root, "two", (0, 1), 0.05))
+    assert "two: 1 of 3 frames without a result: p2 (no result)\n" in text
+    assert "not over the same people: MPJPE, mm is over 3 of one, 2 of two; compare these methods by the" in text
+    assert "Difference from one, on people whom both measure, in frames that both have\n" in text
+    assert "frames in common" in text
+    assert "2 of 3" in text
+    found = json.loads((root.parent / "out" / "results.json").read_text())["differences"]["two"]
+    assert (found["found"]["value"], found["found"]["count"]) == (0, 2)
+    assert found["me_mpjpe"]["value"] == pytest.approx(50)
+
+
+def _one_name(a: dict[str, Any]) -> None:
+    a["joint_names"] = NAMES[:5]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda a: a.update(K=np.full((3, 3), np.nan)), "{file}: the camera K has values that are not finite"),
+        (
+            lambda a: a.update(contact=np.full((1, 9), np.nan)),
+            "{file}: the contact has values that are not finite",
+        ),
+        (_one_name, "{file}: person 0 has 12 joints, but 5 names of joints"),
+        (lambda a: a.update(boxes=np.zeros((2, 4))), "{file}: 'joints' is of 1 people and 'boxes' of 2"),
+        (lambda a: a.update(joints=TRUE), "{file}: the joints of person 0 must have the shape (n, 3), got (3,)"),
+        (
+            lambda a: a.update(joints=np.array([["a"]])),
+            "{file}: 'joints' holds no numbers",
+        ),
+        (lambda a: a.update(vertices=np.full((1, 9, 3), np.nan)), "9 of the 9 vertices of the body in {file} are not"),
+    ],
+    ids=["K", "contact", "names", "boxes", "shape", "text", "vertices"],
+)
+def test_a_damaged_result_costs_its_frame(root: Path, change: Callable[[dict[str, Any]], None], reason: str):
+    theirs = results(root, "theirs")
+    arrays: dict[str, Any] = {"joints": TRUE[None], "joint_names": NAMES}
+    change(arrays)
+    write_plain(root.parent / "theirs", "p1", **arrays)
+    text = call(root, theirs)
+    file = root.parent / "theirs" / "p1.npz"
+    assert f"theirs: 1 of 3 frames without a result: p1 ({reason.format(file=file)}" in text
+    assert figures(root.parent / "out", "theirs")["me_mpjpe"] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("is_link", [False, True])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "table.txt",
+        "table.md",
+        "table.tex",
+        "results.json",
+        "plots.png",
+        "results-theirs.zip",
+        "worst/theirs/01-p0.jpg",
+        "scores/journal.jsonl",
+    ],
+)
+def test_a_file_of_the_user_is_never_replaced(root: Path, name: str, is_link: bool):
+    path, victim = root.parent / "out" / name, root.parent / "victim"
+    path.parent.mkdir(parents=True)
+    victim.write_text("mine")
+    path.symlink_to(victim) if is_link else path.write_text("mine")
+    assert call(root, results(root, "theirs"), fails=True) == (
+        f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it away, or name another "
+        "folder"
+    )
+    assert path.read_text() == victim.read_text() == "mine"
+    assert [file for file in (root.parent / "out").rglob("*") if not file.is_dir()] == [path]
+
+
+def test_files_of_an_earlier_evaluation_are_replaced(root: Path):
+    first = call(root, results(root, "theirs"))
+    assert call(root, results(root, "theirs", shift=0.05)) != first

@@ -1,0 +1,150 @@
+"""``physic evaluate prox`` on a miniature of the set: every metric has a known answer."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from physic_bench.datasets.prox import DATA_SET, ProxOptions
+from physic_bench.pictures import picture_file
+from physic_core.body.joints import JOINT_NAMES
+
+from .miniatures import Files, figures, run, write_plain
+from .prox_miniature import TO_SCENE, Miniature, write_prox
+
+
+@pytest.fixture(scope="session")
+def written(files: Files, tmp_path_factory: pytest.TempPathFactory) -> Miniature:
+    return write_prox(tmp_path_factory.mktemp("prox") / "quantitative", files)
+
+
+@pytest.fixture
+def mini(written: Miniature, tmp_path: Path) -> Miniature:
+    """A copy that a test may damage."""
+    shutil.copytree(written.root, tmp_path / "quantitative")
+    return Miniature(tmp_path / "quantitative", written.vertices, written.joints, written.height, written.faces)
+
+
+def results(tmp_path: Path, mini: Miniature, move=lambda v: v, contact=None) -> str:
+    """Results with the true bodies, moved; contact is that within 2 cm of the floor unless given."""
+    for name, vertices in mini.vertices.items():
+        touches = mini.height[name] <= 0.02 if contact is None else contact(name)
+        arrays = {"joints": move(mini.joints[name])[None, :22], "joint_names": np.array(JOINT_NAMES[:22])}
+        write_plain(tmp_path / "theirs", name, vertices=move(vertices)[None], contact=touches[None], **arrays)
+    return f"theirs=plain:{tmp_path / 'theirs'}"
+
+
+def evaluated(mini: Miniature, files: Files, tmp_path: Path, theirs: str, *more: str) -> dict[str, float]:
+    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments(), *more)
+    assert done.exit_code == 0, done.output
+    return figures(tmp_path / "out", "theirs")
+
+
+def test_the_truth_itself_has_no_error(mini: Miniature, files: Files, tmp_path: Path):
+    found = evaluated(mini, files, tmp_path, results(tmp_path, mini), "--no-geodesic")
+    for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
+        assert found[key] == pytest.approx(0, abs=0.01), key
+    for key in ("precision@2 cm", "recall@2 cm", "f1_of_means@2 cm", "f1_mean@2 cm", "f1_pooled@2 cm"):
+        assert found[key] == 1
+    assert found["penetration_mm"] == 0
+    recall = np.mean([(h <= 0.02).sum() / (h <= 0.05).sum() for h in mini.height.values()])
+    assert found["recall@5 cm"] == pytest.approx(recall)
+    gaps = np.mean([1000 * h[h <= 0.02].mean() for h in mini.height.values()])
+    assert found["floating_mm"] == pytest.approx(gaps, abs=0.01)
+    text = (tmp_path / "out" / "table.txt").read_text()
+    assert "meshes are in the frame 'vicon': median overlap with the keypoints over 4 frames: " in text
+    assert "joints compared: 22 (posed SMPL-X)" in text
+
+
+def test_5_cm_down_are_5_cm_in_all_of_it(mini: Miniature, files: Files, tmp_path: Path):
+    down = -0.05 * TO_SCENE[2, :3]
+    found = evaluated(mini, files, tmp_path, results(tmp_path, mini, lambda points: points + down), "--no-geodesic")
+    assert (found["me_mpjpe"], found["me_pve"], found["rt_error"]) == pytest.approx((50, 50, 50), abs=0.01)
+    assert (found["ca_mpjpe"], found["pa_pve"]) == pytest.approx((0, 0), abs=0.01)
+    deep = [0.05 - h[h < 0.05] for h in mini.height.values()]
+    assert found["penetration_mm"] == pytest.approx(1000 * np.mean([d.mean() for d in deep]), abs=0.01)
+    assert found["penetration_max_mm"] == pytest.approx(40, abs=0.01)
+    assert found["floating_mm"] == 0
+
+
+@pytest.mark.parametrize("frame", ["camera", "scene"])
+def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files: Files, tmp_path: Path, frame: str):
+    mini = write_prox(tmp_path / "quantitative", files, frame)
+    found = DATA_SET.frames(mini.root, ProxOptions(), files.bodies)
+    assert found.notes[0].startswith(f"meshes are in the frame '{frame}'")
+    name = found.frames[0].id
+    np.testing.assert_allclose(found.frames[0].truth().people[0].vertices, mini.vertices[name], atol=1e-5)
+
+
+def test_a_transposed_rotation_is_refused(mini: Miniature, files: Files, tmp_path: Path):
+    file = mini.root / "cam2world" / "vicon.json"
+    matrix = np.array(json.loads(file.read_text()))
+    matrix[:3, :3] = matrix[:3, :3].T
+    file.write_text(json.dumps(matrix.tolist()))
+    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", results(tmp_path, mini))
+    assert done.exit_code != 0
+    assert "it cannot be decided in which frame the meshes" in done.output
+    assert "none fits" in done.output
+
+
+def test_pictures_are_mirrored_before_use(mini: Miniature, files: Files, tmp_path: Path):
+    frame = DATA_SET.frames(mini.root, ProxOptions(), files.bodies).frames[0]
+    with Image.open(picture_file(frame, tmp_path / "pictures")) as picture:
+        left, right = picture.getpixel((10, 10)), picture.getpixel((470, 10))
+    assert left[0] > 240
+    assert right[0] < 15
+    assert frame.camera is not None
+    assert frame.camera.distortion == (0.02, -0.03, 0.001, 0.0005, 0.01)
+
+
+def test_a_model_file_of_another_gender_is_refused(mini: Miniature, files: Files, tmp_path: Path):
+    neutral = files.bodies.smplx / "SMPLX_NEUTRAL.npz"  # type: ignore[operator]
+    theirs = results(tmp_path, mini)
+    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, "--smplx", str(neutral))
+    assert done.exit_code != 0
+    assert "posed by SMPLX_NEUTRAL.npz, are" in done.output
+    assert "the body is male" in done.output
+
+
+def test_a_list_or_every_nth_frame(mini: Miniature, files: Files, tmp_path: Path):
+    (tmp_path / "list.txt").write_text("vicon_03301_01/s001_frame_00001__00.00.01.023\n")
+    listed = DATA_SET.frames(mini.root, ProxOptions(frames=str(tmp_path / "list.txt")), files.bodies)
+    assert [f.id for f in listed.frames] == ["vicon_03301_01/s001_frame_00001__00.00.01.023"]
+    assert len(DATA_SET.frames(mini.root, ProxOptions(every=2), files.bodies).frames) == 2
+    (tmp_path / "list.txt").write_text("vicon_03301_01/gone\n")
+    missing = DATA_SET.check(mini.root, ProxOptions(frames=str(tmp_path / "list.txt")))
+    assert missing == [
+        f"{mini.root / 'fittings/mosh/vicon_03301_01/meshes/gone/000.ply'}: listed in {tmp_path / 'list.txt'}"
+    ]
+
+
+def test_damaged_meshes_are_left_out_with_their_reason(mini: Miniature, files: Files, tmp_path: Path):
+    names = sorted(mini.vertices)
+    meshes = [mini.root / "fittings/mosh/vicon_03301_01/meshes" / n.partition("/")[2] / "000.ply" for n in names]
+    meshes[0].write_bytes(meshes[0].read_bytes()[:5000])
+    trimesh.Trimesh(np.random.default_rng(0).random((6890, 3)), [[0, 1, 2]], process=False).export(meshes[1])
+    in_millimetres = trimesh.load(meshes[2], process=False)
+    in_millimetres.vertices *= 1000
+    in_millimetres.export(meshes[2])
+    theirs = results(tmp_path, mini)
+    evaluated(mini, files, tmp_path, theirs, "--no-geodesic")
+    left_out = json.loads((tmp_path / "out" / "results.json").read_text())["left_out"]
+    assert left_out[names[0]].startswith(f"{meshes[0]} cannot be read as a mesh")
+    assert left_out[names[1]] == f"{meshes[1]} has 6890 vertices, where SMPL-X has 10475 (6890 is SMPL)"
+    assert "(millimetres?)" in left_out[names[2]]
+
+
+def test_a_damaged_scan_is_an_error_and_gives_no_table(mini: Miniature, files: Files, tmp_path: Path):
+    scan = mini.root / "scenes" / "vicon.ply"
+    scan.write_bytes(scan.read_bytes()[: scan.stat().st_size // 2])
+    theirs = results(tmp_path, mini)
+    done = run("prox", str(mini.root), "-o", str(tmp_path / "out"), "--results", theirs, *files.arguments())
+    assert done.exit_code == 3
+    assert f"Error: no frame of {mini.root} can be evaluated: {scan} cannot be" in done.output
+    assert not (tmp_path / "out" / "table.txt").exists()

@@ -1,0 +1,251 @@
+"""Worlds through the mocks and the engine: what is kept, what fails, what a run that is stopped leaves behind."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from physic_bench.worlds import run_worlds, world_evidence
+from physic_bench.worlds.evidence_file import load_evidence, save_evidence
+from physic_bench.worlds.results import summarise_records, write_results
+from physic_bench.worlds.run_worlds import BenchmarkJob, run_world
+from physic_bench.worlds.table_rows import ablation_rows, select_rows
+from physic_bench.worlds.world_evidence import WorldCase, estimate_evidence
+from physic_core.body import load_body
+from physic_core.cli import main
+from physic_core.configuration.model import load_config
+from physic_core.configuration.resolve import resolve
+from physic_core.discovery.plugins import discover
+from physic_core.errors import ConfigError, PhysicError
+from physic_testing.worlds import build_world
+
+SIZE = (160, 120)
+CASE = WorldCase("stand", 0, SIZE)
+
+
+@pytest.fixture(scope="module")
+def config():
+    return load_config(preset="mock")
+
+
+@pytest.fixture(scope="module")
+def evidence(config):
+    plan = resolve(config, discover())
+    return estimate_evidence(CASE, build_world("stand", 0, SIZE), plan, load_body("embedded"), None)
+
+
+def alike(one, other):
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+        )
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    return one == other
+
+
+def test_evidence_is_read_as_it_was_written(evidence, tmp_path):
+    save_evidence(tmp_path / "a" / "e.npz", evidence)
+    assert alike(load_evidence(tmp_path / "a" / "e.npz"), evidence)
+    (tmp_path / "a" / "e.npz").write_bytes((tmp_path / "a" / "e.npz").read_bytes()[:-900])
+    assert load_evidence(tmp_path / "a" / "e.npz") is None
+    assert load_evidence(tmp_path / "none.npz") is None
+    np.savez(tmp_path / "other.npz", layout=np.array("3"))
+    assert load_evidence(tmp_path / "other.npz") is None
+
+
+def test_the_name_of_an_evidence_file_depends_on_all_that_changes_it(config):
+    registry = discover()
+    noisy = load_config(preset="mock", overrides=["metric_depth.options.noise_seed=1"])
+    keys = [
+        world_evidence.evidence_key(case, resolve(found, registry))
+        for case, found in (
+            (CASE, config),
+            (WorldCase("stand", 1, SIZE), config),
+            (WorldCase("lie", 0, SIZE), config),
+            (WorldCase("stand", 0, (120, 160)), config),
+            (CASE, noisy),
+        )
+    ]
+    assert len(set(keys)) == len(keys)
+    trial = load_config(preset="mock", overrides=["engine.joint.optimiser.steps=3"])
+    assert world_evidence.evidence_key(CASE, resolve(trial, registry)) == keys[0]
+
+
+def test_rows_are_the_papers_and_can_be_picked():
+    rows = ablation_rows("default")
+    assert [row.key for row in rows] == [
+        "start", "reprojection", "contact", "penetration", "depth", "occlusion", "full", "prox", "static",
+    ]  # fmt: skip
+    assert rows[0].settings is None
+    assert rows[6].settings == load_config(preset="mock").engine.settings()
+    assert len({row.digest for row in rows}) == len(rows)
+    assert select_rows("default", []) == rows
+    assert [row.key for row in select_rows("paper", ["paper", "full", "start"])] == ["start", "full", "paper"]
+    with pytest.raises(ConfigError, match=r"^no row named 'ful'; there are: start, .*\. Did you mean 'full'\?$"):
+        select_rows("default", ["ful"])
+    with pytest.raises(ConfigError, match=r"^no engine preset named 'best'; there are: default"):
+        ablation_rows("best")
+
+
+def test_a_world_is_looked_at_once_and_its_rows_are_kept(config, tmp_path, monkeypatch):
+    work = BenchmarkJob(config, select_rows("default", ["start", "full"]), tmp_path)
+    first = run_world(CASE, work)
+    assert first["error"] == ""
+    assert list(first["rows"]) == ["start", "full"]
+    for row in first["rows"].values():
+        assert [person["found"] for person in row["people"]] == [True]
+
+    def never(*_):
+        raise AssertionError("asked again")
+
+    monkeypatch.setattr(world_evidence, "run_backends", never)
+    monkeypatch.setattr("physic_core.pipeline.optimise.run_engine", never)
+    again = run_world(CASE, work)
+    assert again == first
+    assert json.loads(json.dumps(first)) == first
+
+
+def test_the_engine_is_better_than_the_start(config):
+    record = run_world(CASE, BenchmarkJob(config, select_rows("default", ["start", "full"]), None))
+    start, full = (record["rows"][key]["people"][0] for key in ("start", "full"))
+    print({key: (start[key], full[key]) for key in ("pa_mpjpe_mm", "mpjpe_mm", "f1")})
+    assert full["mpjpe_mm"] < start["mpjpe_mm"]
+    assert "floating_mm" not in start
+    assert record["rows"]["start"]["scene"] == {}
+
+
+def test_what_fails_is_counted(config, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("no memory\nleft")
+
+    work = BenchmarkJob(config, select_rows("default", ["start", "full"]), None)
+    with monkeypatch.context() as patch:
+        patch.setattr("physic_core.pipeline.optimise.run_engine", broken)
+        record = run_world(CASE, work)
+    assert record["rows"]["full"]["error"] == "RuntimeError: no memory\nleft"
+    assert [p["found"] for p in record["rows"]["full"]["people"]] == [False]
+    assert [p["found"] for p in record["rows"]["start"]["people"]] == [True]
+
+    monkeypatch.setattr(world_evidence, "run_backends", broken)
+    blind = run_world(CASE, work)
+    assert blind["error"] == "RuntimeError: no memory\nleft"
+    assert [p["why"] for row in blind["rows"].values() for p in row["people"]] == [blind["error"]] * 2
+    results = summarise_records([blind], [CASE], work, {"seed": 0, "size": SIZE, "preset": "default"})
+    assert "stand 0: RuntimeError: no memory: its people count as missed in every row" in results.tables[0].notes
+    assert results.figures["full"].missed == 1
+    assert len(results.document["failures"]) == 2
+
+
+def test_results_hold_everything_and_are_plain_json(config, tmp_path):
+    work = BenchmarkJob(config, select_rows("default", ["start"]), None)
+    results = summarise_records([run_world(CASE, work)], [CASE, WorldCase("lie", 0, SIZE)], work, {"seed": 0})
+    paths = write_results(results, tmp_path)
+    assert [path.name for path in paths] == ["table.txt", "table.md", "results.json"]
+    document = json.loads(paths[-1].read_text(), parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+    assert (document["complete"], document["worlds_done"], document["worlds_asked"]) == (False, 1, 2)
+    assert {"physic-core", "physic-mock", "physic-mock noise", "torch"} <= set(document["versions"])
+    assert document["worlds"][0]["rows"]["start"]["people"][0]["mpjpe_mm"] > 0
+    assert document["settings"]["rows"]["start"] == {"label": "start (the estimators' own)", "engine": None}
+    assert paths[0].read_text().startswith("Ablation\n")
+    assert "| PA-MPJPE mm |" in paths[1].read_text()
+
+
+# ---- the command -----------------------------------------------------------------------------------------------------
+
+
+def bench(*arguments):
+    return CliRunner().invoke(main, ["bench", *arguments])
+
+
+@pytest.fixture
+def known_worlds(monkeypatch):
+    """Worlds that other tests build too, in the place of drawn ones."""
+    monkeypatch.setattr(world_evidence, "benchmark_cases", lambda count, seed, size, actions: (CASE,) * count)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["bench", "--help"], ["bench", "accuracy", "--help"], ["bench", "speed", "--help"]]
+)
+def test_asking_for_help_imports_nothing_heavy(arguments):
+    code = f"""
+import sys
+from physic_core.cli import main
+try:
+    main({arguments!r})
+except SystemExit as end:
+    assert not end.code
+print(sorted({{m.partition(".")[0] for m in sys.modules}} & {{"torch", "numpy", "scipy", "cv2", "rich", "matplotlib"}}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_trial_stands_beside_the_full_row(tmp_path, known_worlds):
+    common = [
+        "accuracy",
+        "--worlds",
+        "1",
+        "--model-bodies",
+        "--size",
+        "160x120",
+        "--cache",
+        str(tmp_path / "cache"),
+        "-o",
+    ]
+    finished = bench(*common, str(tmp_path / "out"), "--set", "joint.optimiser.steps=0")
+    assert finished.exit_code == 0, finished.output
+    assert "Trial" in finished.output.splitlines()
+    document = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert list(document["summary"]) == ["full", "trial"]
+    assert document["settings"]["rows"]["trial"]["label"] == "full, joint.optimiser.steps=0"
+    assert document["settings"]["rows"]["trial"]["engine"]["joint"]["optimiser"]["steps"] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--set", "joint.optimiser.stepz=0"], "stepz"),
+        (["--set", "engine.preset=paper"], "say it with --preset NAME"),
+        (["--preset", "best"], "no engine preset named 'best'"),
+        (["--rows", "fll"], "no row named 'fll'"),
+        (["--size", "big"], "'big' is not a size in px"),
+        (["--cache", "x", "--no-cache"], "exclude each other"),
+        (["--set", "metric_depth.options.fog=1"], "fog"),
+    ],
+)
+def test_invalid_options_are_reported_before_anything_runs(arguments, message, tmp_path):
+    finished = bench("accuracy", "-o", str(tmp_path / "out"), *arguments)
+    assert finished.exit_code == 2
+    assert message in finished.output
+    assert "Traceback" not in finished.output
+
+
+@pytest.mark.parametrize("name", ["results.json", "table.txt", "ablation.png"])
+def test_a_file_of_the_user_is_not_replaced(name, tmp_path):
+    (tmp_path / name).write_text("mine")
+    finished = bench("accuracy", "-o", str(tmp_path))
+    assert (finished.exit_code, (tmp_path / name).read_text()) == (2, "mine")
+
+
+@pytest.mark.parametrize(("cause", "code"), [(KeyboardInterrupt(), 130), (PhysicError("a process was ended"), 1)])
+def test_a_run_that_is_stopped_leaves_what_is_done(cause, code, tmp_path, monkeypatch, known_worlds):
+    def stopped(cases, work, jobs):
+        yield run_world(cases[0], work)
+        raise cause
+
+    monkeypatch.setattr(run_worlds, "run_cases", stopped)
+    finished = bench(
+        *("accuracy", "--worlds", "3", "--model-bodies", "--size", "160x120", "--rows", "start", "--no-cache"),
+        *("-o", str(tmp_path)),
+    )
+    assert finished.exit_code == code
+    assert "1 of 3 worlds" in finished.output
+    document = json.loads((tmp_path / "results.json").read_text())
+    assert (document["complete"], document["worlds_done"]) == (False, 1)

@@ -1,0 +1,139 @@
+"""The evaluator: the truth is perfect, a known fault is measured and nothing else, and nobody is dropped in silence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_bench.worlds.evaluation import PERSON_METRICS, WORLD_METRICS, Estimate, Evaluator
+from physic_core.body import load_body
+from physic_core.errors import PhysicError
+from physic_core.types import Scene
+from physic_testing.worlds import build_world
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return Evaluator.body_graph(load_body("embedded"))
+
+
+@pytest.fixture(scope="module")
+def world():
+    return build_world("hug", 0)
+
+
+@pytest.fixture
+def truth(world):
+    points = world.points(people=False)
+    valid = np.isfinite(points).all(-1)
+    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
+    return Estimate(world.vertices, world.joints, world.contact, scene, world.intrinsics, ("",) * len(world.masks))
+
+
+def test_the_truth_is_perfect(world, truth, skin):
+    evaluator = Evaluator(world, world.masks, skin)
+    people = evaluator.person_records(truth)
+    assert len(people) == len(world.masks) == 2
+    for person, facts in zip(people, evaluator.truth_records(), strict=True):
+        assert (person["found"], person["why"]) == (True, "")
+        assert set(PERSON_METRICS) <= set(person)
+        assert person["mpjpe_mm"] == person["mpvpe_mm"] == person["depth_error_mm"] == 0
+        assert person["pa_mpjpe_mm"] < 1e-6
+        assert (person["precision"], person["recall"], person["f1"]) == (1, 1, 1)
+        assert person["geodesic_fp_cm"] == person["geodesic_fn_cm"] == 0
+        assert person["penetration_max_mm"] < 25
+        assert person["floating_mm"] < 20
+        assert person["true_penetration_mm"] < 11
+        assert person["true_floating_mm"] < 20
+        for name in ("penetration_mm", "floating_mm", "true_penetration_mm", "true_floating_mm"):
+            assert person[name] == pytest.approx(facts["measured"][name], abs=1e-3)
+    scene = evaluator.scene_record(truth)
+    assert set(WORLD_METRICS) - {"seconds"} <= set(scene)
+    assert scene["scene_point_mm"] == scene["scene_scale_percent"] == scene["floor_height_mm"] == 0
+
+
+def test_a_known_fault_is_measured(world, truth, skin):
+    up = np.asarray(world.floor.normal, np.float32)
+    moved = replace(truth, vertices=world.vertices + 0.1 * up, joints=world.joints + 0.1 * up)
+    evaluator = Evaluator(world, world.masks, skin)
+    for person, before in zip(evaluator.person_records(moved), evaluator.person_records(truth), strict=True):
+        assert person["mpjpe_mm"] == pytest.approx(100, rel=1e-4)
+        assert person["mpvpe_mm"] == pytest.approx(100, rel=1e-4)
+        assert person["pa_mpjpe_mm"] < 1e-3
+        assert person["f1"] == 1
+        assert before["floating_mm"] < person["floating_mm"] <= 150
+    larger = replace(truth, scene=replace(truth.scene, points=1.1 * truth.scene.points))
+    assert evaluator.scene_record(larger)["scene_scale_percent"] == pytest.approx(10, rel=1e-3)
+    assert evaluator.scene_record(larger)["scene_depth_percent"] == pytest.approx(10, rel=1e-3)
+    assert evaluator.scene_record(replace(truth, scene=replace(truth.scene, floor=None)))["floor_found"] is False
+
+
+def test_a_body_sunk_into_the_floor_penetrates_by_as_much(skin):
+    world = build_world("stand", 0)
+    points = world.points(people=False)
+    valid = np.isfinite(points).all(-1)
+    scene = Scene(points, world.empty_normals, world.empty_image, valid, world.floor, np.zeros((0, 3), np.float32))
+    sunk = (-0.03 * np.asarray(world.floor.normal)).astype(np.float32)
+    estimate = Estimate(world.vertices + sunk, world.joints + sunk, world.contact, scene, world.intrinsics, ("",))
+    (person,) = Evaluator(world, world.masks, skin).person_records(estimate)
+    assert person["penetration_max_mm"] == pytest.approx(30, abs=1.5)
+    assert 5 < person["penetration_mm"] < 30
+    assert person["floating_mm"] < 3
+    assert 0.05 < person["penetration_litres"] < 1.5
+    assert 5 < person["true_penetration_mm"] < 35
+    assert person["true_floating_mm"] < 3
+
+
+def test_the_true_scene_is_compared_after_the_scale_of_the_reconstructed_one(world, truth, skin):
+    evaluator = Evaluator(world, world.masks, skin)
+    scene = replace(truth.scene, points=1.1 * truth.scene.points, floor=None)
+    larger = replace(truth, scene=scene, vertices=1.1 * truth.vertices, joints=1.1 * truth.joints)
+    for person, facts in zip(evaluator.person_records(larger), evaluator.truth_records(), strict=True):
+        for name in ("true_penetration_mm", "true_floating_mm"):
+            assert person[name] == pytest.approx(facts["measured"][name], abs=0.1)
+        assert person["true_floating_unscaled_mm"] > 100 or person["true_penetration_unscaled_mm"] > 50
+
+
+def test_people_are_matched_to_the_truth_in_any_order(world, truth, skin):
+    order = [1, 0]
+    turned = Estimate(
+        truth.vertices[order], truth.joints[order], truth.contact[order], truth.scene, truth.intrinsics, ("no step", "")
+    )
+    people = Evaluator(world, world.masks[order], skin).person_records(turned)
+    assert [person["mpjpe_mm"] for person in people] == [0, 0]
+    assert [person["why"] for person in people] == ["", "no step"]
+
+
+def test_a_person_who_is_not_found_scores_zero(world, truth, skin):
+    evaluator = Evaluator(world, world.masks[:1], skin)
+    only = Estimate(truth.vertices[:1], truth.joints[:1], truth.contact[:1], truth.scene, truth.intrinsics, ("",))
+    first, second = evaluator.person_records(only)
+    assert first["found"]
+    facts = {
+        "found": False,
+        "why": "no person was found there",
+        "hits": 0,
+        "false_alarms": 0,
+        "misses": int(world.contact[1].sum()),
+        "precision": 0.0,
+        "recall": 0.0,
+        "f1": 0.0,
+    }
+    assert {name: second[name] for name in facts} == facts
+    assert second["people_misses"] == (world.touched_person[1] >= 0).sum()
+    broken = replace(truth, vertices=truth.vertices * np.array([1, np.nan], np.float32)[:, None, None])
+    assert [p["why"] for p in Evaluator(world, world.masks, skin).person_records(broken)] == [
+        "",
+        "the body is not finite",
+    ]
+    assert [p["why"] for p in evaluator.missed_records("OutOfMemory")] == ["OutOfMemory"] * 2
+    nobody = np.zeros_like(world.masks[:1])
+    nobody[0, :3, :3] = True
+    assert len(Evaluator(world, nobody, skin).matching.false_alarms) == 1
+
+
+def test_bodies_of_another_mesh_are_refused(world, truth, skin):
+    with pytest.raises(PhysicError, match=r"^The bodies have 5 vertices and those of the worlds \d+: only bodies of"):
+        Evaluator(world, world.masks, skin).person_records(replace(truth, vertices=truth.vertices[:, :5]))
