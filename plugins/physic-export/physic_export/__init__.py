@@ -70,7 +70,7 @@ def physic_exporters() -> list[ExporterRecord]:
             ups=("z",),
             stem="mujoco",
             needs="a floor in the result",
-            options={"rigid": (False, True)},
+            options={"rigid": (False, True), "balance": (False, True)},
         ),
         ExporterRecord(
             "obj",
@@ -103,6 +103,7 @@ def physic_exporters() -> list[ExporterRecord]:
             bodies="required",
             per_person=True,
             needs="a floor in the result",
+            options={"balance": (False, True)},
         ),
         ExporterRecord(
             "usd",

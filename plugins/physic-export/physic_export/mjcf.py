@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -17,9 +16,10 @@ from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.floor import drawn_floor
 from physic_core.visual.export.request import camera_pose
-from physic_core.visual.rig import body_of_result, rigs
+from physic_core.visual.rig import body_of_result
 from physic_core.visual.surface import depth_limit, mesh_scene
 from physic_core.visual.textures.pictures import encode_png
+from physic_export.balance import ExportedPerson, people_of
 from physic_export.humanoid import body_segments, convex_hull
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf_humanoid import add_defaults, add_humanoid, add_photo_key
@@ -56,20 +56,24 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     - keyframe ``photo``: the pose of the photo, and the controls that hold it.
     - camera ``photo``: that of the photo.
     """
-    jointed = () if request.options["rigid"] else request.people
+    rigid, balance = bool(request.options["rigid"]), bool(request.options["balance"])
+    if rigid and balance:
+        raise InputError("rigid people have no ankles to turn about: give either rigid or balance (--rigid, --balance)")
+    jointed = [] if rigid else people_of(request, request.people, balance=balance)
     tiles = convex_tiles(request.result) if request.scene else []
     root = mjcf_tree(request, tiles, jointed)
     picture = _add_scene(root, request)
     if jointed:
         add_photo_key(root)
     files = {f"{request.stem}{request.suffix}": mjcf_text(root), **picture}
+    notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
-        return ExportedFiles(files)
+        return ExportedFiles(files, notes)
     note = f"{len(tiles)} convex tiles of the scene; what is less than 4 cm over the floor is the plane"
     errors = tile_errors(request.result, tiles)
     if errors is not None:
         note += f"; from the scene to the tiles: {100 * errors[0]:.1f} cm (median), {100 * errors[1]:.1f} cm (95 %)"
-    return ExportedFiles(files, (note,))
+    return ExportedFiles(files, (*notes, note))
 
 
 def mjcf_text(root: ElementTree.Element) -> bytes:
@@ -80,14 +84,14 @@ def mjcf_text(root: ElementTree.Element) -> bytes:
 
 
 def mjcf_tree(
-    request: ExportRequest, tiles: Sequence[Tile], jointed: Collection[int], *, springs: bool = False
+    request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson], *, springs: bool = False
 ) -> ElementTree.Element:
     """Return the MJCF elements of a request, without the mesh of the scene and without keyframes.
 
     Args:
         request: with z up.
         tiles: of the scene.
-        jointed: the people of the request who have joints; the others are rigid.
+        jointed: the people who have joints; the others of the request are rigid.
         springs: whether springs hold the pose of the joints, in place of actuators.
     """
     result, matrix = request.result, request.frame.from_camera
@@ -113,16 +117,16 @@ def mjcf_tree(
         add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
         rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
         ElementTree.SubElement(world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD)
-    if rigid := [index for index in request.people if index not in jointed]:
+    if rigid := [index for index in request.people if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _person(asset, world, f"person_{index}", result.people[index], model, matrix)
-    for index, rig in rigs(replace(request, people=tuple(jointed))):
-        bit = 2 << index % _PERSON_BITS
+    for person in jointed:
+        bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
-        vertices = transform_points(matrix, result.people[index].vertices)
-        add_humanoid(root, f"person_{index}", body_segments(rig, vertices), geom, springs=springs)
+        segments = body_segments(person.rig, person.vertices)
+        add_humanoid(root, f"person_{person.index}", segments, geom, springs=springs)
     pose = camera_pose(request.frame)
     quaternion = roma.rotmat_to_unitquat(torch.from_numpy(pose[:3, :3].copy())).numpy()
     ElementTree.SubElement(

@@ -13,6 +13,7 @@ from physic_core.body.posture import lean_deg
 from physic_core.types.support import SupportState
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import body_of_result
+from physic_export.balance import people_of
 from physic_export.humanoid import NUM_BODIES, vertex_segments
 from physic_export.mjcf import mjcf_text, mjcf_tree
 from physic_export.tiles import convex_tiles
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Person, Plane, Reconstruction
+    from physic_export.balance import ExportedPerson
     from physic_export.tiles import Tile
 
     Array = NDArray[np.float64]
@@ -62,6 +64,7 @@ class Motion:
         start: (n, 3) vertices of the skin before, m, z up.
         end: (n, 3) the same after.
         faces: (F, 3) of both.
+        turn: what the option "balance" did; "" without it.
     """
 
     person: int
@@ -76,6 +79,7 @@ class Motion:
     start: Array
     end: Array
     faces: NDArray[np.int64]
+    turn: str = ""
 
     @property
     def stays(self) -> bool:
@@ -131,6 +135,7 @@ def simulate_people(
     *,
     seconds: float = 2.0,
     control: str = "",
+    balance: bool = False,
     body_file: Path | None = None,
     tiles: Sequence[Tile] | None = None,
 ) -> list[Motion]:
@@ -143,6 +148,7 @@ def simulate_people(
         people: indices of people with a body.
         seconds: simulated time.
         control: one of CONTROLS, or "".
+        balance: whether to turn people whom their feet alone carry, see :func:`physic_export.balance.balanced`.
         body_file: SMPL-X file of the user.
         tiles: of the scene; None to make them.
 
@@ -153,16 +159,23 @@ def simulate_people(
     request = ExportRequest(result, posed, export_frame(result.scene.floor, "z"), "a", ".xml", body_file=body_file)
     tiles = convex_tiles(result) if tiles is None else tiles
     part = vertex_segments(body_of_result(result, body_file).skin.weights.T.double().numpy())
-    return [_simulate(request, index, tiles, part, seconds, control) for index in people]
+    jointed = people_of(request, people, balance=balance)
+    return [_simulate(request, one, tiles, part, seconds, control) for one in jointed]
 
 
 def _simulate(
-    request: ExportRequest, index: int, tiles: Sequence[Tile], part: NDArray[np.int64], seconds: float, control: str
+    request: ExportRequest,
+    exported: ExportedPerson,
+    tiles: Sequence[Tile],
+    part: NDArray[np.int64],
+    seconds: float,
+    control: str,
 ) -> Motion:
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(mjcf_text(mjcf_tree(request, tiles, (index,), springs=True)).decode())
+    model = mujoco.MjModel.from_xml_string(mjcf_text(mjcf_tree(request, tiles, [exported], springs=True)).decode())
     data = mujoco.MjData(model)
+    index = exported.index
     name, person = f"person_{index}", request.result.people[index]
     bodies = [model.body(name if j == 0 else f"{name}_{JOINT_NAMES[j]}").id for j in range(NUM_BODIES)]
     mujoco.mj_forward(model, data)
@@ -189,7 +202,9 @@ def _simulate(
     what = "in motion" if floor is None else posture(person, floor)
     unseen = () if support is None else support.hidden
     carried = slip if carrying else None
-    return Motion(index, what, control, moved, carried, sinking, unseen, len(carrying), lasting, start, end, faces)
+    return Motion(
+        index, what, control, moved, carried, sinking, unseen, len(carrying), lasting, start, end, faces, exported.note
+    )
 
 
 def _change(model: Any, data: Any, pelvis: int, root: int, control: str) -> None:

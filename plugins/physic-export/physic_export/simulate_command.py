@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 @click.option("--person", type=int, multiple=True, metavar="N", help="Only person N; may be repeated.")
 @click.option("--seconds", type=click.FloatRange(0.1, 60), default=2.0, show_default=True, help="Simulated time.")
 @click.option("--controls", is_flag=True, help="Also raised, on a tilted floor, without contact: no person may stay.")
+@click.option(
+    "--balance",
+    is_flag=True,
+    help="Turn people on their feet about the ankles until their mass is 4 cm inside the soles.",
+)
 @click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option("-o", "--out", "folder", type=click.Path(path_type=Path), help="Folder to write.  [default: OUT]")
 def simulate(
@@ -24,6 +29,7 @@ def simulate(
     person: tuple[int, ...],
     seconds: float,
     controls: bool,
+    balance: bool,
     body_model: Path | None,
     folder: Path | None,
 ) -> None:
@@ -63,10 +69,14 @@ def simulate(
         raise InputError(f"there is no person {missing[0]} with a body: choose from {posed}")
     motions: list[Motion] = []
     tiles = convex_tiles(result)
-    run = partial(simulate_people, result, person or posed, seconds=seconds, body_file=body_model, tiles=tiles)
+    run = partial(
+        simulate_people, result, person or posed, seconds=seconds, balance=balance, body_file=body_model, tiles=tiles
+    )
     for control in ("", *(CONTROLS if controls else ())):
         motions += run(control=control)
     echo(_table(motions))
+    for turn in dict.fromkeys(motion.turn for motion in motions if motion.turn):
+        echo(f"note: {turn}")
     for explanation in filter(None, (motion.explanation for motion in motions)):
         echo(f"note: {explanation}")
     names = {name: vars(passive) for name, passive in PASSIVE.items()}
@@ -88,6 +98,7 @@ def _row(motion: Motion) -> dict[str, Any]:
         "control": motion.control,
         "stays": motion.stays,
         "outcome": motion.outcome,
+        "turn": motion.turn or None,
         "unseen_supports": list(motion.unseen),
         "moved_m": round(motion.moved_m, 4),
         "slip_m": None if motion.slip_m is None else round(motion.slip_m, 4),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -20,6 +21,7 @@ from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.body.parameters import parameters_from_rotations
 from physic_core.cli import main
+from physic_core.errors import InputError
 from physic_core.geometry.upright import transform_points
 from physic_core.types import BodyContact, ContactPartner
 from physic_core.types.support import Support, SupportState
@@ -36,20 +38,22 @@ def standing(result: Reconstruction) -> Reconstruction:
     return upright(result)
 
 
-def upright(result: Reconstruction, heels_up: float = 0.0) -> Reconstruction:
+def upright(result: Reconstruction, heels_up: float = 0.0, lean: float = 0.0) -> Reconstruction:
     """The first person in a T-pose, upright, with the soles on a floor without a scene.
 
     Args:
         result: with a floor.
         heels_up: angle of the heels over the floor, radians; the toes are level.
+        lean: angle of the body forward over its feet, radians.
     """
     model, floor = load_body("embedded").to(dtype=torch.float64), result.scene.floor
     up = np.asarray(floor.normal, np.float64)
     forward = np.array([0.0, 0.0, -1.0]) + up[2] * up
     forward /= np.linalg.norm(forward)
     rotations = torch.eye(3, dtype=torch.float64).repeat(1, 55, 1, 1)
-    rotations[0, 0] = torch.from_numpy(np.stack([np.cross(up, forward), up, forward], 1))
-    for name, angle in (("ankle", heels_up), ("foot", -heels_up)):
+    body = np.stack([np.cross(up, forward), up, forward], 1) @ Rotation.from_euler("x", lean).as_matrix()
+    rotations[0, 0] = torch.from_numpy(body)
+    for name, angle in (("ankle", heels_up - lean), ("foot", -heels_up)):
         turn = torch.from_numpy(Rotation.from_euler("x", angle).as_matrix())
         for joint in (JOINT_NAMES.index(f"{side}_{name}") for side in ("left", "right")):
             rotations[0, joint] = turn
@@ -97,6 +101,56 @@ def test_an_upright_body_stands_on_its_actuators(standing: Reconstruction, tmp_p
 def test_a_balanced_body_whose_heels_are_a_centimetre_over_the_floor_stays(result: Reconstruction):
     (motion,) = simulate_people(upright(result, heels_up=np.deg2rad(7)), [0])
     assert motion.stays
+
+
+@pytest.fixture(scope="module")
+def leaning(result: Reconstruction) -> Reconstruction:
+    """A body that leans backwards by 8 degrees over its feet, which carry it."""
+    leaning = upright(result, lean=np.deg2rad(-8))
+    feet = support(SupportState.UNBALANCED, ("left_foot", "right_foot"), FLOOR)
+    return replace(leaning, people=(replace(leaning.people[0], support=feet),))
+
+
+def test_a_body_that_leans_falls_and_the_option_balance_turns_it_until_it_stays(leaning: Reconstruction):
+    (falls,), (stays,) = (simulate_people(leaning, [0], balance=balance) for balance in (False, True))
+    assert falls.outcome == "falls"
+    assert stays.outcome == "stays"
+    assert falls.turn == ""
+    angle = re.fullmatch(
+        r"person 0 is turned by ([\d.]+) degrees about the ankles: the mass is 4.0 cm inside the edge of the soles",
+        stays.turn,
+    )
+    assert angle is not None
+    assert 3.0 < float(angle[1]) < 8.0
+
+
+def test_an_exported_body_is_turned_over_its_soles_which_stay(leaning: Reconstruction, tmp_path: Path):
+    import mujoco
+
+    soles, centres = [], []
+    for name, balance in (("as_it_is.xml", False), ("turned.xml", True)):
+        done = leaning.export(str(tmp_path / name), balance=balance)
+        assert any("degrees about the ankles" in note for note in done.notes) is balance
+        model = mujoco.MjModel.from_xml_path(str(done.files[0]))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        spheres = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+        soles.append(data.geom_xpos[spheres])
+        centres.append(data.subtree_com[model.body("person_0").id])
+    np.testing.assert_allclose(soles[1], soles[0], atol=5e-3)
+    edges = ConvexHull(soles[1][:, :2]).equations
+    inside = [float(-(edges[:, :2] @ centre[:2] + edges[:, 2]).max()) for centre in centres]
+    assert inside[0] < 0
+    assert inside[1] == pytest.approx(0.04, abs=2e-3)
+
+
+def test_who_sits_is_not_turned_and_rigid_people_cannot_be(leaning: Reconstruction, tmp_path: Path):
+    seat = support(SupportState.BALANCED, ("left_foot", "seat"), FLOOR)
+    sitter = replace(leaning, people=(replace(leaning.people[0], support=seat),))
+    (motion,) = simulate_people(sitter, [0], seconds=0.1, balance=True)
+    assert motion.turn == ""
+    with pytest.raises(InputError, match="rigid people have no ankles to turn about: give either rigid or balance"):
+        leaning.export(str(tmp_path / "a.xml"), rigid=True, balance=True)
 
 
 @pytest.mark.parametrize("control", CONTROLS)
