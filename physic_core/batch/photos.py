@@ -106,7 +106,7 @@ def list_photos(inputs: Iterable[str], out: str | os.PathLike[str] | None = None
     """
     inputs, skipped = list(inputs), Counter[str]()
     found: dict[str, PhotoItem] = {}
-    for item in (item for text in inputs for item in _items(text, skipped)):
+    for item in (item for text in inputs for item in _items_of(text, skipped)):
         if out is not None and Path(item.path).is_relative_to(os.path.abspath(out)):
             skipped["in the output folder"] += 1
             continue
@@ -161,19 +161,28 @@ def in_shard(item_id: str, shard: int, count: int) -> bool:
     return int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % count == shard - 1
 
 
-def _items(text: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
-    path = Path(text)
+def _items_of(source: str, skipped: Counter[str]) -> Iterator[PhotoItem]:
+    """Yield the photos of one source of a batch: a folder, a table, a photo, or a pattern of file names.
+
+    Args:
+        source: as the user gave it.
+        skipped: reason -> number of files that are not photos; counted here.
+
+    Raises:
+        InputError: the source is a table that is not a regular file, or nothing matches it.
+    """
+    path = Path(source)
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
-    if os.path.isdir(text):
-        yield from map(_item, sorted(_photos_below(text, skipped)))
-    elif path.suffix.lower() in _TABLE_SUFFIXES and os.path.exists(text):
-        if not os.path.isfile(text):  # reading a pipe would block
-            raise InputError(f"cannot read {_show(text)}: it is not a regular file; name a CSV or Parquet table")
+    if os.path.isdir(source):
+        yield from map(_item, sorted(_photos_below(source, skipped)))
+    elif path.suffix.lower() in _TABLE_SUFFIXES and os.path.exists(source):
+        if not os.path.isfile(source):  # reading a pipe would block
+            raise InputError(f"cannot read {_show(source)}: it is not a regular file; name a CSV or Parquet table")
         yield from _table_items(path)
-    elif os.path.exists(text):
+    elif os.path.exists(source):
         yield _item(path)
     else:
-        yield from map(_item, _photos_matching(text, skipped))
+        yield from map(_item, _photos_matching(source, skipped))
 
 
 def _photos_below(top: str, skipped: Counter[str]) -> Iterator[Path]:

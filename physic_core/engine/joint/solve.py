@@ -124,7 +124,7 @@ def _merged_result(
     start = _start_result(problem, failures, output)
     ids, scale = energy.context.ids, float(estimate.log_scale.exp())
     everywhere = torch.zeros_like(output.vertices[rows][..., 0])
-    depth, share = _visible_depths(energy, output.vertices[rows][:, ids], scale)
+    inside, share = _visible_penetration(energy, output.vertices[rows][:, ids], scale)
     return replace(
         start,
         rotations=rotations,
@@ -133,7 +133,7 @@ def _merged_result(
         scene_scale=scale,
         depth_offset=start.depth_offset.index_copy(0, rows, estimate.offset),
         reprojection_share=start.reprojection_share.index_copy(0, rows, energy.reprojection_shares(estimate)),
-        depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, depth)),
+        depth_inside=start.depth_inside.index_copy(0, rows, everywhere.index_copy(1, ids, inside)),
         surface_share=start.surface_share.index_copy(0, rows, everywhere.index_copy(1, ids, share)),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         evaluations=minimised.evaluations,
@@ -141,7 +141,7 @@ def _merged_result(
     )
 
 
-def _visible_depths(energy: JointEnergy, tracked: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+def _visible_penetration(energy: JointEnergy, tracked: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     """Return the depth inside scene or floor of tracked vertices (B, n, 3), and their share of the visible surface."""
     context, visibility, floor = energy.context, energy.visibility, energy.problem.floor_normal
     distance = update_contacts(context, visibility.normals, energy.scene, tracked, scale).signed

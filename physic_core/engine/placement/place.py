@@ -231,10 +231,8 @@ def _is_placed_in_view(person: PlacementProblem, x: Tensor) -> bool:
 
 
 def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method: PlacementMethod) -> dict[str, Any]:
+    """Return the figures of a person's placement: what it used, its errors, and how far the person moved."""
     start, x = torch.zeros_like(fit.x), fit.x
-    foot = None
-    if person.on_floor:
-        foot = float(person.foot_height(x))
     return {
         "keypoints": len(person.keypoints),
         "points": len(person.points),
@@ -244,7 +242,7 @@ def _diagnostics(person: PlacementProblem, fit: Fit, problem: str | None, method
         "losses": method.losses(person, fit),
         "moved_m": float(torch.linalg.vector_norm(x[:-1])),
         "depth_offset": math.exp(float(x[-1])),
-        "foot_height_m": foot,
+        "foot_height_m": float(person.foot_height(x)) if person.on_floor else None,
         "grounded": fit.grounded,
         "problem": problem,
     }

@@ -157,7 +157,7 @@ def _contact_prone_vertices(body_model: str) -> BoolArray:
     from physic_core.body import load_body
 
     model = load_body(body_model)
-    lures = np.zeros(model.num_vertices, bool)
+    often = np.zeros(model.num_vertices, bool)
     for name in ("left_sole", "right_sole", "left_hand", "right_hand", "back", "gluteus", "thighs"):
-        lures[model.contact_sets[name].numpy()] = True
-    return lures
+        often[model.contact_sets[name].numpy()] = True
+    return often

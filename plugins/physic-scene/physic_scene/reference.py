@@ -49,6 +49,7 @@ _STATURE_SIGMA = 0.06  # of log(stature) of one person, whose mean gives the sca
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _STAND_M = 0.03  # error of that point
 _FLOOR_DEG = 4.0  # error of the mean normal
+_REWEIGHTINGS = 8
 _OTHER_SIGMA = 0.03  # of the scale by everything else
 
 
@@ -296,19 +297,32 @@ def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
 
 
 def _plane_under(lowest: FloatArray, normal: FloatArray) -> tuple[FloatArray, float]:
-    """Return normal and offset of the plane, near a normal, on which most people stand; their lowest points (n, 3)."""
+    """Fit the plane on which most people stand, near a normal, by reweighted least squares (Cauchy).
+
+    With axes e1, e2 across the normal, the plane is ``(n + a e1 + b e2) . (X - mean) + c = 0``.
+
+    Args:
+        lowest: (n, 3) lowest point of each person.
+        normal: (3,) unit, known to _FLOOR_DEG.
+
+    Returns:
+        Unit normal (3,) and offset.
+    """
     across = np.linalg.svd(normal[None])[2][1:]
     middle = lowest.mean(0)
     columns = np.column_stack([(lowest - middle) @ across.T, np.ones(len(lowest))])
-    target, weight = -(lowest - middle) @ normal, np.ones(len(lowest))
-    prior = np.diag([1 / np.radians(_FLOOR_DEG) ** 2, 1 / np.radians(_FLOOR_DEG) ** 2, 0.0])
-    for _ in range(8):
-        scaled = columns * weight[:, None] / _STAND_M**2
-        tilt = np.linalg.solve(scaled.T @ columns + prior, scaled.T @ target)
-        weight = 1 / (1 + ((columns @ tilt - target) / (2 * _STAND_M)) ** 2)
-    turned = normal + tilt[:2] @ across
-    length = np.linalg.norm(turned)
-    return turned / length, float((tilt[2] - middle @ turned) / length)
+    wanted = -(lowest - middle) @ normal
+    tilt_precision = 1 / np.radians(_FLOOR_DEG) ** 2
+    prior = np.diag([tilt_precision, tilt_precision, 0.0])
+    weight = np.ones(len(lowest))
+    for _ in range(_REWEIGHTINGS):
+        weighted = columns * weight[:, None] / _STAND_M**2
+        a_b_c = np.linalg.solve(weighted.T @ columns + prior, weighted.T @ wanted)
+        residual = columns @ a_b_c - wanted
+        weight = 1 / (1 + (residual / (2 * _STAND_M)) ** 2)
+    tilted = normal + a_b_c[:2] @ across
+    length = np.linalg.norm(tilted)
+    return tilted / length, float((a_b_c[2] - middle @ tilted) / length)
 
 
 def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> OtherView:
