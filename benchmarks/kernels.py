@@ -6,7 +6,7 @@
 Runs everything under each kernel set in a process of its own, without the cache, and compares with the first set. Ends
 with 1 where joints, floors or contact differ by more than the limits, or a check holds under one set and not under
 another, and with 2 where two sets compute bit for bit the same, so that their comparison would show nothing. Kernels
-that the CPU does not have are left out.
+that the CPU does not have are skipped.
 """
 
 from __future__ import annotations

@@ -108,7 +108,7 @@ def run_worlds(given: argparse.Namespace) -> None:
                 seconds = time.process_time() - start
                 for label, scores in world_scores(found, worlds, alone[:count]).items():
                     rows.setdefault(f"{count} views, {label}", []).append({**scores, "CPU s": seconds})
-                print(f"{name} {seed}, {count} views: {len(found.left_out)} left out", file=sys.stderr, flush=True)
+                print(f"{name} {seed}, {count} views: {len(found.left_out)} skipped", file=sys.stderr, flush=True)
     print_table(rows)
 
 

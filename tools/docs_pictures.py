@@ -100,7 +100,7 @@ def contact(result: Reconstruction, index: int) -> Any:
 
 
 def reconstruct(name: str) -> tuple[Reconstruction, Any]:
-    """Return a result by its name, and what the backends gave for it. Times are left out: they are of one machine."""
+    """Return a result by its name, and what the backends gave for it. Times are omitted: they are of one machine."""
     caught: list[Any] = []
 
     def keep(*args: Any, **settings: Any) -> Any:

@@ -86,7 +86,7 @@ def photo_records(samples: Sequence[Sample], given: argparse.Namespace) -> dict[
         if estimates is not None:
             found.append((sample, estimates))
     if nobody := [f"{s.set} {s.name}" for s, e in found if not len(e.people)]:
-        print(f"nobody found, left out: {', '.join(nobody)}", file=sys.stderr)
+        print(f"nobody found, skipped: {', '.join(nobody)}", file=sys.stderr)
     kinds: dict[str, list[dict[str, Any]]] = {}
     for sample, estimates, truth in with_truth([(s, e) for s, e in found if len(e.people)]):
         for kind, records in estimator_records(estimates, truth, model).items():

@@ -53,7 +53,7 @@ def hand_boxes(keypoints: Keypoints, *, least_confidence: float = 0.5, least_siz
     Args:
         keypoints: of N people, in any skeleton; one without arms gives no hands.
         least_confidence: minimum of the mean over the 21 points of a hand, or of the lower one of wrist and elbow.
-        least_size_px: minimum of the longer side, px; smaller hands are left out.
+        least_size_px: minimum of the longer side, px; smaller hands are skipped.
     """
     found: list[tuple[int, bool, FloatArray, float]] = []
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}

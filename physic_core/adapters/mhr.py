@@ -28,7 +28,7 @@ def _table() -> dict[int, int]:
     """Return the SMPL-X joint of each keypoint that has one.
 
     Fingers are sorted from the thumb, each from its tip: tip, "first", "second", "third joint". The third is the
-    knuckle, SMPL-X's first. The neck is left out because it is another point; so are olecranon, fossa and acromion.
+    knuckle, SMPL-X's first. The neck is omitted because it is another point; so are olecranon, fossa and acromion.
     """
     table = {number: JOINT_INDEX[name] for name, number in _EYES.items()}
     for name, number in _BODY.items():

@@ -114,7 +114,7 @@ def people_and_floor(
             in ``PORTABLE_CLASSES``.
         threshold: queries with a lower class probability are ignored.
         held: minimum share of its own mask that a query must win; otherwise it counts as a part of others.
-        smallest: people with fewer px are left out.
+        smallest: people with fewer px are skipped.
 
     Returns:
         The people, with ``objects`` None if no class of ``labels`` is portable.

@@ -1,6 +1,6 @@
 """Convert SMPL parameters to Bodies: joints 0-21 and their rotations are the same in SMPL-X.
 
-SMPL's joints 22 and 23, the hands, are left out: SMPL-X has no such joints, its wrists already rotate the hands.
+SMPL's joints 22 and 23, the hands, are omitted: SMPL-X has no such joints, its wrists already rotate the hands.
 """
 
 from __future__ import annotations

@@ -207,7 +207,7 @@ def _photos_matching(pattern: str, skipped: Counter[str]) -> Iterator[Path]:
     """Yield the files of a pattern in the order of their paths, without files of results."""
     matches = sorted(glob.glob(pattern, recursive=True))
     folder = os.path.dirname(pattern)
-    while folder:  # glob leaves out what it cannot read
+    while folder:  # glob skips what it cannot read
         for found in filter(os.path.isdir, glob.glob(folder, recursive=True)):
             try:
                 os.scandir(found).close()

@@ -43,7 +43,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 )
 @click.option("--person", type=int, multiple=True, metavar="N", help="Only person N of the result; may be repeated.")
 @click.option("--up", type=click.Choice(["y", "z", "camera"]), help="Up axis.  [default: the format's convention]")
-@click.option("--no-scene", is_flag=True, help="Leave out scene and floor.")
+@click.option("--no-scene", is_flag=True, help="Omit scene and floor.")
 @click.option("--body-model", type=click.Path(path_type=Path), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option("--names", type=click.Choice(["smplx", "mixamo", "unreal", "unity"]), help="Names of the bones.")
 @click.option("--skin", type=click.Choice(["photo", "neutral", "contact"]), help="Colours of the bodies.")

@@ -139,7 +139,7 @@ def run(
     if "--focal-px" in flags and "--intrinsics" in flags:
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give one of them")
     if open_page and report is False:
-        raise click.UsageError("--open opens the page, which --no-report leaves out: give one of them")
+        raise click.UsageError("--open opens the page, which --no-report skips: give one of them")
     if saving.level == "summary":
         raise click.UsageError("--save summary writes no result, which only a batch can do without: give another level")
     if verbose and quiet:

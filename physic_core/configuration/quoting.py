@@ -26,7 +26,7 @@ def quoted(value: Any) -> str:
 
 
 def shorten(text: str, limit: int) -> str:
-    """Return a text with its middle left out if it has more than ``limit`` characters."""
+    """Return a text with its middle omitted if it has more than ``limit`` characters."""
     if len(text) <= limit:
         return text
     end = limit // 3

@@ -73,7 +73,7 @@ class KnownGeometry(ShortRepr):
     unused: tuple[int, ...] = ()
 
     def select_people(self, rows: Tensor) -> KnownGeometry:
-        """Return the sizes of a selection of the people, (n,) int64; distances on other people are left out."""
+        """Return the sizes of a selection of the people, (n,) int64; distances on other people are skipped."""
         new_row = torch.full((len(self.stature) + 1,), -2, dtype=torch.int64, device=rows.device)
         new_row[rows] = torch.arange(len(rows), device=rows.device)
         new_row[-1] = -1

@@ -98,7 +98,7 @@ def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
 def placement_keypoints(skeleton: Skeleton) -> list[int]:
     """Return the indices of the keypoints that determine the position of a body.
 
-    If a joint set has keypoints of all finger joints, fingers are left out: forty keypoints, for which the hand pose is
+    If a joint set has keypoints of all finger joints, fingers are skipped: forty keypoints, for which the hand pose is
     not known yet, would outvote the body.
     """
     fingers = {j for j, name in enumerate(skeleton.names) if is_finger(name)}

@@ -19,7 +19,7 @@ def write_csv(file: TextIO, columns: Sequence[str], rows: Iterable[Mapping[str, 
     Args:
         file: opened with ``newline=""``.
         columns: names.
-        rows: column -> value; other entries are left out.
+        rows: column -> value; other entries are skipped.
     """
     writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
     writer.writeheader()

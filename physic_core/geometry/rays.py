@@ -147,7 +147,7 @@ def _embree_scene(vertices: _Array, faces: _Indices) -> tuple[Any, Any]:
 class _TriangleTree:
     """Tree of boxes with level sides over triangles, walked by all rays at once, for machines without Embree.
 
-    Triangles with a coordinate that is not finite are left out. Coordinates are rows, (3, n): NumPy is several times as
+    Triangles with a coordinate that is not finite are skipped. Coordinates are rows, (3, n): NumPy is several times as
     fast on long rows as on triples.
 
     Args:

@@ -89,7 +89,7 @@ def _cast_rays(
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
-    # Only faces that face the camera can be hit first: the others are left out of the search tree.
+    # Only faces that face the camera can be hit first: the others are excluded from the search tree.
     start = points[triangles[:, 0]]
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)

@@ -179,7 +179,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         Args:
             image: (H, W, 3) uint8 RGB.
             arguments: the further arguments of ``infer``, in their order.
-            named: the same by name. ``hints`` may be left out.
+            named: the same by name. ``hints`` may be omitted.
 
         Returns:
             The result of ``infer``.

@@ -31,7 +31,7 @@ class GeodesicError:
     Attributes:
         false_positive_cm: mean distance from predicted contact vertices to the nearest true one.
         false_negative_cm: mean distance from true contact vertices to the nearest predicted one.
-        unreachable: int64, vertices left out of both means, since no path leads to the other set.
+        unreachable: int64, vertices excluded from both means, since no path leads to the other set.
     """
 
     false_positive_cm: FloatArray

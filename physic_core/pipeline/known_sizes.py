@@ -219,7 +219,7 @@ def contradictions(
     if apart > CONTRADICTION:
         raise ConfigError(f"{message}; correct the wrong one, or leave it out")
     if apart > _AGREES:
-        warnings.append(f"{message}; check them, or leave out the least certain one")
+        warnings.append(f"{message}; check them, or omit the least certain one")
     measured: list[dict[str, float | str]] = [
         {"name": name, "given": given, "result": value} for name, given, value in sizes
     ]

@@ -28,7 +28,7 @@ class Exported:
 
     Attributes:
         files: paths of the written files.
-        notes: sentences about frame, fit errors and what was left out.
+        notes: sentences about frame, fit errors and what was omitted.
     """
 
     files: tuple[Path, ...]

@@ -294,7 +294,7 @@ class Reconstruction(ShortRepr):
                 of yours) and ``overwrite``, as in :func:`physic_core.export_reconstruction`, and options of the format.
 
         Returns:
-            ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was left out.
+            ``files``, the paths, and ``notes``, sentences about frame, fit errors and what was omitted.
 
         Raises:
             InputError: the format is unknown, the result does not have what it needs, or a library is missing.

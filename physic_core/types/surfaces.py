@@ -42,7 +42,7 @@ class SurfaceLabels(ShortRepr):
 
     Attributes:
         labels: (H, W) uint8, index into ``names``.
-        names: of the labels, each one of :data:`SURFACE_NAMES`. Names that the backend never uses may be left out.
+        names: of the labels, each one of :data:`SURFACE_NAMES`. Names that the backend never uses may be omitted.
     """
 
     labels: UInt8Array

@@ -150,7 +150,7 @@ def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ..
     for index, rig in skins.items():
         lost = float(1 - skin_influences(rig.weights)[1].sum(1).min())
         if lost > _WEIGHT_LOSS:
-            notes.append(f"person {index}: skinning weights beyond eight joints are left out (at most {lost:.3f})")
+            notes.append(f"person {index}: skinning weights beyond eight joints are skipped (at most {lost:.3f})")
     camera = request.result.intrinsics
     offset = math.dist(((camera.width - 1) / 2, (camera.height - 1) / 2), (camera.cx, camera.cy))
     if offset > 1.0:

@@ -186,7 +186,7 @@ def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
 
 
 def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
-    """Render people and points; points nearer to the eye than people are left out, distant ones are faint."""
+    """Render people and points; points nearer to the eye than people are skipped, distant ones are faint."""
     turn, eye, axes = geometry.upright[:3, :3], geometry.upright[:3, 3], direction.axes
     low, high = np.sort(np.stack([geometry.low, geometry.high]) @ axes.T, axis=0)
     is_level = direction is _SIDE

@@ -137,7 +137,7 @@ def prepare_meshes(
     Args:
         bodies: vertices of each body, (V, 3) metres.
         faces: (F, 3) of one body.
-        longest_edge: of a triangle, metres; others are left out. It bounds the time for bodies of a degenerate backend,
+        longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a degenerate backend,
             of which each triangle may cover the image.
     """
     from physic_core.geometry.rays import RayCaster

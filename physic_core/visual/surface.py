@@ -57,7 +57,7 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
 
     Args:
         scene: point map of (H, W) pixels.
-        limit: depth in metres beyond which pixels are left out.
+        limit: depth in metres beyond which pixels are skipped.
         max_vertices: upper limit of the number of vertices, which determines n.
     """
     height, width = scene.valid.shape

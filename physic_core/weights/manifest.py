@@ -5,7 +5,7 @@
     [moge-2-vits-normal]
     summary = "MoGe-2 ViT-S: metric points, normals, focal length"
     license = "MIT"
-    commercial = true      # leave out if the licence does not state it
+    commercial = true      # omit if the licence does not state it
     account = false        # whether an account with granted access is required
     homepage = "https://huggingface.co/Ruicheng/moge-2-vits-normal-onnx"
     advice = ""            # how to get files that have no source

@@ -49,7 +49,7 @@ def penetration_energy(signed: Tensor, weight: Tensor, slack: float, sigma: floa
 
     Args:
         signed: (B, V) metres, negative inside.
-        weight: (B, V), 0 for vertices that are left out.
+        weight: (B, V), 0 for vertices that are skipped.
         slack: depth without a penalty, metres.
         sigma: expected error of the surface, metres.
     """

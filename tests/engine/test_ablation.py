@@ -1,4 +1,4 @@
-"""The rows of the paper's ablation: what each leaves out, and that each runs."""
+"""The rows of the paper's ablation: what each goes without, and that each runs."""
 
 from __future__ import annotations
 

@@ -171,7 +171,7 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(seed, count):
     hull = ConvexHull(points[:, [0, 2]])
     inside = float((hull.equations @ np.append(centre[[0, 2]], 1.0)).max())
     found = beside_hull(*(torch.tensor(x) for x in (centre, points)), UP.double())
-    # The supporting lines of 360 directions leave out 1 % of the hull's size.
+    # The supporting lines of 360 directions miss 1 % of the hull's size.
     slack = 0.01 * float(np.ptp(points, axis=0).max())
     if inside <= 0:
         assert inside - slack <= found <= inside + slack

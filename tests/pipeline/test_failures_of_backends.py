@@ -96,7 +96,7 @@ def without(world: World, interface: str) -> Reconstruction:
     return reconstruct(world.image, load_config(preset="mock", overrides=[f"{interface}.backend=none"]))
 
 
-ANSWERED = "person 0: no valid values for this person from {}: results that need them are left out; try another backend"
+ANSWERED = "person 0: no valid values for this person from {}: results that need them are skipped; try another backend"
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 The pipeline also finds the hole, crops, resizes and blends, all of it on the full photo and in operators that are slow
 there. The generator doubles the size of a map by zeros between its values and a convolution, which is a transposed
 convolution with a third of the memory. It multiplies each activation by a gain, which is folded into the weights, and
-clamps it to +-256, which is left out: over holes in 19 photos the largest activation was 74.
+clamps it to +-256, which is skipped: over holes in 19 photos the largest activation was 74.
 """
 
 from __future__ import annotations

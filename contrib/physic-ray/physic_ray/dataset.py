@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PHOTOS_OF_BLOCK = 16
 """Photos of one task of Ray; what the loss of a node can cost is this much work for each of its workers."""
 
-_CPUS_OF_RAY_DATA = 2  # of a task that reads, and of the actor that leaves out finished rows
+_CPUS_OF_RAY_DATA = 2  # of a task that reads, and of the actor that skips finished rows
 
 
 def reconstruct(
@@ -55,7 +55,7 @@ def reconstruct(
         workers: most actors; None for as many as the cluster has room for.
         resources: what one actor reserves.
         checkpoint: folder or URI that all nodes see, in which Ray Data keeps the ids of the rows that were written. The
-            same program again leaves them out. It needs a column "id" in the files that the dataset is read from, and
+            same program again skips them. It needs a column "id" in the files that the dataset is read from, and
             ``write_parquet`` or another write at the end.
 
     Raises:

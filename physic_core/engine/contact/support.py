@@ -174,7 +174,7 @@ def _hidden_supports(
 
 
 def support_record(carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]) -> Support:
-    """Describe a support by body parts; contacts that are only possible are left out beside likely ones.
+    """Describe a support by body parts; contacts that are only possible are omitted beside likely ones.
 
     Args:
         carried: of :func:`find_support`.

@@ -37,7 +37,7 @@ def total_energy(energies: Mapping[str, Tensor]) -> Tensor:
 
 
 def energy_per_person(energies: Mapping[str, Tensor]) -> Tensor:
-    """Return the sum of each person's terms: (B,). The term of the scene is left out."""
+    """Return the sum of each person's terms: (B,). The term of the scene is skipped."""
     return torch.stack([value for name, value in energies.items() if name != _SCENE_TERM]).sum(0)
 
 
@@ -120,7 +120,7 @@ def keep_lowest_energy(energy: Energy, states: Sequence[Tensor], *, groups: Tens
             state.load_people(other, better)
             mixed, own = state.pack(), torch.where(better, found, own)
         if own is not None and mixed is not None:
-            # A person with non-finite energy in all states is left out of the totals.
+            # A person with non-finite energy in all states is excluded from the totals.
             finite = torch.isfinite(own)
             value = (float((~finite).sum()), float(own[finite].sum()) + scale)
             if value < best:

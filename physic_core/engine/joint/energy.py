@@ -58,7 +58,7 @@ class JointEnergy:
         known = () if problem.known is None else (KnownSizeTerm(self.context),)
         self.terms = (*settings.terms(self.context, self.state), *known)
         if problem.views and not any(isinstance(term, ViewsTerm) for term in self.terms):
-            raise PhysicError("only preset 'default' of the engine uses other cameras: leave out its views")
+            raise PhysicError("only preset 'default' of the engine uses other cameras: omit its views")
         self.visibility: Visibility
         self.contacts: ContactState
         self._gathered = self.context.start.vertices

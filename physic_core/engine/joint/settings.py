@@ -18,4 +18,4 @@ class VisibilitySettings:
     mask_tolerance: NotNegative = 0.01
     """Vertices this share of the person outside their mask still count as visible."""
     occlusion_aware: bool = True
-    """Hidden vertices are left out of penetration and regularised more."""
+    """Hidden vertices are excluded from penetration and regularised more."""

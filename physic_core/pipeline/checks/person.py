@@ -40,7 +40,7 @@ def _check_outputs(estimates: Estimates, solution: Solution, person: int) -> Ite
     yield check_value(
         "missing_outputs",
         float(len(missing)),
-        f"no valid values for this person from {', '.join(missing)}: results that need them are left out; "
+        f"no valid values for this person from {', '.join(missing)}: results that need them are skipped; "
         "try another backend",
     )
     problem, floor = solution.people[person].get("placement_problem"), _floor_problem(solution)

@@ -116,7 +116,7 @@ def _split(path: Path, kind: ExporterRecord) -> tuple[Path, str, str]:
 def _people(
     result: Reconstruction, person: int | Sequence[int] | None, kind: ExporterRecord
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Return the indices of the people to write, and notes about those left out.
+    """Return the indices of the people to write, and notes about those skipped.
 
     Raises:
         InputError: a person does not exist or has no body, or nobody has one and the format needs it.
@@ -140,7 +140,7 @@ def _people(
         why = "nobody in this result has a body" if count else "nobody is in this result"
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
-    return kept, tuple(f"person {index} has no body and is left out" for index in left)
+    return kept, tuple(f"person {index} has no body and is skipped" for index in left)
 
 
 def _up_axis(kind: ExporterRecord, up: str | None) -> str:

@@ -136,7 +136,7 @@ _COMMON = (
         show_default=True,
         help="Thresholds of contact by rule, where contact is not annotated; the first is the main one.",
     ),
-    click.Option(["--no-geodesic"], is_flag=True, help="Leave out the way over the skin of wrong contact."),
+    click.Option(["--no-geodesic"], is_flag=True, help="Skip the geodesic error of false contacts."),
     click.Option(["--workers"], type=click.IntRange(1), default=1, show_default=True, help="Processes."),
     click.Option(["--limit"], type=click.IntRange(1), help="Only the first N frames."),
 )

@@ -88,8 +88,12 @@ COLUMNS: tuple[Column, ...] = (
     _mean_column("penetration_mm", "penetration, mm", "mean depth of the vertices inside the true scene; 0 without"),
     _mean_column("penetration_max_mm", "deepest, mm", "depth of the deepest vertex inside the true scene"),
     _mean_column("floating_mm", "floating, mm", "mean gap between the true scene and the vertices that truly touch it"),
-    _mean_column("geodesic_fp_cm", "geodesic FP, cm", "mean way over the skin from predicted contact to true contact"),
-    _mean_column("geodesic_fn_cm", "geodesic FN, cm", "mean way over the skin from true contact to predicted contact"),
+    _mean_column(
+        "geodesic_fp_cm", "geodesic FP, cm", "mean geodesic distance on the skin from predicted contact to true contact"
+    ),
+    _mean_column(
+        "geodesic_fn_cm", "geodesic FN, cm", "mean geodesic distance on the skin from true contact to predicted contact"
+    ),
     _mean_column("floor_angle_deg", "floor, deg", "angle between the floor's normal and up"),
     _mean_column(
         "camera_height_ratio", "camera height ratio", "height over the floor over the true one", digits=3, better=""

@@ -73,7 +73,7 @@ def write_evaluation(
         "results.json": _document(evaluation, tables, {"note": MARK, **settings}, notes),
     }
     check_writable(out)
-    (out / PLOTS).unlink(missing_ok=True)  # of older figures; the new one may be left out
+    (out / PLOTS).unlink(missing_ok=True)  # of older figures; the new one may be omitted
     with atomic_write(out) as temporary:
         for name, text in texts.items():
             temporary(name).write_text(text, encoding="utf-8")
@@ -105,7 +105,7 @@ def summary_of(evaluation: Evaluation) -> list[str]:
             share = f"{len(lost)} of {counted(len(own), 'person', 'people')}"
             notes.append(f"{method.name}: {share} without a body; contact counts them as missed")
     if evaluation.left_out:
-        notes.append(f"{counted(len(evaluation.left_out), 'frame')} left out; results.json has the reasons")
+        notes.append(f"{counted(len(evaluation.left_out), 'frame')} skipped; results.json has the reasons")
     return notes
 
 

@@ -182,7 +182,7 @@ def _all_scores(
     out: Path | None,
     report: Callable[[str], None],
 ) -> tuple[dict[str, list[Record]], dict[str, str], tuple[UnexpectedError, ...]]:
-    """Return frame id -> records, frame id -> why it is left out, and errors; the journal gets new scores."""
+    """Return frame id -> records, frame id -> why it is skipped, and errors; the journal gets new scores."""
     from physic_core.batch.journal import Journal
     from physic_core.files.atomic import check_writable
 

@@ -54,7 +54,7 @@ class ScoringRules:
     Attributes:
         contact_cm: thresholds of the rule that makes contact of a true body and a scanned scene.
         carrier: between body meshes.
-        geodesic: whether to measure the way over the skin between wrong and true contact.
+        geodesic: whether to measure the geodesic distance on the skin between wrong and true contact.
     """
 
     carrier: Carrier

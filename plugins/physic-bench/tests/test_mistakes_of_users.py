@@ -1,4 +1,4 @@
-"""Wrong folders, missing frames and damaged results: each is named, counted or refused, and nothing is left out."""
+"""Wrong folders, missing frames and damaged results: each is named, counted or refused, and nothing is skipped."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class EmbeddedSegmenterOptions(Options):
     )
     max_people: int = Field(default=20, ge=1, le=1000, description="At most so many people, best first.")
     min_height_px: float = Field(
-        default=40, ge=0, le=100_000, description="People whose mask is lower than this are left out."
+        default=40, ge=0, le=100_000, description="People whose mask is lower than this are skipped."
     )
     floor: bool = Field(default=True, description="Look for the floor beside the feet, and among the surfaces.")
     surfaces: bool = Field(default=True, description="Label floor, walls, seats and other surfaces.")
@@ -171,7 +171,7 @@ class EmbeddedSegmenter(Segmenter):
     def _leave_out_low(
         self, found: list[DetectedPose], masks: BoolArray
     ) -> tuple[list[DetectedPose], BoolArray, list[UnposedBox]]:
-        """Leave out people whose mask is lower than ``min_height_px``, and return them as boxes without a pose."""
+        """Omit people whose mask is lower than ``min_height_px``, and return them as boxes without a pose."""
         least = max(self.options.min_height_px, 1.0)
         edges = boxes_from_masks(masks)
         tall = edges[:, 3] - edges[:, 1] >= least

@@ -101,7 +101,7 @@ def test_what_a_format_needs_of_people(
 def test_a_person_without_a_body_is_left_out_with_a_note(result: Reconstruction, export, tmp_path: Path):
     done = export("a.bvh", of=without_body(result, 0))
     assert done.files == (tmp_path / "a.bvh",)
-    assert done.notes[0] == "person 0 has no body and is left out"
+    assert done.notes[0] == "person 0 has no body and is skipped"
 
 
 def test_a_scene_without_people_has_no_bodies_to_export(result: Reconstruction, tmp_path: Path):

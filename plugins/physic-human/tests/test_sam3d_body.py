@@ -54,7 +54,7 @@ def load_sam_3d_body(checkpoint_path="", device="cuda", mhr_path=""):
             "facebookresearch/dinov3", backbone, source="github", pretrained=False, drop_path=0.1
         )
     network.held = torch.load(checkpoint_path, map_location="cpu", weights_only=False)
-    own = network.state_dict()  # numbers of other shapes are left out too, with a warning in a log
+    own = network.state_dict()  # numbers of other shapes are skipped too, with a warning in a log
     fits = {name: value for name, value in network.held["state_dict"].items() if own[name].shape == value.shape}
     network.load_state_dict(fits, strict=False)
     network.device = device

@@ -27,7 +27,7 @@ class SegmenterOptions(MockOptions):
     raggedness_px: float = Field(
         1.2, ge=0, le=20, description="How far the masks' borders stray, px of a photo 640 px wide."
     )
-    missed_ends: interfaces.Share = Field(0.04, description="Share of hands and feet that are left out of the masks.")
+    missed_ends: interfaces.Share = Field(0.04, description="Share of hands and feet that the masks miss.")
     strays: interfaces.Share = Field(
         0.15, description="Share of people whose mask takes in a bit of what is beside them."
     )
@@ -40,7 +40,7 @@ class SegmenterOptions(MockOptions):
         1.5,
         ge=0,
         le=8,
-        description="Mean number of bits of other things in the floor's mask, and of bits of floor left out.",
+        description="Mean number of bits of other things in the floor's mask, and of missing bits of floor.",
     )
     objects: bool = Field(True, description="Whether small objects are segmented, without errors.")
     surfaces: bool = Field(

@@ -47,7 +47,7 @@ class Sam2Options(OnnxOptions):
         0.65, gt=0, le=1, description="boxes that share more are one person's; 0.45 where one is found twice"
     )
     most: int = Field(20, ge=1, le=1000, description="people at most, best first")
-    smallest_px: float = Field(24, ge=0, le=100_000, description="people whose box is less high are left out, px")
+    smallest_px: float = Field(24, ge=0, le=100_000, description="people whose box is less high are skipped, px")
     floor: Literal["feet", "feet-and-border", "none"] = Field(
         "feet",
         description="where to ask for the floor: beside the feet; at the photo's lower edge, too, which finds a table "

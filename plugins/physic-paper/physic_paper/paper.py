@@ -6,7 +6,7 @@ Choices where the paper gives no detail, and deviations from it:
   between rows of the paper's ablation, the sign agrees, disagrees or is within the interval on 48 synthetic scenes for:
   sum and 1: 7, 2, 9; sum and 0: 6, 2, 10; mean and 1: 5, 3, 10; mean and 0: 8, 4, 6. ``reduction`` and
   ``visible_weight`` select a reading of stage 3; stage 2 takes the sum.
-- Keypoints below .5 (as released) or outside the picture are left out. Loosely defined keypoints of a joint set count
+- Keypoints below .5 (as released) or outside the picture are skipped. Loosely defined keypoints of a joint set count
   less.
 - "Two iterations of L-BFGS, unit rate" are two steps of up to 15 iterations with a strong-Wolfe line search. On five
   photos the result does not depend on the search. With the released absolute pixels only the search converges.
@@ -25,7 +25,7 @@ Choices where the paper gives no detail, and deviations from it:
   not used: on two synthetic scenes the final energy is .4 and .5 of that with the weight.
 - Human points scale with the scene, without a gradient to its scale. Rotations are optimised as their first two columns
   (as released).
-- The nearest-point grid covers the surroundings of the people only. Vertices inside eyes and mouth are left out.
+- The nearest-point grid covers the surroundings of the people only. Vertices inside eyes and mouth are skipped.
 - Stage 1 draws 20 minimal samples for the alignment and 200 for the floor, with inliers within 1 cm and 30 degrees; k
   is 5 % of the short side, with 1.45 sigma; the floor has 100 x 100 points. The paper names only the methods. A given
   camera is kept.

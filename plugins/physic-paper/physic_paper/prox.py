@@ -7,7 +7,7 @@ Deviations from the publication:
 - The seven phases are two: without and with the scene.
 - The exponential bending prior is a one-sided limit.
 - Nearest scene points are searched within half a metre, and the body's vertices are subsampled.
-- Self-penetration, jaw and expression are left out.
+- Self-penetration, jaw and expression are not modelled.
 - Neck and hip keypoints, which PROX ignores, count.
 """
 

@@ -10,7 +10,7 @@ released result. Deviations, with their effect on that problem where it was meas
   vertices move by 1 um, in the released code too. At the first update one limb of twelve is visible here
   and hidden there.
 - Bodies have 69 of the 133 keypoints, each weighted as in the released code: stage 1 differs by 9.6 mm with them,
-  stage 2 by 2.9 mm. The root of a hand is left out of the mean confidence by which a hand is rejected.
+  stage 2 by 2.9 mm. The root of a hand is excluded from the mean confidence by which a hand is rejected.
 - The floor is searched with 200 hypotheses of three points each: .01 mm. Of 455 points that are dropped by their
   normals 8 differ, by ties among their neighbours.
 - A vertex outside the box of the grid is searched exactly. The released code then searches all vertices exactly (there
@@ -18,7 +18,7 @@ released result. Deviations, with their effect on that problem where it was meas
 - The scene is not enlarged before stage 2 (factor 1 there), and fx and fy are not averaged (equal there).
 - After stage 3 people return to their start if their own energy is lower there, and Adam is repeated with a tenth of
   the learning rate. Not measured.
-- Vertices inside eyes and mouth are left out. Not measured.
+- Vertices inside eyes and mouth are skipped. Not measured.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Preset "release" against the numbers of the published optimiser: terms, gradients, stages and contact map.
 
 The file of numbers is not part of the project; test_release_rules.py holds the same rules without it. Constant parts of
-terms, which have no gradient, are left out: log Z(1) of the robust loss, and the two keypoints that no body has.
+terms, which have no gradient, are skipped: log Z(1) of the robust loss, and the two keypoints that no body has.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ def ages_of_photos(ages: Sequence[float], chosen: ChosenPhotos, *, prompted: boo
         prompted: whether people are in the order of the user's choice; else ages are from left to right.
 
     Raises:
-        InputError: the first photo is left out.
+        InputError: the first photo is skipped.
     """
     first = chosen.first("ages")
     of_first = np.zeros(len(first.result.people))

@@ -30,7 +30,7 @@ class SolvedScene(ShortRepr):
     """Cameras and bodies of one moment, in the frame of the reference camera, metres.
 
     Attributes:
-        chosen: photos in the solution, and those left out.
+        chosen: photos in the solution, and those skipped.
         reference: index into ``chosen.photos``.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
         elsewhere: (P, V) row of each solved person in the photos that show them elsewhere, or in another pose, than the
@@ -60,7 +60,7 @@ class SolvedScene(ShortRepr):
 def solve_cameras(
     chosen: ChosenPhotos, statures: Sequence[float], model: BodyModel, settings: SceneSettings
 ) -> SolvedScene:
-    """Return the cameras and people of one moment; photos and people that do not fit are left out.
+    """Return the cameras and people of one moment; photos and people that do not fit are skipped.
 
     Args:
         chosen: photos that share people.
@@ -69,7 +69,7 @@ def solve_cameras(
         settings: of all steps.
 
     Raises:
-        InputError: no two photos fit each other, or the photo whose people have known statures is left out.
+        InputError: no two photos fit each other, or the photo whose people have known statures is skipped.
     """
     rows, moved = chosen.rows, chosen.rows[:0]
     elsewhere = np.full_like(rows, -1)

@@ -70,7 +70,7 @@ class ChosenPhotos(ShortRepr):
         """Return the photo that was given first, whose people have known sizes, such as "ages".
 
         Raises:
-            InputError: it is left out.
+            InputError: it is skipped.
         """
         if self.photos[0].index:
             why = next(one.message for one in self.left_out if one.index == 0)
@@ -195,4 +195,4 @@ def _no_common_person(names: Sequence[str], left: Sequence[LeftOut]) -> InputErr
 
 
 def _left_out(index: int, name: str, reason: str, why: str) -> LeftOut:
-    return LeftOut(name, index, reason, f"{name} is left out: {why}")
+    return LeftOut(name, index, reason, f"{name} is skipped: {why}")

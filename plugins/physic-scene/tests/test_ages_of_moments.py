@@ -85,7 +85,7 @@ def test_known_sizes_of_a_photo_that_is_left_out_are_refused(solver, worlds, nam
     with pytest.raises(InputError) as error:
         solver([other, *(world.image for world in worlds)], known=KnownSizes(**{name: values}))
     assert str(error.value) == (
-        f"the {name}s are those of people of the first photo, but photo 1 is left out: it shares no person with the "
+        f"the {name}s are those of people of the first photo, but photo 1 is skipped: it shares no person with the "
         "other photos, in this pose; put another photo first"
     )
 

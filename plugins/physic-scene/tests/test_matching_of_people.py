@@ -140,6 +140,6 @@ def test_a_third_photo_in_which_people_look_alike_is_left_out(facing_each_other,
     assert found.rows.tolist() == [[0, 0], [1, 1]]
     assert [(left.photo, left.reason) for left in found.left_out] == [("c.png", "ambiguous")]
     assert found.left_out[0].message == (
-        "c.png is left out: who is who in it is not clear; add a photo from a direction between the others, or one in "
+        "c.png is skipped: who is who in it is not clear; add a photo from a direction between the others, or one in "
         "which people wear clothes of different colours"
     )

@@ -93,7 +93,7 @@ def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
 def test_the_same_photo_twice_is_one_view(solver, alone):
     found = solver.join([alone[0], alone[1], alone[0]], ["a.png", "b.png", "again.png"])
     assert [(one.photo, one.reason) for one in found.left_out] == [("again.png", "same photo")]
-    assert found.left_out[0].message == "again.png is left out: it is the same picture as a.png"
+    assert found.left_out[0].message == "again.png is skipped: it is the same picture as a.png"
     assert len(found.cameras) == 2
 
 
@@ -195,12 +195,12 @@ def test_two_different_photos_with_people_are_needed(solver, alone):
         (
             [alone[0], alone[0]],
             "only a.png (photo 1) is left",
-            "a.png (photo 2) is left out: it is the same picture as a.png (photo 1)",
+            "a.png (photo 2) is skipped: it is the same picture as a.png (photo 1)",
         ),
         (
             [None, None],
             "none is left",
-            "a.png (photo 1) is left out: nobody was found in it; a.png (photo 2) is left out: nobody was found in it",
+            "a.png (photo 1) is skipped: nobody was found in it; a.png (photo 2) is skipped: nobody was found in it",
         ),
     ):
         with pytest.raises(InputError) as error:
@@ -276,7 +276,7 @@ def test_a_camera_that_is_wrong_is_named(solved):
 
 def test_a_photo_that_is_left_out_is_a_warning_of_the_result(solver, alone):
     found = solver.join([alone[0], alone[1], alone[0]], ["a.png", "b.png", "again.png"])
-    assert "again.png is left out: it is the same picture as a.png" in found.reconstruction.warnings
+    assert "again.png is skipped: it is the same picture as a.png" in found.reconstruction.warnings
 
 
 def test_save_writes_the_result_and_the_moment(solved, tmp_path):

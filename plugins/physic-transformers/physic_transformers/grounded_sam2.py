@@ -69,7 +69,7 @@ class TextDetections:
 class GroundedSam2(PretrainedBackend, Segmenter):
     """Segmenter: GroundingDINO and SAM 2.1, with the prompts and thresholds of the paper's release.
 
-    Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then left out.
+    Points and boxes of the user's are prompts of SAM 2.1; the people of GroundingDINO are then skipped.
     """
 
     Options: ClassVar[type[Options]] = GroundedSam2Options

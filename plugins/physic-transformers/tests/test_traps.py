@@ -1,4 +1,4 @@
-"""Where these networks are easily fed or read wrongly: each test fails for who does."""
+"""Where these networks are easily fed or read wrongly: one test per mistake."""
 
 from __future__ import annotations
 

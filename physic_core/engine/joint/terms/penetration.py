@@ -20,7 +20,7 @@ class PenetrationSettings:
     weight: NotNegative = 0.3
     """Lambda_i of Eq. 5; 0 removes the term."""
     max_depth_m: Positive = 0.15
-    """Deeper vertices are left out, metres."""
+    """Deeper vertices are skipped, metres."""
     slack_m: NotNegative = 0.005
     """Depth without a penalty, metres."""
     sigma_m: Positive = 0.02
@@ -29,7 +29,7 @@ class PenetrationSettings:
     """Beyond this many sigmas the gradient is constant (pseudo-Huber)."""
     people_weight: NotNegative = 3.0
     """Weight of vertices inside other people (:mod:`physic_core.engine.joint.terms.people`), relative to ``weight``; 0
-    leaves it out."""
+    skips it."""
 
 
 class PenetrationTerm:

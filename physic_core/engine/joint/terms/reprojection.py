@@ -47,7 +47,7 @@ def reprojection_energy(projected: Tensor, observed: Tensor, weight: Tensor, uni
     Args:
         projected: (B, J, 2) px.
         observed: (B, J, 2) px, finite.
-        weight: (B, J), 0 for keypoints that are left out.
+        weight: (B, J), 0 for keypoints that are skipped.
         unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and height.
     """
     error = (projected - observed) / unit[:, None]

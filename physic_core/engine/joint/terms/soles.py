@@ -15,9 +15,9 @@ from physic_core.types.bounds import NotNegative
 
 _SIGMA_M, _OUTLIER_SIGMAS = 0.015, 2.0  # a foot more than about 3 cm over the floor is an outlier
 _LOWER_SIGMA_M, _LOWER_OUTLIER_SIGMAS = 0.04, 2.0
-_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is left out
+_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
 _UNSEEN_SIGMA_M, _UNSEEN_OUTLIER_SIGMAS = 0.05, 3.0
-_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is left out
+_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
 _STEP_SHARE = 0.3  # of a sole's vertices; a foot with more of them over a step is on the step
 
 

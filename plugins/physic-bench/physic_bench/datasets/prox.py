@@ -184,7 +184,7 @@ def decide_mesh_frame(root: Path, names: list[str], camera: Camera) -> tuple[str
             keypoints, vertices = _keypoints(root, name), _mesh(root, name).vertices
         except DamagedFileError as error:
             reason = reason or f" ({error})"
-            continue  # the frame is left out with this reason when it is scored
+            continue  # the frame is skipped with this reason when it is scored
         if keypoints is None or box_of_points(keypoints) is None:
             continue
         count += 1
@@ -271,7 +271,7 @@ def _model_note(root: Path, names: list[str], bodies: BodyFiles, kind: str) -> s
                 body = bodies.smplx_body(pickled_arrays(file), "male")
         except DamagedFileError as error:
             damaged = damaged or str(error)
-            continue  # the frame is left out with this reason when it is scored
+            continue  # the frame is skipped with this reason when it is scored
         apart = float(np.linalg.norm(mesh - body.vertices, axis=1).mean())
         if apart > MAX_MODEL_ERROR_M:
             raise InputError(

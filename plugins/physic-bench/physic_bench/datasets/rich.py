@@ -110,7 +110,7 @@ class Rich(DataSet):
                 "Bodies are posed by the file of the subject's gender, hands from 12 principal components.",
                 "Contact of 6890 vertices is the truth as published; predicted contact of another mesh is carried "
                 "over, which needs --smpl.",
-                "Pictures are undistorted by the two radial coefficients. Cameras without calibration are left out.",
+                "Pictures are undistorted by the two radial coefficients. Cameras without calibration are skipped.",
             ),
         )
 

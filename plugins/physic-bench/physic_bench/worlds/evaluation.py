@@ -55,9 +55,9 @@ PERSON_METRICS = {
     "precision": "of the contact vertices",
     "recall": "of the contact vertices",
     "f1": "of the person's own precision and recall",
-    "geodesic_fp_cm": "mean way over the skin from a predicted contact vertex to the nearest true one; none where "
-    "either set is empty",
-    "geodesic_fn_cm": "mean way over the skin from a true contact vertex to the nearest predicted one",
+    "geodesic_fp_cm": "mean geodesic distance on the skin from a predicted contact vertex to the nearest true one; "
+    "none where either set is empty",
+    "geodesic_fn_cm": "mean geodesic distance on the skin from a true contact vertex to the nearest predicted one",
     "penetration_mm": "mean depth, in the reconstructed scene and floor, of the vertices inside it; 0 where none is; "
     "looking no farther than 150 mm; without vertices that an object truly hides, unless they truly touch, and without "
     "those that this measure puts over 10 mm inside the true scene",

@@ -1,4 +1,4 @@
-"""Segment the people without a pose, and leave out boxes of people who have one."""
+"""Segment the people without a pose, and omit boxes of people who have one."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class PointContactTerm(Term):
 
     Args:
         weight: lambda_c.
-        max_distance_m: vertices farther from the scene are left out, metres.
+        max_distance_m: vertices farther from the scene are skipped, metres.
         rho: robust loss of square metres.
         per_axis: the robust loss is applied to each axis (released code).
         outside_only: only vertices outside the scene count (released code).

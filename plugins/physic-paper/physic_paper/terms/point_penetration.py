@@ -23,7 +23,7 @@ class PointPenetrationSettings:
     weight: NotNegative = 0.3
     """Lambda_i; 0 removes the term."""
     max_depth_m: Positive = 1.0
-    """Deeper vertices are left out, metres."""
+    """Deeper vertices are skipped, metres."""
 
 
 def point_penetration_energy(loss: Tensor, signed: Tensor, weight: Tensor) -> Tensor:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool) -> None:
     """Print the steps that install the estimators of PRESET, as a shell script whose comments say what is left to you.
 
-    Steps that are done are marked, and left out by --run: the same command goes on where it stopped. A licence that
+    Steps that are done are marked, and skipped by --run: the same command goes on where it stopped. A licence that
     restricts use is never accepted for you. Exits with code 4 if a step is left.
     """
     from physic_core.discovery.plugins import discover
